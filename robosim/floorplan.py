@@ -1,0 +1,94 @@
+"""A floor plan: which cells of a plane are free, occupied or unknown, and where they lie.
+
+Cells follow ROS: ``occupancy[iy, ix]`` has y upwards, and the origin is the pose, in the `map` frame, of
+the lower-left corner of cell (0, 0), so that the centre of that cell lies half a cell further.
+
+Walls stand where free space ends. Two customs exist, told apart by ``wall_line``: most plans have their
+walls on the edges between free and other cells (``"cell_edge"``). The navigable areas published with
+mmwRobotNav were turned to walls through the centres of the outermost free cells (``"cell_centre"``), and
+a margin (``eroded_m``, the radius of the agent they were made for) had been taken off them before.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+FREE, OCCUPIED, UNKNOWN = 0, 1, 2
+
+WallLine = Literal["cell_edge", "cell_centre"]
+
+#: Larger plans are taken for a mistake of the resolution rather than for a building.
+MAX_CELLS = 100_000_000
+
+
+class MapError(ValueError):
+    """A floor plan that cannot be read or used; the message names the file, the value and the fix."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FloorPlan:
+    """Occupancy of a storey on a grid of square cells."""
+
+    occupancy: UInt8[np.ndarray, "ny nx"]
+    """FREE, OCCUPIED or UNKNOWN for each cell; row 0 has the lowest y."""
+    resolution_m: float
+    """Side of a cell [m]."""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """x [m], y [m], yaw [rad] in `map` of the lower-left corner of cell (0, 0)."""
+    name: str = "plan"
+    """What reports and pictures call it."""
+    wall_line: WallLine = "cell_edge"
+    """Where walls stand: on the edges of free cells, or through the centres of the outermost ones."""
+    eroded_m: float = 0.0
+    """Margin that was already taken off the free area [m]."""
+
+    def __post_init__(self) -> None:
+        if self.occupancy.ndim != 2 or 0 in self.occupancy.shape:
+            raise MapError(f"{self.name}: occupancy has shape {self.occupancy.shape}, expected (ny, nx).")
+        if self.occupancy.size > MAX_CELLS:
+            raise MapError(
+                f"{self.name}: {self.occupancy.shape[1]} x {self.occupancy.shape[0]} cells, expected at most "
+                f"{MAX_CELLS:.0e} cells in all. Check the resolution, or downsample the plan."
+            )
+        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0):
+            raise MapError(f"{self.name}: resolution is {self.resolution_m} m, expected a positive number.")
+        if not np.isfinite(self.origin).all():
+            raise MapError(f"{self.name}: origin is {self.origin}, expected three finite numbers.")
+        if not (self.occupancy == FREE).any():
+            raise MapError(
+                f"{self.name}: no free space. Check the thresholds and `negate`, or whether black and white "
+                "are swapped."
+            )
+
+    @property
+    def free(self) -> Bool[np.ndarray, "ny nx"]:
+        """Which cells are free."""
+        return self.occupancy == FREE
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows (y) and columns (x)."""
+        return self.occupancy.shape[0], self.occupancy.shape[1]
+
+    def to_map(self, cells: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Points (x, y) [m] in `map` of continuous cell coordinates (column, row).
+
+        The lower-left corner of cell (iy, ix) is (ix, iy), its centre (ix + 0.5, iy + 0.5).
+        """
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        local = np.asarray(cells, float) * self.resolution_m
+        return local @ np.array([[c, s], [-s, c]]) + (x, y)
+
+    def to_cells(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Continuous cell coordinates (column, row) of points (x, y) [m] in `map`; inverse of `to_map`."""
+        x, y, yaw = self.origin
+        c, s = np.cos(yaw), np.sin(yaw)
+        return (np.asarray(points, float) - (x, y)) @ np.array([[c, -s], [s, c]]) / self.resolution_m
+
+    def centres(self, mask: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "n 2"]:
+        """Points (x, y) [m] in `map` of the centres of the cells where `mask` holds, row by row."""
+        iy, ix = np.nonzero(mask)
+        return self.to_map(np.column_stack([ix, iy]) + 0.5)
