@@ -1,0 +1,26 @@
+"""The discrete actions of a robot that explores, and what each is meant to do.
+
+One step forward or a turn on the spot, the set that Active Neural SLAM and Habitat use. There is no stop
+action: arrival is judged from the pose. The amounts are nominal; what an action really does is up to the
+robot that carries it out.
+Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
+"""
+
+import math
+from enum import IntEnum
+
+#: Distance of a step forward [m].
+FORWARD_M = 0.25
+#: Angle of a turn [rad].
+TURN_RAD = math.radians(10.0)
+
+
+class Action(IntEnum):
+    """What the robot can do in one decision."""
+
+    FORWARD = 0
+    """Go forward by `FORWARD_M`."""
+    LEFT = 1
+    """Turn counter-clockwise by `TURN_RAD`."""
+    RIGHT = 2
+    """Turn clockwise by `TURN_RAD`."""
