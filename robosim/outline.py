@@ -15,6 +15,7 @@ the tolerance and never letting walls cross. Left out: walls with a thickness.
 """
 
 from collections.abc import Iterable
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -30,7 +31,7 @@ STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
     """Free space of a plan as polygons [m] in `map`, one for each room that no free way leads out of.
 
-    The polygons are valid, share at most single points, and have their vertices only where walls turn.
+    The polygons are valid and share at most single points. Vertices lie where walls turn or meet.
 
     Args:
         plan: Where the free cells are, and where walls stand between them and the others. Outside of the
@@ -46,12 +47,12 @@ def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPol
     free = _edge_polygons(plan.free) if plan.wall_line == "cell_edge" else _centre_polygons(plan.free)
     if free.is_empty:
         raise MapError(
-            f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave no "
-            'space between them. Use wall_line="cell_edge", or a finer plan.'
+            f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave "
+            'no space between them. Use wall_line="cell_edge", or a finer plan.'
         )
     if tolerance_m > 0:
         free = simplified(free, tolerance_m / plan.resolution_m)
-    return shapely.transform(free, plan.to_map)
+    return shapely.transform(free, lambda cells: _to_map(plan, cells))
 
 
 def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarray, "_ 2"]]:
@@ -79,19 +80,52 @@ def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarr
     return [shapely.get_coordinates(ring) for ring in free]
 
 
+def _to_map(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    """`plan.to_map`, but equal points stay equal to the last bit, which matrix products need not grant."""
+    distinct, inverse = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
+    return plan.to_map(np.column_stack([distinct.real, distinct.imag]))[inverse]
+
+
 def simplified(free: shapely.MultiPolygon, tolerance: float) -> shapely.MultiPolygon:
     """Polygons with fewer corners, each wall within `tolerance` of where it was, and the same topology.
 
-    Raises:
-        RuntimeError: If no valid simplification was found, which means a fault of the geometry library.
+    Three far corners of each ring stay, so that no ring collapses; the walls between them are simplified all
+    at once by GEOS' topology-preserving Douglas-Peucker, which looks at crossings between all of them.
+    (From closed rings GEOS would also remove the corner they start at, and move walls by up to twice the
+    tolerance.)
+
+    Args:
+        free: Valid polygons.
+        tolerance: Largest distance between old and new walls, in the units of the polygons. Where walls lie
+            closer to each other than that, less is simplified.
     """
-    simple = shapely.simplify(free, tolerance, preserve_topology=True)
-    if not shapely.is_valid(simple):
-        raise RuntimeError(
-            f"simplifying the outline by {tolerance} gave an invalid polygon "
-            f"({shapely.is_valid_reason(simple)}). Use a smaller tolerance."
-        )
-    return _multi(shapely.get_parts(simple))
+    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    walls = shapely.MultiLineString([third for ring in rings for third in _thirds(ring)])
+    # A new wall may step over a small ring that it does not touch; then a smaller tolerance will not.
+    for attempt in tolerance / 2.0 ** np.arange(8):
+        thirds = shapely.get_parts(shapely.simplify(walls, attempt, preserve_topology=True))
+        points, third = shapely.get_coordinates(thirds, return_index=True)
+        new = np.append(third[1:] == third[:-1], False)  # the last of a third is the first of the next one
+        shorter = shapely.linearrings(points[new], indices=third[new] // 3)
+        simple = _multi(shapely.polygons(shorter, indices=owner))
+        if shapely.is_valid(simple):
+            return simple
+    return free
+
+
+def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
+    """A closed line in three pieces that meet at corners far apart and not on one line."""
+    points = shapely.get_coordinates(ring)[:-1]
+    first = points[np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1))]
+    chord = points - first
+    reach = np.linalg.norm(chord, axis=1)
+    second = chord[np.argmax(reach)]
+    off_line = np.abs(chord @ (-second[1], second[0]))
+    cuts = np.sort([np.argmin(reach), np.argmax(reach), np.argmax(off_line)])
+    turned = np.roll(points, -cuts[0], axis=0)
+    turned = np.vstack([turned, turned[:1]])
+    ends = [*(cuts - cuts[0]), len(points)]
+    return [turned[start : end + 1] for start, end in pairwise(ends)]
 
 
 def check_tolerance(tolerance_m: float) -> None:
@@ -107,58 +141,49 @@ def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     """Polygons around the 4-connected components of the free cells, in cell coordinates."""
     cells = np.pad(free, 1)
     _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
-    rings, component = _trace(cells, label)
     parts: dict[int, tuple[list, list]] = {}
-    for ring, number in zip(rings, component, strict=True):
-        around, holes = parts.setdefault(number, ([], []))
-        (around if _signed_area(ring) > 0 else holes).append(ring - 1.0)
+    for ring, component in _trace(cells, label):
+        around, holes = parts.setdefault(component, ([], []))
+        (around if _signed_area(ring) > 0 else holes).append(ring - 1)
     return _multi([shapely.Polygon(around[0], holes) for around, holes in parts.values()])
 
 
 def _trace(
     cells: Bool[np.ndarray, "ny nx"], label: Int[np.ndarray, "ny nx"]
-) -> tuple[list[Int[np.ndarray, "_ 2"]], list[int]]:
-    """Corners (ix, iy) of the closed lines around free cells, and the component each belongs to.
+) -> list[tuple[Int[np.ndarray, "_ 2"], int]]:
+    """Corners (ix, iy) of the closed lines around free cells, and the component each line belongs to.
 
     Args:
-        cells: Free cells; the border of the array must not be free.
-        label: Number of the 4-connected component of each cell.
+        cells: Free cells; those at the border of the array must not be free.
+        label: Number of the 4-connected component of each free cell, from 1 on; 0 elsewhere.
     """
-    nx = cells.shape[1]
-    # The cell (iy, ix) lies north-east of the corner (ix, iy); its neighbours are one row or column down.
-    north_east = cells[1:, 1:]
-    north_west, south_east, south_west = cells[1:, :-1], cells[:-1, 1:], cells[:-1, :-1]
-    leaving = np.stack(  # does an edge with free space on its left leave the corner in this direction?
-        [
-            north_east & ~south_east,
-            north_west & ~north_east,
-            south_west & ~north_west,
-            south_east & ~south_west,
-        ],
-        axis=-1,
+    # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
+    around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
+        -1, 4
     )
-    edges = np.flatnonzero(leaving)  # corner * 4 + direction
+    is_free = around > 0
+    leaves = is_free & ~np.roll(
+        is_free, 1, axis=1
+    )  # east, north, ...: free cell on the left, none on the right
+    edges = np.flatnonzero(leaves)  # corner * 4 + direction
     corner, way = np.divmod(edges, 4)
-    step = STEPS[:, 0] + STEPS[:, 1] * (nx - 1)
-    reached = corner + step[way]
-    leaving = leaving.reshape(-1, 4)
+    width = cells.shape[1] - 1
+    reached = corner + (STEPS @ (1, width))[way]
+
     left, right = (way + 1) % 4, (way + 3) % 4
-    goes_left, goes_right = leaving[reached, left], leaving[reached, right]
-    # Both: two free cells touch by this corner. Of one component, the line goes over to the other cell.
-    label_at = [label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]]
-    around = np.stack(label_at, axis=-1).reshape(-1, 4)[reached]
-    highest = np.sort(around, axis=1)[:, 2:]
-    go_right = goes_right & (~goes_left | (highest[:, 0] == highest[:, 1]))
-    turn = np.where(go_right, right, np.where(goes_left, left, way))
+    goes_left, goes_right = leaves[reached, left], leaves[reached, right]
+    # Both ways: two free cells touch by this corner. The line goes over to the other one if some way around
+    # joins them, and so leaves a ring that is simple; else it stays with the cell it came along.
+    here, other = around[reached, (way + 1) % 4], around[reached, (way + 3) % 4]
+    goes_over = goes_right & (~goes_left | (here == other))
+    turn = np.where(goes_over, right, np.where(goes_left, left, way))
     following = np.searchsorted(edges, reached * 4 + turn)
 
+    turns = np.empty(len(edges), bool)
+    turns[following] = turn != way
+    points = np.column_stack([corner % width, corner // width]) + 1
     lines = _cycles(following.tolist())
-    inside = np.stack(label_at, axis=-1).reshape(-1, 4)[corner, way]  # the free cell on the left of the edge
-    is_corner = np.empty(len(edges), bool)
-    is_corner[following] = turn != way
-    points = np.column_stack([corner % (nx - 1) + 1, corner // (nx - 1) + 1])
-    rings = [line[is_corner[line]] for line in lines]
-    return [points[ring] for ring in rings], [int(inside[line[0]]) for line in lines]
+    return [(points[line[turns[line]]], int(around[corner[line[0]], way[line[0]]])) for line in lines]
 
 
 def _cycles(following: list[int]) -> list[Int[np.ndarray, "_"]]:
@@ -200,12 +225,12 @@ def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
 
     Vertices lie on a lattice and no lines cross, so that the overlay below is exact.
     """
-    contours = [(ring, parent) for ring, parent in _contours(free)]
+    contours = _contours(free)
     holes: dict[int, list] = {}
     for ring, parent in contours:
         if parent >= 0:
             holes.setdefault(parent, []).append(ring)
-    parts = []
+    parts: list[shapely.Polygon] = []
     for number, (ring, parent) in enumerate(contours):
         if parent < 0 and len(ring) > 3:
             polygon = shapely.Polygon(ring, holes.get(number))
