@@ -1,0 +1,100 @@
+"""Plane waves at a flat wall: what a half-space reflects, what a slab reflects and lets through.
+
+The field splits into TE (normal to the plane of incidence) and TM (in that plane). A wall of relative
+permittivity eps, met from vacuum at an angle i from its normal, reflects
+    r_TE = (cos i - p) / (cos i + p),   r_TM = (eps cos i - p) / (eps cos i + p),   p = sqrt(eps - sin^2 i).
+A slab of thickness d adds up the waves that go to and fro inside, each time with the phase q = k d p:
+    r = r' (1 - e^(-2jq)) / (1 - r'^2 e^(-2jq)),   t = (1 - r'^2) e^(-jq) / (1 - r'^2 e^(-2jq)),
+with r' of the half-space. Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratios
+go to -1 at grazing incidence; at normal incidence they are opposite, since TM then counts the reflected field
+along the direction that is mirrored.
+
+Left out: several layers, roughness, diffuse scattering, walls that end.
+Reference: Recommendation ITU-R P.2040-4 (09/2025), equations (37), (43) and (44).
+"""
+
+import numpy as np
+from jaxtyping import Complex, Float
+from scipy.constants import speed_of_light
+
+
+def reflection(
+    cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
+) -> tuple[Complex[np.ndarray, "*batch"], Complex[np.ndarray, "*batch"]]:
+    """Fresnel reflection ratios of a half-space met from vacuum.
+
+    Args:
+        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
+        eps: Relative permittivity, Im(eps) <= 0.
+
+    Returns:
+        r_te, r_tm: Reflected over incident electric field. Square the magnitude for power.
+
+    Raises:
+        ValueError: If a cosine is not in [0, 1], or Im(eps) > 0, which would be a wall with gain.
+    """
+    p = _normal_wavenumber(cos_i, eps)
+    return _ratio(cos_i - p, cos_i + p), _ratio(eps * cos_i - p, eps * cos_i + p)
+
+
+def slab(
+    cos_i: Float[np.ndarray, "*batch"],
+    eps: complex | Complex[np.ndarray, "*batch"],
+    thickness_m: float,
+    frequency_hz: float,
+) -> tuple[
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+]:
+    """Reflection and transmission ratios of a single layer in vacuum.
+
+    Args:
+        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
+        eps: Relative permittivity of the layer, Im(eps) <= 0.
+        thickness_m: Thickness of the layer.
+        frequency_hz: Frequency of the wave.
+
+    Returns:
+        r_te, r_tm: Reflected over incident electric field, both at the face that the wave meets.
+        t_te, t_tm: Field at the other face over incident field at the nearest point of the first face. A ray
+            drawn straight on has the phase -k d cos(i) of that way in vacuum already: take it off there.
+
+    Raises:
+        ValueError: If thickness or frequency are not positive, a cosine is not in [0, 1], or Im(eps) > 0.
+    """
+    for name, value in (("thickness_m", thickness_m), ("frequency_hz", frequency_hz)):
+        if not (np.isfinite(value) and value > 0):
+            raise ValueError(f"{name} is {value}, expected a positive number.")
+    k = 2 * np.pi * frequency_hz / speed_of_light
+    once = np.exp(-1j * k * thickness_m * _normal_wavenumber(cos_i, eps))
+    half_te, half_tm = reflection(cos_i, eps)
+    reflected = [r * (1 - once**2) / (1 - r**2 * once**2) for r in (half_te, half_tm)]
+    through = [(1 - r**2) * once / (1 - r**2 * once**2) for r in (half_te, half_tm)]
+    return reflected[0], reflected[1], through[0], through[1]
+
+
+def _normal_wavenumber(
+    cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
+) -> Complex[np.ndarray, "*batch"]:
+    """sqrt(eps - sin^2 i): wavenumber in the wall along its normal, over that of vacuum; decays inwards."""
+    if not np.all((cos_i >= 0) & (cos_i <= 1)):
+        raise ValueError(
+            f"cos_i reaches from {np.min(cos_i)} to {np.max(cos_i)}, expected [0, 1]: turn the normal "
+            "towards the incoming ray."
+        )
+    if not np.all(np.imag(eps) <= 0):
+        raise ValueError(
+            f"Im(eps) is {np.max(np.imag(eps))}, expected at most 0: fields vary as exp(+j omega t), "
+            "where losses are negative."
+        )
+    p = np.sqrt(eps - (1 - cos_i**2) + 0j)
+    return np.where(p.imag > 0, -p, p)
+
+
+def _ratio(
+    above: Complex[np.ndarray, "*batch"], below: Complex[np.ndarray, "*batch"]
+) -> Complex[np.ndarray, "*batch"]:
+    """Quotient, 0 where both are 0: a wave along the face of a wall of vacuum."""
+    return np.divide(above, below, out=np.zeros_like(above), where=below != 0)
