@@ -1,0 +1,49 @@
+# Two commands are all the set-up there is, on a fresh Debian or Ubuntu machine:
+#
+#   make demo    a robot crosses a floor plan; a video, a map picture and the result are written
+#   make test    all checks
+#
+# Both make a virtual environment in .venv, and install the system's software renderer if it is missing.
+
+VENV ?= .venv
+PYTHON ?= $(firstword $(foreach v,3.13 3.12 3.11,$(shell command -v python$(v))) python3)
+OUT ?= out/demo
+APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
+BIN := $(VENV)/bin
+
+.PHONY: demo test install system clean
+
+demo: install
+	$(BIN)/robosim episode flat --goal oracle --seed 1 --out $(OUT)
+
+test: $(VENV)/.test-installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pytest -n auto
+
+install: $(VENV)/.installed
+
+# OSMesa renders without a display; newer distributions that dropped it have EGL.
+system:
+	@if ! ldconfig -p | grep -q -E 'libOSMesa\.so|libEGL_mesa'; then \
+	  echo "Installing the software renderer (OSMesa)"; \
+	  $(APT) update -qq && { $(APT) install -y -qq libosmesa6 || $(APT) install -y -qq libegl1 libgl1-mesa-dri; }; \
+	fi
+
+$(BIN)/python: | system
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
+	  { echo "robosim needs Python 3.11 to 3.13, $(PYTHON) is $$($(PYTHON) -V). Pass PYTHON=/path/to/python."; exit 1; }
+	@$(PYTHON) -m venv $(VENV) 2>/dev/null || \
+	  { $(APT) update -qq && $(APT) install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); }
+
+$(VENV)/.installed: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+$(VENV)/.test-installed: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	@touch $@ $(VENV)/.installed
+
+clean:
+	rm -rf $(VENV) out runs

@@ -1,0 +1,5 @@
+"""`python -m robosim` is the `robosim` command."""
+
+from robosim.cli import main
+
+main()

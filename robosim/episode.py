@@ -1,0 +1,123 @@
+"""One episode: a robot searches a target in a building it does not know.
+
+This is the whole system on one page. Read `run_episode`: each turn of its loop is one decision, each line of
+the loop one part of the system. The mapper never sees the true pose, and only the oracle sees the target.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building import Building, BuildingConfig
+from robosim.coverage import Coverage
+from robosim.goals import GoalName, GoalPolicy, make_policy
+from robosim.navigation import make_navigation
+from robosim.reach import Reach
+from robosim.record import EpisodeLog
+from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.stopwatch import Stopwatch
+from robosim.tasks import Task
+from slam.grid import MapEstimate
+from slam.planning import Plan
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeConfig:
+    """How an episode is run."""
+
+    goal: GoalName = "oracle"
+    """Who chooses the goals."""
+    seed: int = 0
+    """Seed of everything random in the episode."""
+    max_steps: int = 1000
+    """Actions before the episode is given up."""
+    building: BuildingConfig = field(default_factory=BuildingConfig)
+    """How the plan becomes a building."""
+    simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
+    """What is simulated."""
+
+    def __post_init__(self) -> None:
+        if self.max_steps < 1:
+            raise ValueError(f"max_steps = {self.max_steps}, expected at least one action.")
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What an onlooker may see of one turn of the loop."""
+
+    log: EpisodeLog
+    view: Observation
+    estimate: MapEstimate
+    goal: Float[np.ndarray, "2"]
+    plan: Plan
+
+
+def run_episode(
+    building: Building,
+    reach: Reach,
+    task: Task,
+    config: EpisodeConfig,
+    on_decision: Callable[[Decision], None] = lambda decision: None,
+    watch: Stopwatch | None = None,
+) -> tuple[EpisodeLog, MapEstimate]:
+    """Drive one robot until it arrives, has explored everything, or is out of steps.
+
+    An interrupt (Ctrl-C) ends the episode early; what was done until then is returned.
+
+    Args:
+        building: Where.
+        reach: What the robot's hull can reach there; coverage is counted over it.
+        task: From where to where.
+        config: How.
+        on_decision: Called once a decision, after the action is chosen, to draw or report.
+        watch: Collects the time by stage.
+
+    Returns:
+        The log, and the map as built in the end.
+    """
+    watch = watch or Stopwatch()
+    log = EpisodeLog(task, seconds=watch.seconds)
+    simulator = Simulator(building, config.simulator, watch)
+    mapper, planner, controller, explorer = make_navigation(config.simulator)
+    policy = make_policy(config.goal, task, explorer)
+    floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
+    coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
+
+    view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
+    estimate = mapper.reset(task.start)
+    action = None
+    try:
+        while True:
+            with watch.stage("mapper"):
+                estimate = mapper.update(view.depth, action, view.odometry)
+            with watch.stage("judging"):
+                coverage.update(simulator.pose, view.depth)
+                log.see(simulator.pose, estimate.pose, coverage.fraction)
+                log.ended = _verdict(log, policy, config)
+            if log.ended != "running":
+                break
+            with watch.stage("goal"):
+                goal = policy.goal(estimate)
+            if goal is None:
+                log.ended = "explored"
+                break
+            with watch.stage("planner"):
+                plan = planner.plan(estimate, goal)
+                action = controller.act(estimate, plan)
+            on_decision(Decision(log, view, estimate, goal, plan))
+            view, motion = simulator.step(action)
+            log.motions.append(motion)
+    except KeyboardInterrupt:
+        log.ended = "interrupted"
+    finally:
+        simulator.close()
+    return log, estimate
+
+
+def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:
+    """Whether the episode goes on, judged on the true pose by one rule for every policy."""
+    if policy.seeks_target and log.arrived:
+        return "arrived"
+    return "out of steps" if log.steps >= config.max_steps else "running"

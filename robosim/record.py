@@ -1,0 +1,109 @@
+"""What happened in an episode, and the files that tell it.
+
+Metrics go by their usual names: success weighted by path length (SPL) and its soft form (Anderson et al.
+2018; Datta et al. 2020), coverage, and the distance between estimated and true position. Trajectories are
+TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo reads them.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.files import whole_file
+from robosim.tasks import ARRIVAL_M, Task
+from robosim.world import Motion
+
+
+@dataclass(eq=False)
+class EpisodeLog:
+    """Everything of an episode that is worth keeping, one entry a decision."""
+
+    task: Task
+    poses: list[np.ndarray] = field(default_factory=list)
+    """True poses; the first is the start."""
+    estimates: list[np.ndarray] = field(default_factory=list)
+    """Poses as estimated when the robot was at the true pose of the same index."""
+    motions: list[Motion] = field(default_factory=list)
+    """What each action did."""
+    coverage: list[float] = field(default_factory=list)
+    """Part of the reachable floor seen, at each pose."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall-clock time by stage [s]."""
+    ended: str = "running"
+    """Why the episode ended: arrived, explored, out of steps, interrupted."""
+
+    def see(self, pose: Float[np.ndarray, "3"], estimate: Float[np.ndarray, "3"], coverage: float) -> None:
+        """Add a moment: the true and the estimated pose, and the coverage so far."""
+        self.poses.append(np.array(pose))
+        self.estimates.append(np.array(estimate))
+        self.coverage.append(coverage)
+
+    @property
+    def steps(self) -> int:
+        """Actions done and seen through; an interrupt may fall between an action and the look after it."""
+        return min(len(self.motions), max(len(self.poses) - 1, 0))
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot truly is within the arrival radius now."""
+        return bool(np.hypot(*(self.poses[-1][:2] - self.task.target)) <= ARRIVAL_M)
+
+    @property
+    def arrived_at(self) -> int | None:
+        """The first step after which the robot truly was within the arrival radius, or None."""
+        gap = np.hypot(*(np.array(self.poses)[:, :2] - self.task.target).T) if self.poses else np.array([])
+        inside = np.flatnonzero(gap <= ARRIVAL_M)
+        return int(inside[0]) if len(inside) else None
+
+    def result(self) -> dict[str, Any]:
+        """Scores of the episode, all but the times the same for the same seed."""
+        poses, estimates = np.array(self.poses), np.array(self.estimates)
+        error = np.hypot(*(estimates - poses)[:, :2].T)
+        arrived_at = self.arrived_at
+        legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+        path = float(legs[:arrived_at].sum())
+        gap = float(np.hypot(*(poses[-1, :2] - self.task.target)))
+        ratio = 1.0 if max(path, self.task.shortest_m) == 0 else None
+        ratio = self.task.shortest_m / max(path, self.task.shortest_m) if ratio is None else ratio
+        progress = 1.0 if arrived_at is not None else max(1 - gap / (self.task.shortest_m + ARRIVAL_M), 0.0)
+        return {
+            "ended": self.ended,
+            "arrived": arrived_at is not None,
+            "arrived_at_step": arrived_at,
+            "steps": self.steps,
+            "path_length_m": path,
+            "shortest_m": self.task.shortest_m,
+            "spl": ratio if arrived_at is not None else 0.0,
+            "soft_spl": progress * ratio,
+            "final_distance_m": gap,
+            "collisions": sum(motion.collided for motion in self.motions),
+            "deepest_penetration_m": max((motion.penetration_m for motion in self.motions), default=0.0),
+            "coverage": self.coverage[-1],
+            "position_error_rms_m": float(np.sqrt(np.mean(error**2))),
+            "position_error_last_m": float(error[-1]),
+            "start": self.task.start,
+            "target": self.task.target,
+            "simulated_s": float(self._times()[-1]),
+        }
+
+    def save_trajectories(self, folder: Path) -> None:
+        """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""
+        for name, poses in (("trajectory", self.poses), ("estimate", self.estimates)):
+            with whole_file(Path(folder) / f"{name}.tum") as partial:
+                _write_tum(partial, self._times(), np.array(poses))
+
+    def _times(self) -> Float[np.ndarray, "n"]:
+        """Simulated time at each pose [s]."""
+        # evo asks for increasing times, also where a blocked robot gave up at once.
+        steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
+        return np.concatenate([[0.0], np.cumsum(steps)])[: len(self.poses)]
+
+
+def _write_tum(path: Path, times: Float[np.ndarray, "n"], poses: Float[np.ndarray, "n 3"]) -> None:
+    zero = np.zeros(len(poses))
+    half = poses[:, 2] / 2
+    rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])
+    np.savetxt(path, rows, fmt="%.9f")

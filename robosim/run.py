@@ -1,0 +1,163 @@
+"""One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
+
+import importlib.metadata
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from robosim.building import Building, make_building
+from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.files import write_json
+from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.picture import Picture
+from robosim.planfiles import write_ros
+from robosim.plots import plot_episode
+from robosim.record import EpisodeLog
+from robosim.reach import Reach, reach
+from robosim.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.tasks import make_task
+from robosim.video import VideoWriter
+from slam.grid import MapEstimate
+
+
+def record_episode(
+    plan: FloorPlan,
+    config: EpisodeConfig,
+    out: Path,
+    *,
+    start: Float[np.ndarray, "3"] | None = None,
+    target: Float[np.ndarray, "2"] | None = None,
+    video: bool = True,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Run an episode and write its files into a folder.
+
+    The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
+    `map.png`, and `episode.mp4`. An interrupted episode leaves the same files, of what was done until then.
+
+    Args:
+        plan: Where.
+        config: How.
+        out: The folder, made if it is missing.
+        start: Pose of the robot at first; drawn from the seed if not given.
+        target: Where the target stands; drawn from the seed if not given.
+        video: Whether to draw the video; without it the loop is faster.
+        console: Where progress is shown; nowhere if not given.
+
+    Returns:
+        What `result.json` holds.
+
+    Raises:
+        MapError: If the task cannot be done in the plan.
+    """
+    out = Path(out)
+    console = console or Console(quiet=True)
+    watch = Stopwatch()
+    with watch.stage("scene"):
+        building = make_building(plan)
+        places = reach(building, config.simulator.robot.radius_m)
+        task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
+    _tell_cut_off(places, task.start, console)
+    picture = Picture(building, task)
+    writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
+    with _progress(console) as progress:
+        bar = progress.add_task(plan.name, total=config.max_steps, note="")
+
+        def look(decision: Decision) -> None:
+            text = _status(decision)
+            progress.update(bar, completed=decision.log.steps, note=text)
+            if writer is not None:
+                with watch.stage("video"):
+                    writer.add(_draw(picture, decision, f"{plan.name}  {config.goal}  {text}"))
+
+        try:
+            log, estimate = run_episode(building, places, task, config, look, watch)
+        finally:
+            if writer is not None:
+                with watch.stage("video"):
+                    writer.close()
+    log.save_trajectories(out)
+    write_ros(built_plan(estimate, plan.name), out / "map.yaml")
+    plot_episode(out / "map.png", building, log, estimate)
+    result = _result(plan, building, config, log, watch)
+    write_json(out / "result.json", result)
+    return result
+
+
+def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
+    """The map that a robot has built, as a floor plan."""
+    occupancy = np.full(estimate.obstacle.shape, UNKNOWN, np.uint8)
+    occupancy[estimate.explored > 0.5] = FREE
+    occupancy[estimate.obstacle | estimate.blocked] = OCCUPIED
+    x, y = estimate.frame.origin_xy
+    return FloorPlan(
+        occupancy=occupancy, resolution_m=estimate.frame.resolution_m, origin=(float(x), float(y), 0.0), name=name
+    )
+
+
+def _draw(picture: Picture, decision: Decision, text: str) -> np.ndarray:
+    return picture.draw(
+        decision.view.rgb,
+        decision.view.depth,
+        decision.log.poses[-1],
+        decision.estimate,
+        goal=decision.goal,
+        path=None if decision.plan is None else decision.plan.path,
+        text=text,
+    )
+
+
+def _status(decision: Decision) -> str:
+    log = decision.log
+    gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
+    error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
+    return (
+        f"step {log.steps}, {gap:.1f} m off the target, {100 * log.coverage[-1]:.0f} % seen, "
+        f"pose error {100 * error:.0f} cm"
+    )
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+        refresh_per_second=4,
+    )
+
+
+def _tell_cut_off(places: Reach, start: Float[np.ndarray, "3"], console: Console) -> None:
+    rooms = places.cut_off(places.part_at(start[:2]))
+    if rooms:
+        listed = ", ".join(f"{r.area_m2:.1f} m2 at ({r.centre[0]:.1f}, {r.centre[1]:.1f})" for r in rooms[:5])
+        more = f" and {len(rooms) - 5} more" if len(rooms) > 5 else ""
+        console.print(f"The hull (radius {places.radius_m} m) cannot enter: {listed}{more}.")
+
+
+def _result(
+    plan: FloorPlan, building: Building, config: EpisodeConfig, log: EpisodeLog, watch: Stopwatch
+) -> dict[str, Any]:
+    """Scores, configuration and versions; all times are under `timing`, all else depends on the seed alone."""
+    loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
+    return {
+        "plan": plan.name,
+        "goal": config.goal,
+        "seed": config.seed,
+        **log.result(),
+        "walls": len(building.walls_2d),
+        "config": asdict(config),
+        "versions": {name: importlib.metadata.version(name) for name in ("robosim", "mujoco", "numpy")},
+        "timing": {
+            "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},
+            "decisions_per_s": log.steps / loop if loop else 0.0,
+            "decisions_per_s_with_video": log.steps / (loop + watch.seconds["video"]) if loop else 0.0,
+        },
+    }

@@ -1,0 +1,133 @@
+"""The simulated half of an episode: a robot in a building, what it does and what it senses.
+
+Noise enters in two places, both after Active Neural SLAM: what the robot does differs from what it was told
+(actuation), and what its odometry says differs from what it did (sensing). Whoever drives it sees an
+`Observation` only; the true pose is for judging.
+"""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from robosim.building import Building
+from robosim.camera import CameraConfig, camera_pose, make_camera
+from robosim.kinematic import KinematicWorld
+from robosim.odometry import NoiseModel
+from robosim.robot import RobotConfig
+from robosim.shading import shaded_mesh
+from robosim.stopwatch import Stopwatch
+from robosim.target import target_mesh
+from robosim.tasks import Task
+from robosim.world import Motion, World
+from slam.actions import Action
+
+Physics = Literal["dynamic", "kinematic"]
+CameraEngine = Literal["pyrender", "embree"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatorConfig:
+    """What is simulated, and how faithfully."""
+
+    physics: Physics = "dynamic"
+    """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
+    camera: CameraEngine = "pyrender"
+    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL."""
+    image: CameraConfig = field(default_factory=CameraConfig)
+    """Size and optics of the camera's pictures."""
+    robot: RobotConfig = field(default_factory=RobotConfig)
+    """The robot's body."""
+    noise: NoiseModel = field(default_factory=NoiseModel)
+    """Actuation and odometry noise."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What the robot senses after an action."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    depth: Float[np.ndarray, "h w"]
+    """Metres along the camera's axis; 0 where nothing was hit."""
+    odometry: Float[np.ndarray, "3"]
+    """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
+
+
+class Simulator:
+    """One robot in one building."""
+
+    def __init__(
+        self, building: Building, config: SimulatorConfig | None = None, watch: Stopwatch | None = None
+    ) -> None:
+        """Build the scene: the walls' collision shapes, and the picture of the building with its light."""
+        self.building = building
+        self.config = config or SimulatorConfig()
+        self.watch = watch or Stopwatch()
+        with self.watch.stage("scene"):
+            kind = World if self.config.physics == "dynamic" else KinematicWorld
+            self.world = kind(building, robot=self.config.robot)
+            self._shaded = shaded_mesh(building)
+        self._camera = None
+        self._target: tuple[float, ...] | None = None
+        self._rng = np.random.default_rng()
+
+    def reset(self, task: Task, rng: np.random.Generator) -> Observation:
+        """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
+        self._rng = rng
+        if self._camera is None or self._target != tuple(task.target):
+            self._place_target(task.target)
+        self.world.reset(task.start)
+        return self._observe(np.zeros(3))
+
+    def step(self, action: Action) -> tuple[Observation, Motion]:
+        """Do one discrete action, as well as the noisy actuators can."""
+        commanded = self.config.noise.actuation(action, self._rng)
+        before = self.pose
+        with self.watch.stage("physics"):
+            motion = self.world.move(commanded)
+        moved = relative_pose(before, self.pose)
+        return self._observe(self.config.noise.sense(action, moved, self._rng)), motion
+
+    def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
+        """Drive with a forward speed and a turn rate for a while.
+
+        The noise model is one of discrete actions: here odometry is scaled from the action that is nearest
+        in kind, by the share of it that was done.
+        """
+        before = self.pose
+        with self.watch.stage("physics"):
+            motion = self.world.drive(v_mps, w_radps, duration_s)
+        moved = relative_pose(before, self.pose)
+        return self._observe(self.config.noise.sense_motion(moved, self._rng)), motion
+
+    @property
+    def pose(self) -> Float[np.ndarray, "3"]:
+        """True pose: x [m], y [m], yaw [rad] in `map`."""
+        return self.world.pose
+
+    def close(self) -> None:
+        """Free the camera's OpenGL context."""
+        if self._camera is not None:
+            self._camera.close()
+            self._camera = None
+
+    def _observe(self, odometry: np.ndarray) -> Observation:
+        with self.watch.stage("camera"):
+            frame = self._camera.render(camera_pose(self.pose, self.config.image))
+        return Observation(frame.rgb, frame.depth, odometry)
+
+    def _place_target(self, target: np.ndarray) -> None:
+        self.close()
+        with self.watch.stage("scene"):
+            meshes = [self._shaded, target_mesh(target)]
+            self._camera = make_camera(meshes, self.config.image, backend=self.config.camera)
+        self._target = tuple(target)
+
+
+def relative_pose(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """Pose b as seen from pose a: dx forward [m], dy left [m], dyaw [rad] in [-pi, pi)."""
+    c, s = np.cos(a[2]), np.sin(a[2])
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    dyaw = (b[2] - a[2] + np.pi) % (2 * np.pi) - np.pi
+    return np.array([c * dx + s * dy, c * dy - s * dx, dyaw])

@@ -1,0 +1,117 @@
+"""Every command on small input: what it prints, what it writes, and how it fails."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robosim.cli import main
+from robosim.planfiles import read_plan, write_ros
+from tests.robosim.plans import two_rooms
+
+
+@pytest.fixture
+def plan_file(tmp_path) -> Path:
+    path = tmp_path / "pair.yaml"
+    write_ros(two_rooms(0.8), path)
+    return path
+
+
+def _fails(arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main([str(argument) for argument in arguments])
+    assert stop.value.code == 2
+    captured = capsys.readouterr()
+    assert "Traceback" not in captured.err
+    return re.sub(r"\s+", " ", captured.err)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["", "episode", "plan", "generate", "doctor", "bench", "bench render", "bench physics", "bench navigation",
+     "figures", "figures plans"],
+)  # fmt: skip
+def test_every_command_explains_itself(command, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*command.split(), "--help"])
+    assert stop.value.code == 0
+    assert f"usage: robosim {command}".strip() in capsys.readouterr().out
+
+
+def test_an_episode_with_every_option(plan_file, tmp_path, capsys):
+    out = tmp_path / "run"
+    main(
+        f"episode {plan_file} --start 1,0.6,90 --target 5,2.4 --goal explore --seed 3 --physics kinematic "
+        f"--camera embree --robot locobot --noise 0 --size 64 --max-steps 8 --tolerance 0.05 --no-video "
+        f"--out {out}".split()
+    )
+    printed = capsys.readouterr().out
+    assert "out of steps after 8 steps" in printed
+    assert "evo_ape tum" in printed
+    assert not (out / "episode.mp4").exists()
+    first = (out / "trajectory.tum").read_text().splitlines()[0].split()
+    assert [float(value) for value in first[1:3]] == [1.0, 0.6]
+
+
+def test_negative_coordinates_are_no_options(plan_file, capsys):
+    message = _fails(["episode", plan_file, "--target", "-3,-4", "--no-video"], capsys)
+    assert "cannot come within 0.3 m of the target (-3, -4) m" in message
+
+
+def test_a_plan_is_shown_and_exported(plan_file, tmp_path, capsys):
+    main(["plan", str(plan_file), "--out", str(tmp_path / "shown")])
+    assert "18.2 m2 free" in re.sub(r"\s+", " ", capsys.readouterr().out)
+    names = {path.name for path in (tmp_path / "shown").iterdir()}
+    assert {"building.glb", "building.ply", "mitsuba", "reach.png"} <= names
+    again = read_plan(next((tmp_path / "shown").glob("*.yaml")))
+    assert (again.occupancy == two_rooms(0.8).occupancy).all()
+
+
+def test_plans_are_generated(tmp_path, capsys):
+    main(["generate", "--seed", "5", "--count", "2", "--out", str(tmp_path)])
+    plans = [read_plan(path) for path in sorted(tmp_path.glob("*.yaml"))]
+    assert len(plans) == 2
+    assert "Wrote 2 plan(s)" in capsys.readouterr().out
+
+
+def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, capsys):
+    """One and two workers write the same table but for the times."""
+    import json
+
+    kept = []
+    for workers in (1, 2):
+        out = tmp_path / f"w{workers}"
+        main(f"bench navigation {plan_file} --goals oracle --workers {workers} --out {out}".split())
+        episodes = json.loads((out / "navigation.json").read_text())["episodes"]
+        kept.append([{k: v for k, v in row.items() if k not in ("seconds", "decisions_per_s")} for row in episodes])
+    assert kept[0] == kept[1]
+    assert "1 of 1 arrived" in re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["episode", "nowhere.yaml"], "nowhere.yaml"),
+        (["plan", "flatt"], "flat"),
+        (["episode", "flat", "--target", "1"], "X,Y"),
+        (["episode", "flat", "--target", "1,nan"], "X,Y"),
+        (["episode", "flat", "--noise", "-1"], "noise"),
+        (["episode", "flat", "--max-steps", "0"], "max_steps"),
+        (["episode", "flat", "--size", "0"], "width"),
+        (["episode", "flat", "--tolerance", "-0.1"], "tolerance"),
+        (["epsiode", "flat"], "episode"),
+    ],
+)
+def test_mistakes_end_in_one_sentence(arguments, message, capsys):
+    assert message in _fails(arguments, capsys)
+
+
+def test_the_doctor_finds_this_machine_fit():
+    """In a process of its own, as a user runs it: both exit status and text say that all is well."""
+    done = subprocess.run([sys.executable, "-m", "robosim", "doctor"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "All that the main job needs is here" in re.sub(r"\s+", " ", done.stdout)
+    for part in ("mujoco", "embree", "OSMesa", "torch"):
+        assert part in done.stdout

@@ -1,0 +1,113 @@
+"""The main path: a robot crosses a building to a target it knows, or explores it."""
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+
+import av
+import numpy as np
+import pytest
+
+from robosim.building import make_building
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.planfiles import read_plan
+from robosim.reach import reach
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from robosim.tasks import make_task
+from tests.robosim.plans import two_rooms
+
+KINEMATIC = SimulatorConfig(physics="kinematic")
+
+
+def _run(config: EpisodeConfig, plan=None, start=None, target=None):
+    building = make_building(plan or two_rooms(0.8))
+    places = reach(building, 0.1)
+    task = make_task(places, np.random.default_rng(config.seed), start=start, target=target)
+    return run_episode(building, places, task, config)[0]
+
+
+START, TARGET = np.array([1.0, 0.6, 2.0]), np.array([5.0, 2.4])
+
+
+@pytest.mark.parametrize("physics", ["dynamic", "kinematic"])
+@pytest.mark.parametrize("camera", ["pyrender", "embree"])
+def test_the_oracle_goes_through_the_door_to_the_target(physics, camera):
+    """Noise on, start facing away. The way is 4.4 m; measured SPL 0.9 or more."""
+    config = EpisodeConfig(simulator=SimulatorConfig(physics=physics, camera=camera), max_steps=150)
+    log = _run(config, start=START, target=TARGET)
+    result = log.result()
+    assert result["ended"] == "arrived"
+    assert np.hypot(*(log.poses[-1][:2] - TARGET)) <= 0.3
+    assert result["spl"] > 0.7
+    assert result["deepest_penetration_m"] < 0.005
+    assert result["position_error_last_m"] < 0.1
+
+
+def test_exploration_sees_both_rooms_and_stops():
+    """All that can be seen of two empty rooms is seen well before the steps are out."""
+    result = _run(EpisodeConfig(goal="explore", simulator=KINEMATIC, max_steps=400)).result()
+    assert result["ended"] == "explored"
+    assert result["coverage"] > 0.95
+
+
+def test_one_seed_gives_one_episode_bit_for_bit():
+    config = EpisodeConfig(seed=4, max_steps=40)
+    first, second = _run(config), _run(config)
+    assert np.array_equal(first.poses, second.poses)
+    assert np.array_equal(first.estimates, second.estimates)
+    assert first.coverage == second.coverage
+    assert not np.array_equal(first.poses[1], _run(EpisodeConfig(seed=5, max_steps=40)).poses[1])
+
+
+def test_recorded_files_tell_the_same_story(tmp_path):
+    """Every file of a recorded episode can be read back and agrees with the result."""
+    config = EpisodeConfig(seed=2, simulator=KINEMATIC, max_steps=25)
+    result = record_episode(two_rooms(0.8), config, tmp_path, start=START, target=TARGET)
+    kept = json.loads((tmp_path / "result.json").read_text())
+    assert kept["steps"] == result["steps"] == 25
+    assert kept["ended"] == "out of steps"
+    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 26
+    with av.open(str(tmp_path / "episode.mp4")) as video:
+        assert sum(1 for _ in video.decode(video=0)) == 25
+    built = read_plan(tmp_path / "map.yaml")
+    assert built.resolution_m == 0.05
+    assert 1 < built.free.sum() * 0.05**2 < 20
+    assert (tmp_path / "map.png").stat().st_size > 10_000
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "result.json", "trajectory.tum", "estimate.tum", "map.yaml", "map.pgm", "map.png", "episode.mp4",
+    }  # fmt: skip
+
+
+def test_results_do_not_depend_on_the_run(tmp_path):
+    """The same command twice gives the same result.json but for `timing`."""
+    config = EpisodeConfig(seed=2, max_steps=15)
+    results = []
+    for run in ("a", "b"):
+        record_episode(two_rooms(0.8), config, tmp_path / run, video=False)
+        kept = json.loads((tmp_path / run / "result.json").read_text())
+        kept.pop("timing")
+        results.append((kept, (tmp_path / run / "trajectory.tum").read_bytes()))
+    assert results[0] == results[1]
+
+
+def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
+    """SIGINT in the middle: exit status 130, `ended` is interrupted, and the video plays."""
+    command = [sys.executable, "-m", "robosim", "episode", "office", "--goal", "explore", "--out", str(tmp_path)]
+    process = subprocess.Popen([*command, "--physics", "kinematic"], stdout=subprocess.PIPE, text=True)
+    video = threading.Event()
+    while process.poll() is None and not video.wait(0.1):
+        started = [path for path in tmp_path.iterdir() if path.stat().st_size > 50_000]
+        if started:
+            process.send_signal(signal.SIGINT)
+            video.set()
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    kept = json.loads((tmp_path / "result.json").read_text())
+    assert kept["ended"] == "interrupted"
+    assert kept["steps"] > 0
+    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == kept["steps"] + 1
+    with av.open(str(tmp_path / "episode.mp4")) as file:
+        assert sum(1 for _ in file.decode(video=0)) >= kept["steps"]

@@ -1,0 +1,80 @@
+"""Where a hull fits, how far it drives, what it cannot enter."""
+
+import numpy as np
+import pytest
+
+from robosim.building import make_building
+from robosim.reach import reach
+from tests.robosim.plans import room, two_rooms
+
+
+def test_the_hull_keeps_its_radius_from_the_walls():
+    """In a 4 m x 3 m room a disk of radius r can be in (4 - 2r)(3 - 2r) m2, up to the cells on the rim.
+
+    Cell centres lie at odd multiples of 2.5 cm; with r = 0.18 m those from 0.225 m on count: 3.6 m x 2.6 m.
+    """
+    places = reach(make_building(room()), 0.18)
+    assert places.n_parts == 1
+    assert (places.parts > 0).sum() * 0.05**2 == pytest.approx(3.6 * 2.6)
+
+
+@pytest.mark.parametrize(("door_m", "parts"), [(0.2, 2), (0.5, 1)])
+def test_a_door_joins_rooms_only_if_the_hull_passes(door_m, parts):
+    """A hull 0.36 m wide passes a door of 0.5 m and not one of 0.2 m."""
+    places = reach(make_building(two_rooms(door_m)), 0.18)
+    assert places.n_parts == parts
+
+
+def test_a_room_behind_a_narrow_door_is_reported():
+    """Seen from the left room, the 9 m2 of the right one are cut off, around its middle (4.7, 1.5)."""
+    places = reach(make_building(two_rooms(0.2)), 0.18)
+    (lost,) = places.cut_off(places.part_at(np.array([1.0, 1.5])))
+    assert lost.area_m2 == pytest.approx(9.0, abs=0.5)
+    assert np.hypot(*(lost.centre - (4.7, 1.5))) < 0.1
+    joined = reach(make_building(two_rooms(0.5)), 0.18)
+    assert joined.cut_off(1) == []
+
+
+def test_travel_in_the_open_is_the_straight_distance():
+    """Fast marching of second order on an empty floor: |p - q| within half a cell.
+
+    Measured 0.017 m from the one-cell start; an 8-neighbour Dijkstra would be 8 % long, 0.28 m here.
+    """
+    places = reach(make_building(room()), 0.1)
+    source = np.array([0.525, 0.525])
+    travel = places.travel_m(source)
+    inside = places.parts > 0
+    straight = np.hypot(*(places.plan.centres(inside) - source).T)
+    assert np.abs(travel[inside] - straight).max() < 0.025
+    assert np.isinf(travel[~inside]).all()
+
+
+def test_travel_round_a_corner_is_the_taut_string():
+    """Through the door of two rooms: two straight legs and an arc of the hull's radius about the jambs.
+
+    The string from (0.5, 0.5) to (5.7, 0.5) runs over the disks of radius 0.18 m at the lower jamb corners
+    (3, 1.25) and (3.2, 1.25): its length from the tangents, 5.64 m. Bound one cell for the raster's rim.
+    """
+    places = reach(make_building(two_rooms(0.5)), 0.18)
+    travel = places.travel_m(np.array([0.525, 0.525]))
+    got = places.remaining_m(travel, np.array([5.675, 0.525]))
+    corner, r = np.array([3.0 - 0.525, 1.25 - 0.525]), 0.18
+    reach_m = np.hypot(*corner)
+    leg = np.sqrt(reach_m**2 - r**2)
+    slope = np.arctan2(corner[1], corner[0]) + np.arcsin(r / reach_m)
+    assert got == pytest.approx(2 * leg + 2 * r * slope + 0.2, abs=0.06)
+
+
+def test_remaining_way_is_continuous_between_cells():
+    """Moving by 1 cm changes the way by at most 1 cm and a little: no steps of a cell."""
+    places = reach(make_building(room()), 0.1)
+    travel = places.travel_m(np.array([0.5, 0.5]))
+    line = np.column_stack([np.arange(1.0, 3.0, 0.01), np.full(200, 1.33)])
+    ways = np.array([places.remaining_m(travel, p) for p in line])
+    assert np.abs(np.diff(ways)).max() < 0.012
+    assert places.remaining_m(travel, np.array([50.0, 50.0])) == np.inf
+
+
+def test_a_radius_must_be_positive():
+    with pytest.raises(ValueError, match="radius_m = 0"):
+        reach(make_building(room()), 0)
