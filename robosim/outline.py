@@ -80,6 +80,25 @@ def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarr
     return [shapely.get_coordinates(ring) for ring in free]
 
 
+def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
+    """Ends (x, y) [m] in `map` of the walls in passages too narrow for `free_polygons` to have them.
+
+    Both walls of such a passage stand on each of these segments. There are none but with walls through cell
+    centres and no tolerance.
+
+    Args:
+        plan: Where the free cells are.
+    """
+    if plan.wall_line == "cell_edge":
+        return np.empty((0, 2, 2))
+    lines = shapely.MultiLineString([ring for ring, _ in _contours(plan.free) if len(ring) > 2])
+    left = shapely.line_merge(lines.difference(_centre_polygons(plan.free).boundary))
+    pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(left)]
+    ends = [np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces if len(piece) > 1]
+    cells = np.concatenate([np.empty((0, 2, 2)), *ends])
+    return _to_map(plan, cells.reshape(-1, 2)).reshape(-1, 2, 2)
+
+
 def _to_map(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
     """`plan.to_map`, but equal points stay equal to the last bit, which matrix products need not grant."""
     distinct, inverse = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)

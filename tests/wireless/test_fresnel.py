@@ -105,7 +105,7 @@ def test_thick_lossy_slab_is_a_half_space():
 
 
 def test_loss_through_a_slab_is_that_of_its_conductivity():
-    """Weakly lossy: 20 log10(e) (sigma / 2) sqrt(mu / eps) per metre, within 0.1 %; drywall 117 dB/m at 28 GHz.
+    """Weakly lossy: 20 log10(e) (sigma / 2) sqrt(mu / eps) per metre, to 0.1 %; drywall 117 dB/m at 28 GHz.
 
     The difference between 1.0 and 1.1 m, as the faces add the same to both.
     """

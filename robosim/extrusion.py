@@ -1,0 +1,179 @@
+"""From free polygons to a closed shell of triangles: floor, ceiling, walls and lids over low islands.
+
+The polygons are triangulated with no vertices but their own (constrained Delaunay, GEOS), so that each wall
+stands on the edge of exactly one floor triangle, and there are no T-junctions. Where polygons touch at a
+point, the triangles around that point form several fans. Each fan has a vertex of its own, so that every edge
+of the shell has exactly two faces.
+
+Left out: vertices in the middle of another ring's edge, which the outlines of plans do not have.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float, Int, UInt8
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+#: What a face is part of.
+WALL, FLOOR, CEILING, FURNITURE = range(4)
+
+
+class Solid(NamedTuple):
+    """Triangles and what each is part of."""
+
+    vertices: Float[np.ndarray, "n_vertices 3"]
+    faces: Int[np.ndarray, "n_faces 3"]
+    kind: UInt8[np.ndarray, "n_faces"]
+
+
+class Fans(NamedTuple):
+    """A triangulation in the plane whose triangles share a vertex only if they share edges around it."""
+
+    xy: Float[np.ndarray, "n_vertices 2"]
+    triangles: Int[np.ndarray, "n 3"]
+
+
+def extrude(
+    free: shapely.MultiPolygon,
+    furniture: Bool[np.ndarray, "n_rings"],
+    height_m: float,
+    furniture_height_m: float | None = None,
+    ceiling: bool = True,
+) -> Solid:
+    """Closed shell around free space from z = 0 up, with normals into free space.
+
+    Low furniture that touches something else at a single point is left as high as the walls, since free space
+    would be parted there below its lid and one above.
+
+    Args:
+        free: Free floor; outer rings counter-clockwise, holes clockwise.
+        furniture: Which rings of `free` go around furniture, in the order of `shapely.get_rings`.
+        height_m: Height of the ceiling.
+        furniture_height_m: Height of the furniture, under a lid; None for `height_m`.
+        ceiling: Whether to close the shell from above.
+
+    Raises:
+        RuntimeError: If the polygons were not triangulated along all their edges, which should not happen.
+    """
+    outlines = shapely.get_rings(shapely.get_parts(free))
+    spots, rings = _spots(outlines)
+    lowered = np.zeros(len(rings), bool)
+    if furniture_height_m is not None:
+        alone = np.bincount(np.concatenate(rings), minlength=len(spots)) == 1
+        lowered = furniture & [bool(alone[ring].all()) for ring in rings]
+
+    open_at = _triangulate(free, spots)
+    lid_at = _triangulate(shapely.MultiPolygon([shapely.Polygon(ring) for ring in outlines[lowered]]), spots)
+    top_at = np.concatenate([open_at, lid_at])  # the ceiling: its first triangles are those over the floor
+    floor, top, lid = _fans(open_at, spots), _fans(top_at, spots), _fans(lid_at, spots)
+
+    start, end = np.concatenate(rings), np.concatenate([np.roll(ring, -1) for ring in rings])
+    ring_of = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    low = lowered[ring_of]
+    edge = _half_edges(open_at, start, end)
+    below, above = _ends(floor.triangles, edge), _ends(top.triangles, edge) + len(floor.xy)
+    under = _half_edges(lid_at, end[low], start[low])  # the lid lies on the other side of the edge
+    lid_triangles = lid.triangles + len(floor.xy) + len(top.xy)
+    above[low] = _ends(lid_triangles, under)[:, ::-1]
+
+    parts = [
+        (floor.triangles, np.full(len(floor.triangles), FLOOR)),
+        (_upright(below, above), np.repeat(np.where(furniture[ring_of], FURNITURE, WALL), 2)),
+        (lid_triangles, np.full(len(lid_triangles), FURNITURE)),
+    ]
+    if ceiling:
+        parts.append((top.triangles[:, ::-1] + len(floor.xy), np.full(len(top.triangles), CEILING)))
+    levels = ((floor.xy, 0.0), (top.xy, height_m), (lid.xy, furniture_height_m or 0.0))
+    vertices = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for xy, z in levels])
+    used, faces = np.unique(np.concatenate([triangles for triangles, _ in parts]), return_inverse=True)
+    return Solid(vertices[used], faces.reshape(-1, 3), np.concatenate([k for _, k in parts]).astype(np.uint8))
+
+
+def _upright(below: Int[np.ndarray, "n 2"], above: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n_faces 3"]:
+    """Two triangles for each wall between an edge of the floor and the one above it, normals to its left."""
+    return np.column_stack(
+        [below[:, 0], above[:, 0], above[:, 1], below[:, 0], above[:, 1], below[:, 1]]
+    ).reshape(-1, 3)
+
+
+def pockets(segments: Float[np.ndarray, "n 2 2"], height_m: float, kind: int = WALL) -> Solid:
+    """Walls with a face on either side and no volume, from z = 0 up; each is closed in itself.
+
+    Args:
+        segments: Ends (x, y) of the walls.
+        height_m: Height of the walls.
+        kind: What the faces are part of.
+    """
+    xy = np.tile(segments, (1, 2, 1))  # below: 0, 1; above: 2, 3
+    z = np.broadcast_to([0.0, 0.0, height_m, height_m], (len(segments), 4))
+    vertices = np.concatenate([xy, z[:, :, None]], axis=2).reshape(-1, 3)
+    # The diagonals of the two faces cross, so that no edge has more than two triangles.
+    faces = np.array([[0, 2, 3], [0, 3, 1], [1, 3, 2], [1, 2, 0]])
+    faces = (4 * np.arange(len(segments))[:, None, None] + faces).reshape(-1, 3)
+    return Solid(vertices, faces, np.full(len(faces), kind, np.uint8))
+
+
+def _spots(outlines: np.ndarray) -> tuple[Float[np.ndarray, "n 2"], list[Int[np.ndarray, "_"]]]:
+    """All distinct points of some rings, and each ring as indices into them, without its repeated end."""
+    points, ring_of = shapely.get_coordinates(outlines, return_index=True)
+    distinct, index = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)
+    counts = np.bincount(ring_of, minlength=len(outlines))
+    rings = [ring[:-1] for ring in np.split(index, np.cumsum(counts)[:-1])]
+    return np.column_stack([distinct.real, distinct.imag]), rings
+
+
+def _triangulate(
+    polygons: shapely.MultiPolygon, spots: Float[np.ndarray, "n 2"]
+) -> Int[np.ndarray, "n_triangles 3"]:
+    """Counter-clockwise triangles that fill the polygons, as indices of their corners among `spots`."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
+    points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    clockwise = side[:, 0] * other[:, 1] < side[:, 1] * other[:, 0]
+    points[clockwise] = points[clockwise][:, ::-1]
+    return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
+
+
+def _half_edges(
+    triangles: Int[np.ndarray, "n 3"],
+    start: Int[np.ndarray, "m"],
+    end: Int[np.ndarray, "m"],
+    *,
+    must: bool = True,
+) -> Int[np.ndarray, "m"]:
+    """Which side of which triangle runs from `start` to `end`, as triangle * 3 + side; -1 where none does."""
+    base = 1 + max(triangles.max(initial=0), start.max(initial=0), end.max(initial=0))
+    keys = (triangles * base + np.roll(triangles, -1, axis=1)).ravel()
+    order = np.argsort(keys)
+    wanted = start * base + end
+    found = np.searchsorted(keys, wanted, sorter=order)
+    if len(keys) == 0:
+        return np.full(len(wanted), -1)
+    at = order[np.minimum(found, len(keys) - 1)]
+    at = np.where(keys[at] == wanted, at, -1)
+    if must and (at < 0).any():
+        raise RuntimeError(f"{(at < 0).sum()} edges of the outline are missing in its triangulation.")
+    return at
+
+
+def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, "m"]) -> Int[np.ndarray, "m 2"]:
+    """Start and end of sides of triangles."""
+    row, side = np.divmod(half_edge, 3)
+    return np.stack([triangles[row, side], triangles[row, (side + 1) % 3]], axis=1)
+
+
+def _fans(triangles: Int[np.ndarray, "n 3"], spots: Float[np.ndarray, "m 2"]) -> Fans:
+    """The triangulation with a vertex for each fan: corners are the same if an edge at them is shared."""
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    mate = _half_edges(triangles, end, start, must=False)
+    here = np.flatnonzero(mate >= 0)
+    mate = mate[here]
+    corners = np.arange(triangles.size).reshape(-1, 3)
+    same, other = _ends(corners, here).T.ravel(), _ends(corners, mate)[:, ::-1].T.ravel()
+    links = coo_array((np.ones(len(same), bool), (same, other)), shape=(triangles.size, triangles.size))
+    count, label = connected_components(links, directed=False)
+    xy = np.empty((count, 2))
+    xy[label] = spots[start]
+    return Fans(xy, label.reshape(-1, 3))
