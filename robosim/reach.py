@@ -107,17 +107,16 @@ class Reach:
 
     def cut_off(self, part: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""
-        labels, n = ndimage.label(self.plan.free & ~self.swept(part))
-        depth = ndimage.distance_transform_edt(labels > 0)
+        # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
+        labels, n = ndimage.label(np.pad(self.plan.free & ~self.swept(part), 1))
+        numbers = np.arange(1, n + 1)
+        depth_m = ndimage.distance_transform_edt(labels > 0) * self.plan.resolution_m
+        areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
         rooms = []
-        for label in range(1, n + 1):
-            here = labels == label
-            area = float(here.sum()) * self.plan.resolution_m**2
-            # Free floor beside the walls is out of the sweep too: count only what has room for the hull.
-            if area >= ROOM_AREA_M2 and depth[here].max() * self.plan.resolution_m > self.radius_m:
-                deepest = np.unravel_index(np.argmax(np.where(here, depth, 0)), here.shape)
-                centre = self.plan.to_map(np.array([deepest[1] + 0.5, deepest[0] + 0.5]))
-                rooms.append(CutOff(area, centre))
+        for area, deepest in zip(areas, ndimage.maximum_position(depth_m, labels, numbers), strict=True):
+            # Free floor beside the walls is out of the sweep too: only what has room for the hull counts.
+            if area >= ROOM_AREA_M2 and depth_m[deepest] > self.radius_m:
+                rooms.append(CutOff(float(area), self.plan.to_map(np.array(deepest[::-1]) - 0.5)))
         return sorted(rooms, key=lambda room: -room.area_m2)
 
 

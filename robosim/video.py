@@ -50,7 +50,7 @@ class VideoWriter:
         """Finish the file and give it its name; without a frame there will be no file."""
         if self._empty:
             self._file.close()
-            self._partial.unlink()
+            self._partial.unlink(missing_ok=True)
             return
         for packet in self._stream.encode():
             self._file.mux(packet)
