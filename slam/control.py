@@ -1,0 +1,227 @@
+"""From a plan to the next action: try every turn followed by a straight run, and begin the best.
+
+A robot that turns in steps of 10 degrees and drives in steps of a quarter metre can only follow a way roughly; what
+counts is how many decisions it needs. For each heading it can turn to, and each number of steps it can then take without its
+hull meeting an obstacle, the whole is priced in decisions:
+
+    |turns| + steps + (cost of the way from there) / 0.25 m + (turns needed there to go on)
+
+and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
+ones lead nowhere. Nothing dithers: a turn once begun gets cheaper at each decision, and turning straight back is barred.
+
+After a bump the same heading from the same place costs more, each time more. A robot that does not get away
+from a place for long walks off in the direction with most room before it plans again.
+Left out: dynamics of the base. The continuous controller is pure pursuit of the way.
+Reference: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01, 1992.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.clearance import Clearance
+from slam.planning import Plan
+from slam.poses import wrap
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlConfig:
+    """How actions are chosen."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    slacks_m: tuple[float, ...] = (0.04, 0.02, 0.005, -0.015)
+    """Space beside the hull that a run must leave [m]: the first that leads onward is used."""
+    reach_steps: int = 12
+    """Longest run looked at [steps forward]."""
+    turn_weight: float = 0.8
+    """Weight of the turn needed at the end of a run; below 1 because some of it may be saved later."""
+    forward_m: float = FORWARD_M
+    """What a step forward really covers [m]."""
+    turn_rad: float = TURN_RAD
+    """What a turn really turns [rad]."""
+    stuck_decisions: int = 45
+    """Decisions without getting away by `stuck_radius_m` after which the robot walks off [decisions]."""
+    stuck_radius_m: float = 0.35
+    """See above [m]."""
+    speed_mps: float = 0.5
+    """Greatest speed of the continuous controller [m/s]."""
+    turn_rate_radps: float = 1.0
+    """Greatest turn rate of the continuous controller [rad/s]."""
+
+    def __post_init__(self) -> None:
+        if not self.slacks_m or list(self.slacks_m) != sorted(self.slacks_m, reverse=True):
+            raise ValueError(f"slacks_m = {self.slacks_m}, expected at least one number, largest first.")
+        if not (self.forward_m > 0 and self.turn_rad > 0):
+            raise ValueError(
+                f"forward_m = {self.forward_m}, turn_rad = {self.turn_rad}, expected positive amounts."
+            )
+
+
+class Controller:
+    """Chooses actions; remembers bumps and lack of progress."""
+
+    def __init__(self, config: ControlConfig = ControlConfig()):
+        self.config = config
+        half = round(math.pi / config.turn_rad)
+        # No turn first, then pairs: of equal prices the smaller turn wins.
+        self._turns = np.array(sorted(range(-half, half + 1), key=lambda k: (abs(k), k)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        self._last: Action | None = None
+        self._last_pose: Float[np.ndarray, "3"] | None = None
+        self._bumps: deque[tuple[float, float, float]] = deque(maxlen=12)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
+        self._escape_steps = 0
+
+    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """The next action.
+
+        Args:
+            pose: Estimated x [m], y [m], yaw [rad].
+            plan: What the planner returned for this pose.
+        """
+        self._watch(pose)
+        action = self._escape(pose, plan) if self._escape_steps else self._best(pose, plan)
+        self._last, self._last_pose = action, pose.copy()
+        return action
+
+    def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Note bumps, and whether the robot gets anywhere."""
+        self._trail.append((float(pose[0]), float(pose[1])))
+        if self._last is Action.FORWARD and self._last_pose is not None:
+            moved = math.hypot(pose[0] - self._last_pose[0], pose[1] - self._last_pose[1])
+            if moved < 0.6 * self.config.forward_m:
+                self._bumps.append((float(pose[0]), float(pose[1]), float(self._last_pose[2])))
+        trail = np.array(self._trail)
+        full = len(trail) == self.config.stuck_decisions
+        if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
+            self._escape_steps = 4
+            self._trail.clear()
+
+    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """First action of the cheapest turn and run."""
+        config = self.config
+        turns = self._turns
+        headings = pose[2] + turns * config.turn_rad
+        ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+        parts = 5
+        distance = config.forward_m * np.arange(1, config.reach_steps * parts + 1) / parts
+        points = pose[:2] + ways[:, None, :] * distance[None, :, None]
+        room = plan.clearance.at(points)
+        here = float(plan.clearance.at(pose[:2]))
+        ends = points[:, parts - 1 :: parts]
+        price = plan.field.at(ends) / config.forward_m
+        onward = plan.field.direction(ends)
+        swing = np.abs((onward - headings[:, None] + math.pi) % (2 * math.pi) - math.pi) / config.turn_rad
+        # Near the goal no direction matters any more.
+        price = (
+            price + config.turn_weight * np.minimum(swing, 4 * price) + np.arange(1, config.reach_steps + 1)
+        )
+        price = price + (np.abs(turns) + self._reluctance(pose, headings))[:, None]
+        now = float(plan.field.at(pose[:2])) / config.forward_m
+        for slack in config.slacks_m:
+            # Where the hull is already closer than that, it may at least move away.
+            need = np.minimum(config.radius_m + slack, here + 0.3 * distance - 1e-3)
+            clear = np.logical_and.accumulate(room >= need, axis=1)[:, parts - 1 :: parts]
+            total = np.where(clear & np.isfinite(price), price, np.inf)
+            k, m = np.unravel_index(int(np.argmin(total)), total.shape)
+            gain = now - float(plan.field.at(ends[k, m])) / config.forward_m
+            if np.isfinite(total[k, m]) and (gain > 0.3 or slack == config.slacks_m[-1]):
+                return _first(int(turns[k]))
+        return self._towards(pose, plan)
+
+    def _reluctance(
+        self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, "k"]
+    ) -> Float[np.ndarray, "k"]:
+        """Decisions by which past bumps, and a turn just made the other way, make each heading dearer."""
+        extra = np.zeros(len(headings))
+        for x, y, yaw in self._bumps:
+            if math.hypot(pose[0] - x, pose[1] - y) < 0.15:
+                off = np.abs((headings - yaw + math.pi) % (2 * math.pi) - math.pi)
+                extra += 6.0 * np.maximum(0, 1 - off / (2.5 * self.config.turn_rad))
+        if self._last is Action.LEFT:
+            extra[self._turns < 0] += 3.0
+        elif self._last is Action.RIGHT:
+            extra[self._turns > 0] += 3.0
+        return extra
+
+    def _towards(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """Turn to the short-term goal, and try to go there: all that is left where no run is clear."""
+        dx, dy = plan.short_term_goal - pose[:2]
+        if math.hypot(dx, dy) < 0.05:
+            return Action.LEFT
+        off = wrap(math.atan2(dy, dx) - pose[2])
+        return _first(round(off / self.config.turn_rad))
+
+    def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """Walk off: turn to where there is most room, and go there."""
+        headings = pose[2] + self._turns * self.config.turn_rad
+        room = _free_run(plan.clearance, pose[:2], headings, self.config.radius_m)
+        worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
+        action = _first(int(self._turns[int(np.argmax(worth))]))
+        if action is Action.FORWARD:
+            self._escape_steps -= 1
+        return action
+
+    def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
+        """Speed [m/s] and turn rate [rad/s] that follow the way continuously, by pure pursuit.
+
+        Args:
+            pose: Estimated x [m], y [m], yaw [rad].
+            plan: What the planner returned for this pose.
+            look_m: Distance along the way to the point that is pursued [m].
+        """
+        config = self.config
+        x, y = _ahead_on(plan.path, look_m) - pose[:2]
+        distance = math.hypot(x, y)
+        if distance < 1e-3:
+            return 0.0, 0.0
+        off = wrap(math.atan2(y, x) - pose[2])
+        if abs(off) > math.radians(50):
+            return 0.0, math.copysign(config.turn_rate_radps, off)
+        room = _free_run(plan.clearance, pose[:2], np.array([pose[2]]), config.radius_m)[0]
+        curvature = 2 * math.sin(off) / distance
+        speed = config.speed_mps * max(0.0, math.cos(off)) * min(1.0, room / 0.3, distance / 0.15)
+        speed = min(speed, config.turn_rate_radps / max(abs(curvature), 1e-6))
+        # With a wall close ahead the robot turns on the spot rather than stand still.
+        turn = (
+            speed * curvature
+            if speed > 0.05
+            else math.copysign(min(config.turn_rate_radps, 2 * abs(off)), off)
+        )
+        return speed, turn
+
+
+def _first(turns: int) -> Action:
+    """First action of a number of turns, positive to the left, and a run."""
+    if turns == 0:
+        return Action.FORWARD
+    return Action.LEFT if turns > 0 else Action.RIGHT
+
+
+def _free_run(
+    clearance: Clearance, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, "k"], radius_m: float
+) -> Float[np.ndarray, "k"]:
+    """How far the hull gets from a point in each direction before it meets an obstacle [m], at most 1.5 m."""
+    distance = np.arange(1, 31) * 0.05
+    ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    room = clearance.at(start + ways[:, None, :] * distance[None, :, None])
+    need = np.minimum(radius_m, float(clearance.at(start)) + 0.3 * distance - 1e-3)
+    return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
+
+
+def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:
+    """Point at a distance along a path, or its end."""
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        length = math.hypot(b[0] - a[0], b[1] - a[1])
+        if length >= distance_m:
+            return a + (b - a) * (distance_m / length)
+        distance_m -= length
+    return path[-1]

@@ -1,0 +1,123 @@
+"""Where map cells lie, and what a mapper knows about them.
+
+Cells follow ROS: ``grid[iy, ix]`` has y upwards, and the origin is the lower-left corner of cell (0, 0), so that
+the centre of a cell lies half a cell further. A `GridFrame` places such a grid in a frame of coordinates (`map`, or
+a robot's own); a `MapEstimate` is what planners, explorers and controllers are handed at every decision.
+
+A map that grows keeps its lattice: only whole cells are added, so a cell never changes its place in `map`.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Int
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridFrame:
+    """Place and size of a grid of square cells whose axes are those of the frame."""
+
+    origin_xy: tuple[float, float]
+    """Lower-left corner of cell (0, 0) [m]."""
+    resolution_m: float = 0.05
+    """Side of a cell [m]."""
+    shape: tuple[int, int] = (1, 1)
+    """Rows (y) and columns (x)."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):
+            raise ValueError(f"resolution_m = {self.resolution_m}, expected a positive number of metres.")
+        if len(self.shape) != 2 or min(self.shape) < 1:
+            raise ValueError(f"shape = {self.shape}, expected (rows, columns), both at least 1.")
+
+    def to_cells(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Continuous cell coordinates (column, row) of points (x, y) [m].
+
+        The lower-left corner of cell (iy, ix) is (ix, iy), its centre (ix + 0.5, iy + 0.5).
+        """
+        return (np.asarray(points, float) - self.origin_xy) / self.resolution_m
+
+    def to_points(self, cells: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+        """Points (x, y) [m] of continuous cell coordinates (column, row); inverse of `to_cells`."""
+        return np.asarray(cells, float) * self.resolution_m + self.origin_xy
+
+    def index(
+        self, points: Float[np.ndarray, "*batch 2"]
+    ) -> tuple[Int[np.ndarray, "*batch"], Int[np.ndarray, "*batch"]]:
+        """Row and column of the cell that holds each point (x, y) [m]; may lie outside of the grid."""
+        cells = np.floor(self.to_cells(points)).astype(np.int64)
+        return cells[..., 1], cells[..., 0]
+
+    def centres(self, mask: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "n 2"]:
+        """Centres (x, y) [m] of the cells where `mask` holds, row by row."""
+        iy, ix = np.nonzero(mask)
+        return self.to_points(np.column_stack([ix, iy]) + 0.5)
+
+    def inside(
+        self, iy: Int[np.ndarray, "*batch"], ix: Int[np.ndarray, "*batch"]
+    ) -> Bool[np.ndarray, "*batch"]:
+        """Whether rows and columns belong to the grid."""
+        return (iy >= 0) & (iy < self.shape[0]) & (ix >= 0) & (ix < self.shape[1])
+
+    def window(
+        self, low_xy: tuple[float, float], high_xy: tuple[float, float]
+    ) -> tuple[slice, slice, "GridFrame"]:
+        """The part of the grid that covers a box of `map`.
+
+        Args:
+            low_xy: Lower-left corner of the box (x, y) [m].
+            high_xy: Upper-right corner of the box (x, y) [m].
+
+        Returns:
+            Rows, columns and frame of the part. At least one cell, even if the box lies outside.
+        """
+        (x0, y0), (x1, y1) = self.to_cells(np.array([low_xy, high_xy]))
+        ny, nx = self.shape
+        ix0, iy0 = min(max(int(x0), 0), nx - 1), min(max(int(y0), 0), ny - 1)
+        ix1, iy1 = min(max(math.ceil(x1), ix0 + 1), nx), min(max(math.ceil(y1), iy0 + 1), ny)
+        x, y = self.origin_xy
+        origin_xy = (x + ix0 * self.resolution_m, y + iy0 * self.resolution_m)
+        frame = GridFrame(origin_xy=origin_xy, resolution_m=self.resolution_m, shape=(iy1 - iy0, ix1 - ix0))
+        return slice(iy0, iy1), slice(ix0, ix1), frame
+
+    def padded(self, left: int, right: int, below: int, above: int) -> "GridFrame":
+        """The same lattice with whole cells added on its four sides."""
+        x, y = self.origin_xy
+        ny, nx = self.shape
+        return GridFrame(
+            origin_xy=(x - left * self.resolution_m, y - below * self.resolution_m),
+            resolution_m=self.resolution_m,
+            shape=(ny + below + above, nx + left + right),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MapEstimate:
+    """What a mapper believes at one decision.
+
+    The arrays are read-only views of the mapper's own and change with its next update: copy what must last.
+    """
+
+    frame: GridFrame
+    """Where the cells lie in `map`."""
+    obstacle_probability: Float32[np.ndarray, "ny nx"]
+    """Belief that something that stops the robot stands in the cell; 0.5 where nothing is known."""
+    explored: Bool[np.ndarray, "ny nx"]
+    """Cells that the camera has looked at from near enough to count as seen."""
+    blocked: Bool[np.ndarray, "ny nx"]
+    """Cells where the robot ran into something that the camera does not see."""
+    pose: Float[np.ndarray, "3"]
+    """Estimated x [m], y [m], yaw [rad] in `map`."""
+    surface_offset_m: Float32[np.ndarray, "ny nx 2"] | None = None
+    """Where in an obstacle cell its surface lies, from the centre of the cell (x, y) [m]; None if unknown."""
+
+    @property
+    def obstacle(self) -> Bool[np.ndarray, "ny nx"]:
+        """Cells more likely occupied than not."""
+        return self.obstacle_probability > 0.5
+
+    @property
+    def known_free(self) -> Bool[np.ndarray, "ny nx"]:
+        """Cells more likely free than not; neither obstacle nor unknown."""
+        return self.obstacle_probability < 0.5

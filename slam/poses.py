@@ -1,0 +1,37 @@
+"""Planar poses (x, y, yaw) and how they chain.
+
+A pose is a float64 array (3,): x [m], y [m], yaw [rad] in [-pi, pi). A displacement is the pose of the robot after a
+move, in the robot's frame before it.
+"""
+
+import math
+
+import numpy as np
+from jaxtyping import Float
+
+
+def wrap(angle_rad: float) -> float:
+    """The same angle in [-pi, pi)."""
+    return (angle_rad + math.pi) % (2 * math.pi) - math.pi
+
+
+def compose(pose: Float[np.ndarray, "3"], displacement: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """Pose reached from `pose` by a displacement in the robot's frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    dx, dy, turn = displacement
+    return np.array([pose[0] + c * dx - s * dy, pose[1] + s * dx + c * dy, wrap(pose[2] + turn)])
+
+
+def between(start: Float[np.ndarray, "3"], end: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """Displacement, in the robot's frame at `start`, that leads from `start` to `end`."""
+    c, s = math.cos(start[2]), math.sin(start[2])
+    x, y = end[0] - start[0], end[1] - start[1]
+    return np.array([c * x + s * y, c * y - s * x, wrap(end[2] - start[2])])
+
+
+def to_map(
+    pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "*batch 2"]
+) -> Float[np.ndarray, "*batch 2"]:
+    """Points of the robot's frame in `map`."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.asarray(points, float) @ np.array([[c, s], [-s, c]]) + pose[:2]
