@@ -10,7 +10,7 @@ a margin (``eroded_m``, the radius of the agent they were made for) had been tak
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
@@ -45,22 +45,44 @@ class FloorPlan:
     """Margin that was already taken off the free area [m]."""
 
     def __post_init__(self) -> None:
-        if self.occupancy.ndim != 2 or 0 in self.occupancy.shape:
-            raise MapError(f"{self.name}: occupancy has shape {self.occupancy.shape}, expected (ny, nx).")
-        if self.occupancy.size > MAX_CELLS:
+        if not self.name.strip() or any(c in "/\\" or not c.isprintable() for c in self.name):
             raise MapError(
-                f"{self.name}: {self.occupancy.shape[1]} x {self.occupancy.shape[0]} cells, expected at most "
-                f"{MAX_CELLS:.0e} cells in all. Check the resolution, or downsample the plan."
+                f"name is {self.name!r}, expected printable text without slashes: files are named after it."
             )
+        problem = self._problem_of_grid() or self._problem_of_place()
+        if problem:
+            raise MapError(f"{self.name}: {problem}")
+
+    def _problem_of_grid(self) -> str | None:
+        """What is wrong with the cells, if anything."""
+        grid = self.occupancy
+        if grid.ndim != 2 or 0 in grid.shape:
+            return f"occupancy has shape {grid.shape}, expected (ny, nx)."
+        if grid.size > MAX_CELLS:
+            return (
+                f"{grid.shape[1]} x {grid.shape[0]} cells, expected at most {MAX_CELLS:.0e} cells in all. "
+                "Check the resolution, or downsample the plan."
+            )
+        if grid.dtype != np.uint8 or grid.max() > UNKNOWN:
+            return (
+                f"occupancy is {grid.dtype} up to {grid.max()}, expected uint8: {FREE} free, {OCCUPIED} "
+                f"occupied, {UNKNOWN} unknown."
+            )
+        if not (grid == FREE).any():
+            return "no free space. Check the thresholds and `negate`, or whether black and white are swapped."
+        return None
+
+    def _problem_of_place(self) -> str | None:
+        """What is wrong with the numbers around the grid, if anything."""
         if not (np.isfinite(self.resolution_m) and self.resolution_m > 0):
-            raise MapError(f"{self.name}: resolution is {self.resolution_m} m, expected a positive number.")
-        if not np.isfinite(self.origin).all():
-            raise MapError(f"{self.name}: origin is {self.origin}, expected three finite numbers.")
-        if not (self.occupancy == FREE).any():
-            raise MapError(
-                f"{self.name}: no free space. Check the thresholds and `negate`, or whether black and white "
-                "are swapped."
-            )
+            return f"resolution is {self.resolution_m:g} m, expected a positive number: the side of a cell."
+        if len(self.origin) != 3 or not np.isfinite(self.origin).all():
+            return f"origin is {self.origin}, expected three finite numbers: x [m], y [m], yaw [rad]."
+        if self.wall_line not in get_args(WallLine):
+            return f"wall_line is {self.wall_line!r}, expected one of {', '.join(get_args(WallLine))}."
+        if not (np.isfinite(self.eroded_m) and self.eroded_m >= 0):
+            return f"eroded_m is {self.eroded_m:g}, expected 0 or a positive number of metres."
+        return None
 
     @property
     def free(self) -> Bool[np.ndarray, "ny nx"]:
@@ -92,3 +114,30 @@ class FloorPlan:
         """Points (x, y) [m] in `map` of the centres of the cells where `mask` holds, row by row."""
         iy, ix = np.nonzero(mask)
         return self.to_map(np.column_stack([ix, iy]) + 0.5)
+
+
+def grid_size(
+    lower: Float[np.ndarray, " 2"], upper: Float[np.ndarray, " 2"], resolution_m: float, what: str
+) -> tuple[int, int]:
+    """Columns and rows of a grid that holds a rectangle, with a margin of one cell around it.
+
+    Args:
+        lower: Least x and y of the rectangle [m].
+        upper: Largest x and y [m].
+        resolution_m: Side of a cell [m].
+        what: What the rectangle belongs to, for the message.
+
+    Raises:
+        MapError: If there would be more than MAX_CELLS.
+    """
+    with np.errstate(over="ignore"):
+        cells = (upper - lower) / resolution_m
+        n_cells = np.prod(cells + 2)
+    if not n_cells <= MAX_CELLS:
+        raise MapError(
+            f"{what} goes from {lower} to {upper} m, more than {MAX_CELLS:.0e} cells of {resolution_m:g} m. "
+            "Are its coordinates in metres? If so, pass a coarser resolution."
+        )
+    # A rounding error more than a whole number of cells does not make another one.
+    nx, ny = (int(n) for n in np.maximum(np.ceil(cells - 1e-3), 1) + 2)
+    return nx, ny

@@ -1,0 +1,15 @@
+"""Where the files that come with this package lie: floor plans to try things on."""
+
+from pathlib import Path
+
+
+def assets_dir() -> Path:
+    """Folder of the shipped files: inside the package once installed, beside it in a source tree."""
+    package = Path(__file__).resolve().parent
+    installed = package / "assets"
+    return installed if installed.is_dir() else package.parent / "assets"
+
+
+def shipped_plans() -> dict[str, Path]:
+    """Names of the shipped floor plans and the ROS map YAML file of each, in alphabetical order."""
+    return {path.stem: path for path in sorted((assets_dir() / "plans").glob("*.yaml"))}

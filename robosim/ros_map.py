@@ -1,0 +1,330 @@
+"""Maps of ROS's map_server: a YAML file that names an image and says how to read it.
+
+The image's lower left corner lies at `origin` (x, y, yaw in radians) and a pixel measures `resolution`. The
+probability p of a cell being occupied is (255 - value) / 255, or value / 255 if `negate`, of the mean colour.
+
+- `trinary` (default): occupied above `occupied_thresh`, free below `free_thresh`, else unknown. An alpha
+  channel counts as a fourth colour.
+- `scale`: the same, but what is not fully opaque is unknown. ROS grades what lies between the thresholds from
+  1 to 99; a floor plan has three states, so it is unknown, as AMCL takes it.
+- `raw`: the value itself is the percentage, above 100 unknown; `negate` does not matter. Percentages become
+  states by map_saver's rule: free up to `free_thresh`, occupied from `occupied_thresh` on, both rounded.
+
+One departure: Nav2's map_saver writes unknown as 205 together with `free_thresh: 0.25`, by which map_server
+takes it for free. In images of map_saver's three greys only, 205 is unknown here, and a warning says so.
+`name`, `wall_line` and `eroded_m` are keys of our own, which map_server ignores.
+
+References: nav2_map_server `map_io.cpp` (up to Jazzy), ROS 1 map_server `image_loader.cpp` and wiki page.
+"""
+
+import logging
+import math
+from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import yaml
+from jaxtyping import UInt8, UInt16
+
+from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, WallLine
+from robosim.plan_bytes import read_plan_bytes
+from robosim.plan_image import (
+    FREE_THRESH,
+    GREY,
+    OCCUPIED_THRESH,
+    PlanImage,
+    read_image,
+    three_states,
+    write_pgm,
+    write_png,
+    write_whole,
+)
+
+logger = logging.getLogger(__name__)
+
+Mode = Literal["trinary", "scale", "raw"]
+
+#: A map's YAML has some ten lines.
+_MAX_YAML_BYTES = 100_000
+_TRUE, _FALSE = ("1", "true", "yes", "on", "y"), ("0", "false", "no", "off", "n")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RosHeader:
+    """What the YAML file says, checked."""
+
+    image: Path
+    resolution_m: float
+    origin: tuple[float, float, float]
+    negate: bool
+    free_thresh: float
+    occupied_thresh: float
+    mode: Mode
+    name: str
+    wall_line: WallLine
+    eroded_m: float
+
+
+def read_ros(path: Path) -> FloorPlan:
+    """Floor plan from a map_server YAML file and the image that it names.
+
+    Raises:
+        MapError: If either file is missing or damaged, a key is missing or has a senseless value, or no cell
+            is free.
+    """
+    header = read_header(path)
+    image = read_image(header.image)
+    return FloorPlan(
+        occupancy=occupancy_of(image, header, path)[::-1].copy(),
+        resolution_m=header.resolution_m,
+        origin=header.origin,
+        name=header.name,
+        wall_line=header.wall_line,
+        eroded_m=header.eroded_m,
+    )
+
+
+def occupancy_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.ndarray, "h w"]:
+    """States of the pixels, row 0 at the top, by the mode of the header; `path` is for messages."""
+    thresholds = header.free_thresh, header.occupied_thresh
+    if header.mode == "raw":
+        return _raw_states(image, *thresholds)
+    if header.mode == "scale":
+        states = three_states(image.light, image.white, header.negate, *thresholds)
+        states[image.see_through] = UNKNOWN
+        return states
+    if image.alpha is not None:
+        return _with_alpha(image, image.alpha, header, path)
+    states = three_states(image.light, image.white, header.negate, *thresholds)
+    unknown = _map_saver_unknown(image, header, states)
+    if unknown is not None:
+        logger.warning(
+            "%s: %d cells of grey 205 are taken for unknown, as map_saver meant them, though free_thresh %g "
+            "makes them free by the letter. Set 'free_thresh: 0.196' to settle it.",
+            path,
+            np.count_nonzero(unknown),
+            header.free_thresh,
+        )
+        states[unknown] = UNKNOWN
+    return states
+
+
+def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) -> UInt8[np.ndarray, "h w"]:
+    level = np.arange(image.white + 1)
+    percent = np.floor(level * 255 / image.white + 0.5)
+    state = np.full(image.white + 1, UNKNOWN, np.uint8)
+    state[(percent >= np.rint(100 * occupied_thresh)) & (percent <= 100)] = OCCUPIED
+    state[percent <= np.rint(100 * free_thresh)] = FREE
+    return state[image.light]
+
+
+def _with_alpha(
+    image: PlanImage, alpha: UInt16[np.ndarray, "h w"], header: RosHeader, path: Path
+) -> UInt8[np.ndarray, "h w"]:
+    """Trinary, alpha averaged with the colours; says so where that makes a difference."""
+    thresholds = header.free_thresh, header.occupied_thresh
+    # A grey channel stands for three.
+    share = 3 * image.opaque // image.white
+    states = three_states(share * image.light + alpha, 4 * image.opaque, header.negate, *thresholds)
+    plain = three_states(image.light, image.white, header.negate, *thresholds)
+    if (n_changed := np.count_nonzero(states != plain)) > 0:
+        logger.warning(
+            "%s: the alpha channel of %s changes the state of %d cells, since map_server averages it with "
+            "the colours in mode trinary. Remove it, or set 'mode: scale', by which transparent is unknown.",
+            path,
+            header.image.name,
+            n_changed,
+        )
+    return states
+
+
+def _map_saver_unknown(image: PlanImage, header: RosHeader, states: np.ndarray) -> np.ndarray | None:
+    """Cells that map_saver wrote as unknown and the thresholds make free, or None."""
+    if header.negate or image.white not in (255, 765):
+        return None
+    share = image.white // 255
+    unknown = image.light == share * int(GREY[UNKNOWN])
+    if not (unknown.any() and states[unknown][0] == FREE):
+        return None
+    of_saver = np.zeros(image.white + 1, bool)
+    of_saver[share * GREY.astype(int)] = True
+    return unknown if of_saver[image.light].all() else None
+
+
+def read_header(path: Path) -> RosHeader:
+    """Read and check the YAML file of a map_server map. Raises MapError as `read_ros` does."""
+    content = read_plan_bytes(path, "map_server YAML file", _MAX_YAML_BYTES)
+    try:
+        # Builds nothing but text, lists and dictionaries. Scalars stay text, as in map_server's own parser,
+        # by which 5e-2 and "0.05" are numbers too.
+        keys = yaml.load(content, Loader=yaml.BaseLoader)
+    except Exception as error:  # broken text makes the parser fail in many ways
+        reason = " ".join(str(error).split())[:200]
+        raise MapError(f"{path}: not readable as YAML: {reason}. Write one 'key: value' per line.") from error
+    if not isinstance(keys, dict):
+        raise MapError(
+            f"{path}: holds {'a list' if isinstance(keys, list) else 'plain text'}, expected keys such as "
+            "'image: map.pgm'. Is this the YAML file of a map_server map?"
+        )
+    return _checked(_Keys(path, keys))
+
+
+class _Keys:
+    """The keys of one YAML file, each fetched with a check and a message that teaches."""
+
+    def __init__(self, path: Path, keys: dict[Any, Any]):
+        self.path, self.keys = path, keys
+
+    def fail(self, key: str, expected: str) -> MapError:
+        value = self.keys[key]
+        return MapError(f"{self.path}: {key} is {str(value)[:80]!r}, expected {expected}.")
+
+    def get(self, key: str, example: str) -> Any:
+        if key not in self.keys:
+            near = get_close_matches(key, [str(k) for k in self.keys], 1)
+            hint = f" Did you mean it by '{near[0]}'?" if near else ""
+            raise MapError(
+                f"{self.path}: the key '{key}' is missing. Add a line such as '{key}: {example}'.{hint}"
+            )
+        return self.keys[key]
+
+    def number(self, key: str, example: str, expected: str) -> float:
+        number = _number(self.get(key, example))
+        if number is None:
+            raise self.fail(key, expected)
+        return number
+
+    def choice(self, key: str, choices: tuple[str, ...], default: str) -> str:
+        value = self.keys.get(key, default)
+        if not isinstance(value, str) or value.lower() not in choices:
+            raise self.fail(key, "one of " + ", ".join(choices))
+        return value.lower()
+
+
+def _number(value: Any) -> float | None:
+    """A finite number written as text, else None."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None
+    return number if math.isfinite(number) else None
+
+
+def _checked(keys: _Keys) -> RosHeader:
+    resolution_m = keys.number("resolution", "0.05", "the metres per pixel, for example 0.05")
+    if resolution_m <= 0:
+        raise keys.fail("resolution", "a positive number: the metres per pixel, for example 0.05")
+    free_thresh, occupied_thresh = _thresholds(keys)
+    name = keys.keys.get("name", keys.path.stem)
+    eroded_m = keys.number("eroded_m", "0.1", "metres, 0 or more") if "eroded_m" in keys.keys else 0.0
+    return RosHeader(
+        image=_image_path(keys),
+        resolution_m=resolution_m,
+        origin=_origin(keys),
+        negate=keys.choice("negate", _TRUE + _FALSE, keys.get("negate", "0")) in _TRUE,
+        free_thresh=free_thresh,
+        occupied_thresh=occupied_thresh,
+        mode=keys.choice("mode", get_args(Mode), "trinary"),  # type: ignore[arg-type]
+        name=name if isinstance(name, str) else keys.path.stem,
+        wall_line=keys.choice("wall_line", get_args(WallLine), "cell_edge"),  # type: ignore[arg-type]
+        eroded_m=eroded_m,
+    )
+
+
+def _thresholds(keys: _Keys) -> tuple[float, float]:
+    expected = "a probability between 0 and 1"
+    free = keys.number("free_thresh", f"{FREE_THRESH}", expected)
+    occupied = keys.number("occupied_thresh", f"{OCCUPIED_THRESH}", expected)
+    for key, value in (("free_thresh", free), ("occupied_thresh", occupied)):
+        if not 0 <= value <= 1:
+            raise keys.fail(key, expected)
+    if free > occupied:
+        raise keys.fail(
+            "free_thresh", f"at most occupied_thresh, which is {occupied:g}. Are the two swapped?"
+        )
+    return free, occupied
+
+
+def _origin(keys: _Keys) -> tuple[float, float, float]:
+    value = keys.get("origin", "[0.0, 0.0, 0.0]")
+    numbers = [_number(item) for item in value] if isinstance(value, list) else []
+    finite = [number for number in numbers if number is not None]
+    if len(finite) != len(numbers) or len(finite) not in (2, 3):
+        raise keys.fail(
+            "origin", "[x in metres, y in metres, yaw in radians], for example [-10.0, -5.0, 0.0]"
+        )
+    x, y, yaw = [*finite, 0.0][:3]
+    if abs(yaw) > 2 * math.pi:
+        logger.warning(
+            "%s: the yaw in origin is %g, more than a full turn. It is in radians; was it meant in degrees?",
+            keys.path,
+            yaw,
+        )
+    return x, y, yaw
+
+
+def _image_path(keys: _Keys) -> Path:
+    value = keys.get("image", f"{keys.path.stem}.pgm")
+    if not isinstance(value, str) or not value.strip() or "\0" in value:
+        raise keys.fail("image", f"the name of an image file, for example {keys.path.stem}.pgm")
+    path = keys.path.parent / value
+    try:
+        if path.exists():
+            return path
+        same_name = keys.path.parent / Path(value).name
+        beside = [p.name for p in keys.path.parent.iterdir()]
+        hint = (
+            f"Did you mean '{same_name.name}', which lies beside the YAML file?"
+            if same_name.is_file()
+            else None
+        )
+    except OSError:
+        hint, beside = None, []
+    near = get_close_matches(Path(value).name, beside, 1)
+    hint = hint or (
+        f"Did you mean '{near[0]}'?" if near else "A relative path counts from the YAML file's folder."
+    )
+    raise MapError(f"{keys.path}: image is {value[:200]!r}, but there is no file {str(path)[:300]!r}. {hint}")
+
+
+def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:
+    """Write a plan as map_server YAML, and its image beside it under the same name.
+
+    Reads back the same bit for bit. Each of the two files appears whole or not at all, the image first.
+
+    Args:
+        plan: What to write.
+        path: The YAML file; its folder is made if need be.
+        image: Format of the image: P5 graymap or PNG.
+
+    Raises:
+        ValueError: If `path` does not end in .yaml or .yml, or the image format is another one.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise ValueError(
+            f"path is {str(path)!r}, expected a name that ends in .yaml, for example {plan.name}.yaml."
+        )
+    if image not in ("pgm", "png"):
+        raise ValueError(f"image is {image!r}, expected 'pgm' or 'png'.")
+    image_path = path.with_name(f"{path.stem}.{image}")
+    (write_pgm if image == "pgm" else write_png)(plan, image_path)
+    keys: dict[str, Any] = {
+        "image": image_path.name,
+        "mode": "trinary",
+        "resolution": float(plan.resolution_m),
+        "origin": [float(value) for value in plan.origin],
+        "negate": 0,
+        "occupied_thresh": OCCUPIED_THRESH,
+        "free_thresh": FREE_THRESH,
+    }
+    if plan.name != path.stem:
+        keys["name"] = plan.name
+    if plan.wall_line != "cell_edge":
+        keys["wall_line"] = plan.wall_line
+    if plan.eroded_m != 0:
+        keys["eroded_m"] = float(plan.eroded_m)
+    text = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None, width=1_000_000)
+    write_whole(path, text.encode("utf-8"))
