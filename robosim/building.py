@@ -14,7 +14,6 @@ Left out: doors and windows as such, walls with a thickness, more than one store
 
 import logging
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import shapely
@@ -23,15 +22,13 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.floorplan import FloorPlan
-from robosim.outline import check_tolerance, closed_passages, free_polygons
+from robosim.outline import check_tolerance, closed_passages, free_cells, placed
 from wireless.materials import check_material
 
 logger = logging.getLogger(__name__)
 
-Kind = Literal["wall", "floor", "ceiling", "furniture"]
-
 #: What a face can be; `Building.face_kind` counts along these, as `robosim.extrusion` does.
-KINDS: tuple[Kind, ...] = ("wall", "floor", "ceiling", "furniture")
+KINDS = ("wall", "floor", "ceiling", "furniture")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +73,7 @@ class BuildingConfig:
         for kind in KINDS:
             check_material(self.material(kind), f"{kind}_material")
 
-    def material(self, kind: Kind) -> str:
+    def material(self, kind: str) -> str:
         """Radio material of a kind of face."""
         return getattr(self, f"{kind}_material")
 
@@ -121,7 +118,7 @@ class Building:
         ends = np.stack([triangles[row, (top + 2) % 3], triangles[row, (top + 1) % 3]], axis=1)
         return self.mesh.vertices[ends][:, :, :2]
 
-    def submesh(self, *kinds: Kind) -> trimesh.Trimesh:
+    def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.
 
         Raises:
@@ -157,11 +154,13 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         MapError: If the plan has no free area.
     """
     config = config or BuildingConfig()
-    free = free_polygons(plan, config.tolerance_m)
-    islands = _furniture(free, config.furniture_max_m2)
-    solid = extrude(free, islands, config.height_m, config.furniture_height_m, config.ceiling)
+    cells = free_cells(plan, config.tolerance_m)
+    islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
+    solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
     if config.tolerance_m == 0:
         solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
+    vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
+    free = shapely.transform(cells, lambda points: placed(plan, points))
     of_kind = [config.material(kind) for kind in KINDS]
     materials = tuple(dict.fromkeys(of_kind[kind] for kind in np.unique(solid.kind)))
     index = np.array([materials.index(name) if name in materials else 0 for name in of_kind], np.uint8)
@@ -176,14 +175,14 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         plan=plan,
         free=free,
         height_m=config.height_m,
-        mesh=_mesh(solid.vertices, solid.faces, made_from),
+        mesh=_mesh(vertices, solid.faces, made_from),
         face_kind=solid.kind,
         materials=materials,
         face_material=index[solid.kind],
     )
 
 
-def _furniture(free: shapely.MultiPolygon, max_m2: float) -> Bool[np.ndarray, "n_rings"]:
+def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, "n_rings"]:
     """Which rings go around islands of at most this area that have no free space inside."""
     parts = shapely.get_parts(free)
     rings, part = shapely.get_rings(parts, return_index=True)
@@ -191,7 +190,7 @@ def _furniture(free: shapely.MultiPolygon, max_m2: float) -> Bool[np.ndarray, "n
     filled = shapely.polygons(rings)
     holds, _ = shapely.STRtree(shapely.point_on_surface(parts)).query(filled, predicate="contains")
     island[holds] = False
-    return island & (shapely.area(filled) <= max_m2)
+    return island & (shapely.area(filled) <= max_area)
 
 
 def _joined(one: Solid, other: Solid) -> Solid:

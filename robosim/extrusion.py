@@ -5,6 +5,9 @@ stands on the edge of exactly one floor triangle, and there are no T-junctions. 
 point, the triangles around that point form several fans. Each fan has a vertex of its own, so that every edge
 of the shell has exactly two faces.
 
+Horizontal units are those of the polygons. Best are cells of the plan, in which points on one line are so
+exactly; rounding would leave triangles of nearly no area along straight walls.
+
 Left out: vertices in the middle of another ring's edge, which the outlines of plans do not have.
 """
 
@@ -28,10 +31,10 @@ class Solid(NamedTuple):
     kind: UInt8[np.ndarray, "n_faces"]
 
 
-class Fans(NamedTuple):
-    """A triangulation in the plane whose triangles share a vertex only if they share edges around it."""
+class Level(NamedTuple):
+    """A triangulation at one height, whose triangles share a vertex only if they share edges around it."""
 
-    xy: Float[np.ndarray, "n_vertices 2"]
+    vertices: Float[np.ndarray, "n_vertices 3"]
     triangles: Int[np.ndarray, "n 3"]
 
 
@@ -66,29 +69,29 @@ def extrude(
 
     open_at = _triangulate(free, spots)
     lid_at = _triangulate(shapely.MultiPolygon([shapely.Polygon(ring) for ring in outlines[lowered]]), spots)
-    top_at = np.concatenate([open_at, lid_at])  # the ceiling: its first triangles are those over the floor
-    floor, top, lid = _fans(open_at, spots), _fans(top_at, spots), _fans(lid_at, spots)
+    floor = _level(open_at, spots, 0.0)
+    top = _level(np.concatenate([open_at, lid_at]), spots, height_m, len(floor.vertices))
+    lid = _level(lid_at, spots, furniture_height_m or 0.0, len(floor.vertices) + len(top.vertices))
 
     start, end = np.concatenate(rings), np.concatenate([np.roll(ring, -1) for ring in rings])
     ring_of = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
-    low = lowered[ring_of]
     edge = _half_edges(open_at, start, end)
-    below, above = _ends(floor.triangles, edge), _ends(top.triangles, edge) + len(floor.xy)
-    under = _half_edges(lid_at, end[low], start[low])  # the lid lies on the other side of the edge
-    lid_triangles = lid.triangles + len(floor.xy) + len(top.xy)
-    above[low] = _ends(lid_triangles, under)[:, ::-1]
+    below, above = _ends(floor.triangles, edge), _ends(top.triangles, edge)
+    low = lowered[ring_of]  # a lid lies on the other side of its edges than the floor does
+    above[low] = _ends(lid.triangles, _half_edges(lid_at, end[low], start[low]))[:, ::-1]
 
-    parts = [
-        (floor.triangles, np.full(len(floor.triangles), FLOOR)),
-        (_upright(below, above), np.repeat(np.where(furniture[ring_of], FURNITURE, WALL), 2)),
-        (lid_triangles, np.full(len(lid_triangles), FURNITURE)),
+    over = top.triangles[:, ::-1] if ceiling else np.empty((0, 3), int)
+    faces = [floor.triangles, _upright(below, above), lid.triangles, over]
+    of_wall = np.repeat(np.where(furniture[ring_of], FURNITURE, WALL), 2)
+    kind = [
+        np.full(len(faces[0]), FLOOR),
+        of_wall,
+        np.full(len(faces[2]), FURNITURE),
+        np.full(len(over), CEILING),
     ]
-    if ceiling:
-        parts.append((top.triangles[:, ::-1] + len(floor.xy), np.full(len(top.triangles), CEILING)))
-    levels = ((floor.xy, 0.0), (top.xy, height_m), (lid.xy, furniture_height_m or 0.0))
-    vertices = np.concatenate([np.column_stack([xy, np.full(len(xy), z)]) for xy, z in levels])
-    used, faces = np.unique(np.concatenate([triangles for triangles, _ in parts]), return_inverse=True)
-    return Solid(vertices[used], faces.reshape(-1, 3), np.concatenate([k for _, k in parts]).astype(np.uint8))
+    used, numbered = np.unique(np.concatenate(faces), return_inverse=True)
+    vertices = np.concatenate([floor.vertices, top.vertices, lid.vertices])[used]
+    return Solid(vertices, numbered.reshape(-1, 3), np.concatenate(kind).astype(np.uint8))
 
 
 def _upright(below: Int[np.ndarray, "n 2"], above: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n_faces 3"]:
@@ -131,8 +134,8 @@ def _triangulate(
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
     points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    clockwise = side[:, 0] * other[:, 1] < side[:, 1] * other[:, 0]
-    points[clockwise] = points[clockwise][:, ::-1]
+    if (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0:  # they all turn the same way
+        points = points[:, ::-1]
     return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
 
 
@@ -164,16 +167,20 @@ def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, "m"]) ->
     return np.stack([triangles[row, side], triangles[row, (side + 1) % 3]], axis=1)
 
 
-def _fans(triangles: Int[np.ndarray, "n 3"], spots: Float[np.ndarray, "m 2"]) -> Fans:
-    """The triangulation with a vertex for each fan: corners are the same if an edge at them is shared."""
+def _level(
+    triangles: Int[np.ndarray, "n 3"], spots: Float[np.ndarray, "m 2"], z_m: float, first: int = 0
+) -> Level:
+    """The triangulation at a height, with vertices counted from `first`, one for each fan around a spot.
+
+    Corners of triangles are the same vertex if the triangles have an edge in common there.
+    """
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     mate = _half_edges(triangles, end, start, must=False)
     here = np.flatnonzero(mate >= 0)
-    mate = mate[here]
     corners = np.arange(triangles.size).reshape(-1, 3)
-    same, other = _ends(corners, here).T.ravel(), _ends(corners, mate)[:, ::-1].T.ravel()
+    same, other = _ends(corners, here).T.ravel(), _ends(corners, mate[here])[:, ::-1].T.ravel()
     links = coo_array((np.ones(len(same), bool), (same, other)), shape=(triangles.size, triangles.size))
     count, label = connected_components(links, directed=False)
-    xy = np.empty((count, 2))
-    xy[label] = spots[start]
-    return Fans(xy, label.reshape(-1, 3))
+    vertices = np.full((count, 3), z_m)
+    vertices[label, :2] = spots[start]
+    return Level(vertices, label.reshape(-1, 3) + first)

@@ -43,6 +43,21 @@ def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPol
         ValueError: If the tolerance is negative or not finite.
         MapError: If nothing is left, because all passages are one cell wide and walls go through centres.
     """
+    cells = free_cells(plan, tolerance_m)
+    return shapely.transform(cells, lambda points: placed(plan, points))
+
+
+def free_cells(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
+    """The same as `free_polygons` in cell coordinates (column, row), where all vertices are halves exactly.
+
+    Args:
+        plan: Where the free cells are.
+        tolerance_m: How far a wall may be moved to save corners [m].
+
+    Raises:
+        ValueError: If the tolerance is negative or not finite.
+        MapError: If there is no free area.
+    """
     check_tolerance(tolerance_m)
     free = _edge_polygons(plan.free) if plan.wall_line == "cell_edge" else _centre_polygons(plan.free)
     if free.is_empty:
@@ -50,9 +65,7 @@ def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPol
             f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave "
             'no space between them. Use wall_line="cell_edge", or a finer plan.'
         )
-    if tolerance_m > 0:
-        free = simplified(free, tolerance_m / plan.resolution_m)
-    return shapely.transform(free, lambda cells: _to_map(plan, cells))
+    return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m > 0 else free
 
 
 def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarray, "_ 2"]]:
@@ -81,7 +94,7 @@ def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarr
 
 
 def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
-    """Ends (x, y) [m] in `map` of the walls in passages too narrow for `free_polygons` to have them.
+    """Ends (column, row), in cell coordinates, of the walls in passages too narrow for `free_cells`.
 
     Both walls of such a passage stand on each of these segments. There are none but with walls through cell
     centres and no tolerance.
@@ -94,12 +107,10 @@ def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
     lines = shapely.MultiLineString([ring for ring, _ in _contours(plan.free) if len(ring) > 2])
     left = shapely.line_merge(lines.difference(_centre_polygons(plan.free).boundary))
     pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(left)]
-    ends = [np.stack([piece[:-1], piece[1:]], axis=1) for piece in pieces if len(piece) > 1]
-    cells = np.concatenate([np.empty((0, 2, 2)), *ends])
-    return _to_map(plan, cells.reshape(-1, 2)).reshape(-1, 2, 2)
+    return np.concatenate([np.empty((0, 2, 2)), *(np.stack([p[:-1], p[1:]], axis=1) for p in pieces)])
 
 
-def _to_map(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+def placed(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
     """`plan.to_map`, but equal points stay equal to the last bit, which matrix products need not grant."""
     distinct, inverse = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
     return plan.to_map(np.column_stack([distinct.real, distinct.imag]))[inverse]

@@ -32,7 +32,7 @@ class Row(NamedTuple):
 
 #: Fits of each material; where two hold, the first one counts.
 MATERIALS: dict[str, tuple[Row, ...]] = {
-    "vacuum": (Row(0.001, 450.0, 1.0, 0.0, 0.0, 0.0),),
+    "vacuum": (Row(0.001, 450, 1, 0, 0, 0),),  # exact, so up to the end of the table
     "concrete": (Row(1, 100, 5.24, 0, 0.0462, 0.7822), Row(110, 330, 5.17, 0, 0.0145, 1.09)),
     "brick": (Row(1, 40, 3.91, 0, 0.0238, 0.16), Row(110, 330, 4.15, 0, 0.0006, 1.5712)),
     "plasterboard": (

@@ -1,0 +1,166 @@
+"""Buildings in files: what is read back is what was built, by readers we did not write."""
+
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+import trimesh
+
+from robosim.building import KINDS, BuildingConfig, make_building
+from robosim.export import KIND_COLOURS, export_mesh, export_mitsuba
+from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+
+FLOAT32_M = 1e-5
+"""Half a step of 32-bit coordinates below 100 m, and more."""
+
+
+@pytest.fixture(scope="module")
+def building():
+    """Rooms with low furniture, away from the origin and turned."""
+    free = np.ones((40, 60), bool)
+    free[10:14, 20:25] = False
+    free[:25, 40] = False
+    plan = FloorPlan(
+        occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8), resolution_m=0.1, origin=(7.0, -3.0, 0.4)
+    )
+    return make_building(plan, config=BuildingConfig(furniture_height_m=0.7))
+
+
+def triangles(mesh):
+    """Corners of all triangles, each from its lowest corner on in its own sense, in a fixed order."""
+    corners = np.round(mesh.triangles / FLOAT32_M).astype(np.int64)
+    first = np.lexsort(corners.transpose(2, 0, 1)[::-1], axis=-1)[:, 0]
+    turned = corners[np.arange(len(corners))[:, None], (first[:, None] + np.arange(3)) % 3].reshape(-1, 9)
+    return turned[np.lexsort(turned.T[::-1])]
+
+
+def assert_same_triangles(got, want):
+    """Equal numbers of triangles, corners within a step of the rounding, all in the same sense."""
+    assert len(got.faces) == len(want.faces)
+    assert np.abs(triangles(got) - triangles(want)).max() <= 1
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".PLY"])
+def test_mesh_files_hold_the_same_triangles(building, tmp_path, suffix):
+    """Read by trimesh, z up: every triangle, with its normal to the same side."""
+    path = export_mesh(building, tmp_path / f"building{suffix}")
+    assert_same_triangles(trimesh.load(path, force="mesh", process=False), building.mesh)
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]  # no temporary file is left
+
+
+def test_glb_is_y_up(building, tmp_path):
+    """The glTF standard: floor at y = 0, ceiling at y = 2.5; turned back by 90 degrees it is the building."""
+    scene = trimesh.load(export_mesh(building, tmp_path / "building.glb"))
+    assert scene.bounds[:, 1] == pytest.approx([0.0, 2.5])
+    mesh = scene.to_geometry()
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    assert_same_triangles(mesh, building.mesh)
+
+
+def test_glb_has_an_object_of_its_colour_for_each_kind(building, tmp_path):
+    """Names and colours as of the kinds, areas as built."""
+    scene = trimesh.load(export_mesh(building, tmp_path / "building.glb"))
+    assert set(scene.geometry) == set(KINDS)
+    for number, kind in enumerate(KINDS):
+        part = scene.geometry[kind]
+        assert part.area == pytest.approx(building.submesh(kind).area, rel=1e-5)
+        assert (part.visual.vertex_colors == KIND_COLOURS[number]).all()
+
+
+def test_ply_has_coloured_faces_and_stays_watertight(building, tmp_path):
+    """Faces in order, each in the colour of its kind, on the vertices that walls and floor share."""
+    mesh = trimesh.load(export_mesh(building, tmp_path / "building.ply"), process=False)
+    assert mesh.is_watertight
+    assert np.array_equal(mesh.visual.face_colors, KIND_COLOURS[building.face_kind])
+
+
+def test_export_leaves_the_building_as_it_was(building, tmp_path):
+    """Turning y up and colouring work on copies."""
+    before = building.mesh.vertices.copy()
+    for suffix in (".glb", ".ply"):
+        export_mesh(building, tmp_path / f"building{suffix}")
+    assert np.array_equal(building.mesh.vertices, before)
+
+
+def test_unknown_format_is_refused(building, tmp_path):
+    """The message names the formats and the nearest one."""
+    with pytest.raises(ValueError, match=r"expected a name that ends in \.glb.*Did you mean \.glb"):
+        export_mesh(building, tmp_path / "building.glbb")
+    assert not list(tmp_path.iterdir())
+
+
+def test_broken_export_leaves_the_old_file(building, tmp_path, monkeypatch):
+    """An error halfway keeps what was there, and no temporary file."""
+    path = export_mesh(building, tmp_path / "building.ply")
+    before = path.read_bytes()
+
+    def half(self, file_obj, **_):
+        file_obj.write_bytes(b"ply")
+        raise OSError("disk full")
+
+    monkeypatch.setattr(trimesh.Trimesh, "export", half)
+    with pytest.raises(OSError, match="disk full"):
+        export_mesh(building, path)
+    assert path.read_bytes() == before and len(list(tmp_path.iterdir())) == 1
+
+
+def test_mitsuba_scene_refers_to_its_meshes_and_materials(building, tmp_path):
+    """What Sionna RT and DiffeRT read: BSDFs `mat-itu_NAME` with a type, shapes with a file and a material.
+
+    The meshes together are the building, each the faces of its material. Such a scene was loaded by Sionna RT
+    2.2 and differt-core as it is, and by Mitsuba 3.9 with its own `diffuse` in place of the plugin.
+    """
+    xml = export_mitsuba(building, tmp_path / "scene", thickness_m=0.05)
+    assert xml == tmp_path / "scene" / "scene.xml"
+    root = ET.parse(xml).getroot()
+    types = {bsdf.get("id"): bsdf.find("string").get("value") for bsdf in root.findall("bsdf")}
+    assert types == {f"mat-itu_{name}": name for name in ("plasterboard", "concrete", "ceiling_board")}
+    assert {bsdf.get("type") for bsdf in root.findall("bsdf")} == {"itu-radio-material"}
+    assert {bsdf.find("float[@name='thickness']").get("value") for bsdf in root.findall("bsdf")} == {"0.05"}
+    parts = {}
+    for shape in root.findall("shape"):
+        (file,) = shape.findall("string")
+        assert shape.get("type") == "ply" and file.get("name") == "filename"
+        mesh = trimesh.load(xml.parent / file.get("value"), process=False)
+        parts[types[shape.find("ref").get("id")]] = mesh
+    assert_same_triangles(parts["plasterboard"], building.of_material("drywall"))
+    assert_same_triangles(trimesh.util.concatenate(list(parts.values())), building.mesh)
+
+
+def test_mitsuba_scene_goes_by_the_name_it_is_given(building, tmp_path):
+    """A path that ends in .xml is the scene; its meshes lie beside it."""
+    assert export_mitsuba(building, tmp_path / "office.xml") == tmp_path / "office.xml"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["meshes", "office.xml"]
+
+
+def test_materials_of_one_itu_type_share_its_bsdf(tmp_path):
+    """Drywall and plasterboard: two shapes, one BSDF, as a second of the same id is an error in Mitsuba."""
+    plan = FloorPlan(occupancy=np.zeros((5, 5), np.uint8), resolution_m=1.0)
+    config = BuildingConfig(wall_material="drywall", ceiling_material="plasterboard")
+    root = ET.parse(export_mitsuba(make_building(plan, config=config), tmp_path)).getroot()
+    assert [b.get("id") for b in root.findall("bsdf")].count("mat-itu_plasterboard") == 1
+    assert {s.get("id") for s in root.findall("shape")} == {
+        "mesh-drywall",
+        "mesh-plasterboard",
+        "mesh-concrete",
+    }
+
+
+def test_broken_mitsuba_export_leaves_no_scene(building, tmp_path, monkeypatch):
+    """The XML comes last and an old one goes first: no scene ever has missing or mixed meshes."""
+    export_mitsuba(building, tmp_path)
+
+    def fail(self, file_obj, **_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(trimesh.Trimesh, "export", fail)
+    with pytest.raises(OSError, match="disk full"):
+        export_mitsuba(building, tmp_path)
+    assert not (tmp_path / "scene.xml").exists()
+
+
+@pytest.mark.parametrize("thickness_m", [0.0, -1.0, np.nan])
+def test_walls_without_thickness_are_refused(building, tmp_path, thickness_m):
+    """Slab models need one."""
+    with pytest.raises(ValueError, match="thickness_m is"):
+        export_mitsuba(building, tmp_path, thickness_m=thickness_m)
