@@ -1,0 +1,89 @@
+"""What a robot's move is: where and how fast it is meant to go, and how it went.
+
+A move is a displacement in the robot's frame. Along it x, y and yaw advance together, as one fraction s(t) from 0
+to 1: constant acceleration, constant speed, constant deceleration, the fastest way that keeps speed and
+acceleration of the wheels within bounds.
+Left out: bounds on jerk.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.poses import wrap
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How a move went."""
+
+    pose: Float[np.ndarray, "3"]
+    """Pose x [m], y [m], yaw [rad] in `map` at its end."""
+    collided: bool
+    """Whether a wall kept the robot from where it was sent."""
+    duration_s: float
+    """Simulated time it took [s]."""
+    penetration_m: float = 0.0
+    """How deep the hull was inside of a wall at the worst time [m]."""
+    physics_steps: int = 0
+    """Steps of the physics engine."""
+
+
+@dataclass(frozen=True)
+class SpeedProfile:
+    """A fraction that goes from 0 to 1 in `duration_s`, speeding up and slowing down for `ramp_s` each."""
+
+    duration_s: float
+    ramp_s: float
+
+    @classmethod
+    def fastest(cls, length_m: float, *, speed_mps: float, accel_mps2: float) -> "SpeedProfile":
+        """Profile of the fastest way along a length, at rest at both ends."""
+        ramp_s = min(speed_mps / accel_mps2, math.sqrt(length_m / accel_mps2))
+        if ramp_s == 0:
+            return cls(0.0, 0.0)
+        return cls(length_m / (accel_mps2 * ramp_s) + ramp_s, ramp_s)
+
+    def fraction(self, time_s: float) -> float:
+        """Fraction of the way done at a time [s] after the start."""
+        if time_s >= self.duration_s:
+            return 1.0
+        if time_s > self.duration_s / 2:
+            return 1.0 - self.fraction(self.duration_s - time_s)
+        cruise = 1.0 / (self.duration_s - self.ramp_s)
+        if time_s >= self.ramp_s:
+            return cruise * (time_s - self.ramp_s / 2)
+        return 0.5 * cruise * max(time_s, 0.0) ** 2 / self.ramp_s
+
+
+class PlannedMove:
+    """Where a robot should be at each time of a move."""
+
+    def __init__(
+        self, start: tuple[float, float, float], displacement: Float[np.ndarray, "3"], profile: SpeedProfile
+    ) -> None:
+        """Plan the way straight from a pose to the pose that a displacement leads to.
+
+        Args:
+            start: Pose x [m], y [m], yaw [rad].
+            displacement: Goal in the robot's frame at the start: dx [m], dy [m], dyaw [rad].
+            profile: How fast to go.
+        """
+        dx, dy, self.turn_rad = (float(part) for part in displacement)
+        c, s = math.cos(start[2]), math.sin(start[2])
+        self.start, self.profile = start, profile
+        self.way = (c * dx - s * dy, s * dx + c * dy)
+
+    def at(self, time_s: float) -> tuple[float, float, float]:
+        """Pose x [m], y [m], yaw [rad] (not wrapped) at a time [s] after the start."""
+        s = self.profile.fraction(time_s)
+        x, y, yaw = self.start
+        return x + s * self.way[0], y + s * self.way[1], yaw + s * self.turn_rad
+
+    def left(self, pose: tuple[float, float, float]) -> tuple[float, float]:
+        """Distance [m] and angle [rad] from a pose to the goal."""
+        x, y, yaw = self.start
+        gap = math.hypot(x + self.way[0] - pose[0], y + self.way[1] - pose[1])
+        return gap, abs(wrap(yaw + self.turn_rad - pose[2]))
