@@ -95,6 +95,14 @@ def test_vertices_are_corners_of_walls_only():
     assert len(building.mesh.vertices) == 8 and len(building.mesh.faces) == 12
 
 
+@pytest.mark.parametrize("wall_line", WALL_LINES)
+def test_walls_stand_on_the_free_polygons_to_the_last_bit(wall_line):
+    """Floor vertices are the vertices of `free`, with no rounding between: what collides is what is seen."""
+    building = make_building(noise(7, wall_line), config=BuildingConfig(tolerance_m=0.05))
+    on_floor = {tuple(xy) for xy in building.submesh("floor").vertices[:, :2]}
+    assert on_floor == {tuple(xy) for xy in shapely.get_coordinates(building.free)}
+
+
 def test_building_stands_where_the_plan_is():
     """Turned by yaw and moved: the bounds of a 2 x 1 m2 room at (1, 2) turned by 90 degrees."""
     plan = plan_from(np.ones((1, 2), bool), resolution_m=1.0, origin=(1.0, 2.0, np.pi / 2))

@@ -184,9 +184,10 @@ def test_simpler_walls_stay_within_the_tolerance_and_keep_the_topology(seed, tol
 
 
 def test_staircase_becomes_a_slanted_wall():
-    """A 10 x 6 m2 room at 30 degrees, 0.05 m cells: 1.4 cells of tolerance give back its 4 walls.
+    """A 10 x 6 m2 room at 30 degrees, 0.05 m cells: a tolerance of 1.4 cells gives back its 4 walls.
 
-    Area within half a cell of wall all round; measured 4 corners of 801 and 0.3 % of the area.
+    Corners of the steps lie in a band of cos 30 + sin 30 = 1.37 cells. Area within half a cell of wall all
+    round. Measured 6 corners of 636, 0.8 % too much area; 112 corners with one cell.
     """
     room = shapely.transform(
         shapely.box(-5, -3, 5, 3), lambda xy: xy @ [[0.75**0.5, 0.5], [-0.5, 0.75**0.5]] + 6.0
