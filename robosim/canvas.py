@@ -27,7 +27,7 @@ class Patch(NamedTuple):
 class Canvas:
     """Cells of a plan under construction, solid at first."""
 
-    def __init__(self, bounds: Rect, yaw: float, resolution_m: float, margin_m: float = 0.5) -> None:
+    def __init__(self, bounds: Rect, yaw: float, resolution_m: float, margin_m: float = 0.35) -> None:
         """Make room for a building.
 
         Args:
@@ -60,7 +60,9 @@ class Canvas:
         window = self.window(polygon)
         x, y = self._x[window], self._y[window]
         mask = np.ones(x.shape, bool)
-        for (ax, ay), (bx, by) in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
+        for (ax, ay), (bx, by) in zip(
+            polygon.tolist(), polygon[[*range(1, len(polygon)), 0]].tolist(), strict=True
+        ):
             mask &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0
         return Patch(window, mask)
 

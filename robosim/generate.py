@@ -15,19 +15,18 @@ from typing import Literal
 import cv2
 import numpy as np
 
-
 from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.furnish import furnish
 from robosim.layout import STYLES, Layout, Rect, lay_out
-from robosim.rooms import clearance, largest_piece, reachable
+from robosim.rooms import hull_places, largest_piece
 
 #: Radius of the agent that the published navigable areas were made for [m].
 AGENT_RADIUS_M = 0.1
 #: Rim of wall around the building; beyond it all is unknown [m].
 OUTER_WALL_M = 0.25
-#: Free doors need this much beside hull and agent, for the raster [m].
-RASTER_M = 0.07
+#: What the raster may take from each side of a door [m].
+RASTER_M = 0.06
 
 
 def _check_range(name: str, value: float | None, low: float, high: float) -> None:
@@ -49,7 +48,7 @@ class GeneratorConfig:
     """Share of the usual furniture: 0 for an empty building, 1 for the usual, 2 for a crowded one."""
     rotation_deg: float | None = None
     """Angle from the grid's x axis to the building's [deg]."""
-    door_width_m: tuple[float, float] = (0.75, 1.0)
+    door_width_m: tuple[float, float] = (0.7, 1.0)
     """Clear width of doors, narrowest and widest [m]."""
     hull_radius_m: float = 0.18
     """Radius of the robot that must get everywhere [m]."""
@@ -68,16 +67,18 @@ class GeneratorConfig:
         _check_range("hull_radius_m", self.hull_radius_m, 0.02, 1)
         _check_range("resolution_m", self.resolution_m, 0.01, 0.1)
         narrowest, widest = self.door_width_m
-        if not self.passage_m <= narrowest <= widest <= 2.0:
+        least = self.passage_m + 2 * RASTER_M
+        if not least - 1e-9 <= narrowest <= widest <= 2.0:
             raise ValueError(
-                f"door_width_m = {self.door_width_m}, expected a narrowest and a widest from "
-                f"{self.passage_m:.2f} m (for a hull of {self.hull_radius_m:g} m radius) to 2 m."
+                f"door_width_m = {self.door_width_m}, expected a narrowest and a widest from {least:.2f} m "
+                f"(for a hull of {self.hull_radius_m:g} m radius) to 2 m. Widen the doors, or take "
+                "a smaller hull."
             )
 
     @property
     def passage_m(self) -> float:
         """Width that is kept free for the hull, even where an agent's radius is taken off all walls."""
-        return 2 * (self.hull_radius_m + AGENT_RADIUS_M + RASTER_M)
+        return 2 * (self.hull_radius_m + AGENT_RADIUS_M) + 0.02
 
 
 def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> FloorPlan:
@@ -125,10 +126,11 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
     if config.style == "office":
         area_m2, typical_m2 = 120 + 280 * size, 18.0
     else:
-        area_m2, typical_m2 = 10 + 80 * (-np.log1p(-min(size, 0.99))) ** (1 / 1.8), 9.5
-    area_m2 = config.area_m2 or float(area_m2)
-    rooms = config.rooms or max(1, round(area_m2 / (typical_m2 * np.exp(0.3 * room_size))))
-    furniture = 0.25 * crowd if empty < 0.15 else 0.5 + 0.9 * crowd
+        area_m2, typical_m2 = 76 * (-np.log1p(-np.clip(size, 0.01, 0.98))) ** (1 / 2.3), 12.0
+    area_m2 = config.area_m2 or max(14.0, float(area_m2))
+    typical_m2 *= (area_m2 / 70) ** 0.3
+    rooms = config.rooms or max(1, round(area_m2 / (typical_m2 * np.exp(0.4 * room_size))))
+    furniture = 0.25 * crowd if empty < 0.11 else 0.8 + 1.5 * crowd
     if config.furniture is not None:
         furniture = config.furniture
     yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)
@@ -195,8 +197,9 @@ def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
     occupancy = plan.occupancy.copy()
     while True:
         plan = replace(plan, occupancy=occupancy.copy())
-        main = reachable(plan, hull_radius_m)
-        pockets = plan.free & (clearance(plan) >= hull_radius_m - 1e-6) & ~main
+        places = hull_places(plan, hull_radius_m)
+        main = largest_piece(places)
+        pockets = places & ~main
         lost = plan.free & ~largest_piece(plan.free)
         if pockets.any():
             radius = hull_radius_m / plan.resolution_m

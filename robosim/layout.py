@@ -86,14 +86,14 @@ class Style:
 
 
 HOME = Style(
-    aspect=(1.0, 2.0),
-    corridor_chance=0.6,
-    corridor_m=(1.0, 1.6),
+    aspect=(1.0, 1.8),
+    corridor_chance=0.5,
+    corridor_m=(0.9, 1.5),
     narrowest_m=1.5,
-    uneven=0.5,
-    left_out=0.3,
-    loops=0.12,
-    open_plan=0.6,
+    uneven=0.65,
+    left_out=0.35,
+    loops=0.35,
+    open_plan=0.8,
     recess=0.15,
     slanted=0.1,
 )
@@ -212,13 +212,16 @@ def _cut(rng: np.random.Generator, area_m2: float, n: int, style: Style) -> tupl
     aspect = rng.uniform(*style.aspect)
     width = float(np.sqrt(area_m2 * 1.15 * aspect))
     whole = Rect(0.0, 0.0, width, width / aspect)
-    halls, pieces = [], [whole]
+    halls: list[Rect] = []
+    pieces = [whole]
     if n >= 4 and rng.random() < style.corridor_chance:
         halls, pieces = _corridor(rng, whole, style)
     appetite = [float(a) for a in rng.lognormal(0, style.uneven, len(pieces))]
     while len(pieces) + len(halls) < n:
         hunger = [
-            piece.area / a if max(piece.size) >= 2 * style.narrowest_m else 0.0
+            piece.area * max(piece.size) / min(piece.size) / a
+            if max(piece.size) >= 2 * style.narrowest_m
+            else 0.0
             for piece, a in zip(pieces, appetite, strict=True)
         ]
         i = int(np.argmax(hunger))
@@ -393,7 +396,7 @@ def _opening(
     low, high = shared.low + wall_m / 2 + JAMB_M, shared.high - wall_m / 2 - JAMB_M
     width = rng.uniform(*door_m)
     if wide:
-        width = max(width, rng.uniform(0.4, 1.0) * (high - low))
+        width = max(width, rng.uniform(0.5, 1.0) * (high - low))
     slack = high - low - width
     start = low + slack * rng.random()
     if rng.random() < 0.5:  # close to one end
@@ -428,7 +431,7 @@ def _recesses(
 
 
 def _recess(rng: np.random.Generator, floor: Rect, side: int, length: float) -> Polygon:
-    """A niche, a bay with slanted sides, or a wing at an angle, behind side 0 to 3 (south, east, north, west)."""
+    """A niche, a bay or a wing at an angle, behind side 0 to 3 (south, east, north, west)."""
     width = rng.uniform(0.25, 0.9) * length
     middle = rng.uniform(width / 2, length - width / 2)
     shape = rng.random()
@@ -449,7 +452,7 @@ def _recess(rng: np.random.Generator, floor: Rect, side: int, length: float) -> 
 
 
 def beside(floor: Rect, side: int, u: np.ndarray, v: np.ndarray) -> Polygon:
-    """Points given along a side of a room (u, from its start when going around counter-clockwise) and outwards (v)."""
+    """Points given along a side of a room (u, from its start, counter-clockwise) and outwards (v)."""
     start = floor.polygon()[side]
     along = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)][side])
     outward = np.array([along[1], -along[0]])

@@ -20,7 +20,6 @@ from pathlib import Path
 
 import cv2
 import eikonalfm
-import matplotlib
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
@@ -108,7 +107,7 @@ def perimeter_m(mask: Bool[np.ndarray, "ny nx"], resolution_m: float) -> float:
 
 
 def ks_distance(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " m"]) -> float:
-    """Largest gap between the cumulative distributions of two samples; infinite values are one tie at the end."""
+    """Largest gap between the cumulative distributions of two samples; infinity counts as one value."""
     return float(ks_2samp(a, b).statistic)
 
 
@@ -169,7 +168,8 @@ _TITLES = {
 
 def _draw_distributions(axes: Axes, real: np.ndarray, generated: np.ndarray) -> None:
     real, generated = real[np.isfinite(real)], generated[np.isfinite(generated)]
-    bins = np.linspace(*np.percentile(np.concatenate([real, generated]), [0, 99.5]), 16)
+    low, high = np.percentile(np.concatenate([real, generated]), [0, 99.5])
+    bins = np.linspace(low, high, 16)
     steps = axes.twinx()
     for sample, colour, label in ((real, "#0072B2", "real"), (generated, "#D55E00", "generated")):
         weights = np.full(len(sample), 1 / max(len(sample), 1))

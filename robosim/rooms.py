@@ -10,8 +10,8 @@ when widths are measured.
 Left out: a door and an equally narrow gap between a bed and a wardrobe look the same.
 
 References: Fabrizi and Saffiotti, "Extracting topology-based maps from gridmaps", ICRA 2000 (watershed of the
-clearance); Bormann et al., "Room segmentation: survey, implementation, and analysis", ICRA 2016 (comparison of
-methods; distance transform based segmentation).
+clearance); Bormann et al., "Room segmentation: survey, implementation, and analysis", ICRA 2016 (comparison
+of methods; segmentation by distance transform).
 """
 
 from dataclasses import dataclass, replace
@@ -78,11 +78,11 @@ def clearance(plan: FloorPlan) -> Float[np.ndarray, "ny nx"]:
     return np.where(plan.free, best.astype(float) * (plan.resolution_m / 2), 0.0)
 
 
-def reachable(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"]:
-    """Cells in which the centre of a round hull can be: the largest 4-connected piece of them.
+def hull_places(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"]:
+    """Cells in which the centre of a round hull can be.
 
     Raises:
-        ValueError: If the hull fits nowhere.
+        ValueError: If there are none.
     """
     fits = plan.free & (clearance(plan) >= hull_radius_m - 1e-6)
     if not fits.any():
@@ -90,7 +90,7 @@ def reachable(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"
             f"hull_radius_m = {hull_radius_m:g}, expected a hull that fits somewhere in plan '{plan.name}'. "
             "Take a smaller one, or check the plan's resolution."
         )
-    return largest_piece(fits)
+    return fits
 
 
 def largest_piece(mask: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
@@ -109,7 +109,7 @@ def find_rooms(plan: FloorPlan, hull_radius_m: float) -> Rooms:
     Raises:
         ValueError: If the hull fits nowhere.
     """
-    inside = reachable(plan, hull_radius_m)
+    inside = largest_piece(hull_places(plan, hull_radius_m))
     bare = replace(plan, occupancy=np.where(_without_furniture(plan), FREE, OCCUPIED).astype(np.uint8))
     labels = _flood(clearance(bare), plan.resolution_m)
     _, labels = np.unique(np.where(inside, labels, 0), return_inverse=True)
@@ -121,14 +121,14 @@ def find_rooms(plan: FloorPlan, hull_radius_m: float) -> Rooms:
 
 
 def _interior(plan: FloorPlan) -> np.ndarray:
-    """Lattice of half cells, uint8 (2 ny + 1, 2 nx + 1): 1 strictly between walls; cell centres at odd indices."""
+    """Lattice of half cells, (2 ny + 1, 2 nx + 1) with cell centres at odd indices: 1 strictly inside."""
     ny, nx = plan.shape
     lattice = np.zeros((2 * ny + 1, 2 * nx + 1), np.uint8)
     if plan.wall_line == "cell_centre":
         outlines, _ = cv2.findContours(plan.free.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-        outlines = [2 * outline + 1 for outline in outlines]
-        cv2.fillPoly(lattice, outlines, 1)
-        cv2.polylines(lattice, outlines, True, 0)
+        on_lattice = [2 * outline + 1 for outline in outlines]
+        cv2.fillPoly(lattice, on_lattice, 1)
+        cv2.polylines(lattice, on_lattice, True, 0)
         return lattice
     lattice[1::2, 1::2] = ~plan.free
     lattice = 1 - cv2.dilate(lattice, np.ones((3, 3), np.uint8))
@@ -196,15 +196,13 @@ def _neighbours(labels: np.ndarray) -> set[tuple[int, int]]:
 def _borders(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Each cell edge between two labels: (n, 2) sorted labels, and (n, 2) flat indices of the two cells."""
     index = np.arange(labels.size).reshape(labels.shape)
-    cells = np.vstack(
-        [
-            np.column_stack([index[:, :-1].ravel(), index[:, 1:].ravel()]),
-            np.column_stack([index[:-1].ravel(), index[1:].ravel()]),
-        ]
-    )
-    pairs = labels.ravel()[cells]
-    keep = (pairs[:, 0] != pairs[:, 1]) & (pairs > 0).all(axis=1)
-    return np.sort(pairs[keep], axis=1), cells[keep]
+    cells = []
+    for here, there in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
+        a, b = labels[here], labels[there]
+        border = (a != b) & (a > 0) & (b > 0)
+        cells.append(np.column_stack([index[here][border], index[there][border]]))
+    edges = np.concatenate(cells)
+    return np.sort(labels.ravel()[edges], axis=1), edges
 
 
 def _merge(labels: np.ndarray, apart: set[tuple[int, int]], gone: int, kept: int) -> set[tuple[int, int]]:
@@ -241,7 +239,7 @@ def _passages(labels: np.ndarray, clearance_m: np.ndarray) -> tuple[np.ndarray, 
     found: list[tuple[int, int]] = []
     widths: list[float] = []
     for a, b in sorted({(int(a), int(b)) for a, b in pairs}):
-        here = (pairs == (a, b)).all(axis=1)
+        here = (pairs[:, 0] == a) & (pairs[:, 1] == b)
         border = np.zeros(labels.shape, np.uint8)
         border.ravel()[cells[here]] = 1
         n, pieces = cv2.connectedComponents(border, connectivity=8)

@@ -1,0 +1,194 @@
+"""Pieces of furniture, and which of them stand in what kind of room.
+
+A piece is a handful of convex polygons in plan, drawn anew each time: sizes vary within what shops sell,
+chairs are not pushed back neatly. How many there are of each depends on the room's kind and size; the
+numbers were set so that furnished plans resemble scanned homes (`planstats`), not taken from a survey.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.layout import Polygon, Rect
+
+Piece = list[Polygon]
+"""Polygons [m] in the piece's frame: x along the wall, middle at 0; y into the room, wall at 0."""
+
+Maker = Callable[[np.random.Generator], Piece]
+
+
+class Entry(NamedTuple):
+    """How a piece occurs in a room."""
+
+    make: Maker
+    place: str
+    """"wall", "corner" or "free"."""
+    each: float = 0.0
+    """Chance that a room has one."""
+    per_10_m2: float = 0.0
+    """How many more there are for each 10 m2 of floor, on average."""
+
+
+def entries(kind: str) -> list[Entry]:
+    """What stands in a room of a kind, in the order in which it is put there: large things first."""
+    return _STRUCTURE + _BY_KIND[kind] + _SMALL
+
+
+def turn(angle: float) -> Float[np.ndarray, "2 2"]:
+    """Rotation of the plane."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def box(width_m: float, depth_m: float, x_m: float = 0.0, y_m: float = 0.0) -> Polygon:
+    """A rectangle with its middle at x and its near side at y."""
+    return Rect(x_m - width_m / 2, y_m, x_m + width_m / 2, y_m + depth_m).polygon()
+
+
+def disk(diameter_m: float, x_m: float = 0.0, y_m: float = 0.0) -> Polygon:
+    """Sixteen corners of a disk with its middle at x and its near side at y."""
+    angle = np.arange(16) * np.pi / 8
+    return np.column_stack([np.cos(angle), 1 + np.sin(angle)]) * (diameter_m / 2) + (x_m, y_m)
+
+
+def _sized(width_m: tuple[float, float], depth_m: tuple[float, float]) -> Maker:
+    """Maker of boxes: wardrobes, shelves, counters and all else that is one."""
+    return lambda rng: [box(rng.uniform(*width_m), rng.uniform(*depth_m), y_m=-0.02)]
+
+
+def _bed(rng: np.random.Generator) -> Piece:
+    width = rng.uniform(0.9, 2.0)
+    stands = [
+        box(0.45, 0.4, x_m=side * (width / 2 + 0.25), y_m=-0.02) for side in (-1, 1) if rng.random() < 0.5
+    ]
+    return [box(width, rng.uniform(1.95, 2.2), y_m=-0.02), *stands]
+
+
+def _sofa(rng: np.random.Generator) -> Piece:
+    width = rng.uniform(1.5, 2.6)
+    wing = [box(0.9, rng.uniform(1.4, 2.0), x_m=(width - 0.9) / 2, y_m=-0.02)] if rng.random() < 0.3 else []
+    return [box(width, 0.95, y_m=-0.02), *wing]
+
+
+def _table(rng: np.random.Generator) -> Piece:
+    """A table with chairs that were not pushed back neatly."""
+    if rng.random() < 0.3:
+        diameter = rng.uniform(0.8, 1.4)
+        angles = np.arange(4) * np.pi / 2 + rng.uniform(0, np.pi / 2)
+        seats = np.column_stack([np.cos(angles), np.sin(angles)]) * (diameter / 2 + 0.1) + (0, diameter / 2)
+        return [disk(diameter), *(_chair(rng, seat) for seat in seats)]
+    width, depth = rng.uniform(1.0, 2.2), rng.uniform(0.75, 1.0)
+    n = int(width / 0.65)
+    x = (np.arange(n) - (n - 1) / 2) * width / n
+    seats = np.vstack([np.column_stack([x, np.full(n, -0.1)]), np.column_stack([x, np.full(n, depth + 0.1)])])
+    return [box(width, depth), *(_chair(rng, seat) for seat in seats if rng.random() < 0.85)]
+
+
+def _chair(rng: np.random.Generator, seat: np.ndarray) -> Polygon:
+    return (box(0.45, 0.5) - (0, 0.25)) @ turn(rng.uniform(-0.5, 0.5)).T + seat + rng.uniform(-0.12, 0.12, 2)
+
+
+def _desk(rng: np.random.Generator) -> Piece:
+    width, depth = rng.uniform(1.0, 1.7), rng.uniform(0.6, 0.8)
+    return [box(width, depth, y_m=-0.02), _chair(rng, np.array([rng.uniform(-0.2, 0.2), depth + 0.15]))]
+
+
+def _desks(rng: np.random.Generator) -> Piece:
+    """Two rows of desks, face to face, with their chairs."""
+    n, depth = int(rng.integers(1, 4)), 1.5
+    seats = [np.array([(k - (n - 1) / 2) * 1.5, y]) for k in range(n) for y in (-0.25, depth + 0.25)]
+    return [box(1.5 * n, depth), *(_chair(rng, seat) for seat in seats if rng.random() < 0.8)]
+
+
+def _counter(rng: np.random.Generator) -> Piece:
+    """A kitchen counter, at times around a corner."""
+    width = rng.uniform(1.5, 3.5)
+    arm = [box(0.6, rng.uniform(1.2, 2.2), x_m=(width - 0.6) / 2, y_m=-0.02)] if rng.random() < 0.5 else []
+    return [box(width, rng.uniform(0.58, 0.68), y_m=-0.02), *arm]
+
+
+def _plant(rng: np.random.Generator) -> Piece:
+    return [disk(rng.uniform(0.25, 0.6), y_m=rng.uniform(0, 0.1))]
+
+
+def _column(rng: np.random.Generator) -> Piece:
+    width = rng.uniform(0.2, 0.5)
+    return [disk(width)] if rng.random() < 0.5 else [box(width, width * rng.uniform(0.7, 1.4))]
+
+
+def _clutter(rng: np.random.Generator) -> Piece:
+    """Something small and irregular."""
+    angle = np.sort(rng.uniform(0, 2 * np.pi, 6))
+    radius = rng.uniform(0.5, 1.0, 2) * rng.uniform(0.1, 0.45)
+    return [np.column_stack([np.cos(angle), np.sin(angle)]) * radius + (0, radius[1] * rng.uniform(0, 0.9))]
+
+
+_ARMCHAIR = _sized((0.7, 0.95), (0.75, 0.95))
+_WARDROBE = _sized((0.9, 2.6), (0.5, 0.7))
+_SHELF = _sized((0.6, 2.0), (0.25, 0.45))
+_SIDEBOARD = _sized((0.9, 1.9), (0.4, 0.55))
+_LOW_TABLE = _sized((0.6, 1.2), (0.5, 0.8))
+_ISLAND = _sized((1.0, 2.2), (0.7, 1.1))
+_STUB = _sized((0.1, 0.2), (0.4, 1.3))
+_TUB = _sized((1.5, 1.8), (0.7, 0.85))
+_BASIN = _sized((0.5, 1.4), (0.45, 0.6))
+_TOILET = _sized((0.4, 0.5), (0.65, 0.75))
+_MACHINE = _sized((0.6, 0.7), (0.6, 0.7))
+_MEETING_TABLE = _sized((1.8, 3.6), (1.0, 1.4))
+
+_STRUCTURE = [
+    Entry(_STUB, "wall", per_10_m2=0.55),
+    Entry(_column, "free", per_10_m2=0.08),
+    Entry(_column, "corner", each=0.25),
+]
+_SMALL = [Entry(_plant, "corner", per_10_m2=0.4), Entry(_clutter, "wall", per_10_m2=3.4)]
+_BY_KIND = {
+    "bedroom": [
+        Entry(_bed, "wall", each=1),
+        Entry(_WARDROBE, "corner", each=1),
+        Entry(_SIDEBOARD, "wall", each=1),
+        Entry(_desk, "wall", each=0.5),
+        Entry(_WARDROBE, "wall", per_10_m2=0.4),
+    ],
+    "living": [
+        Entry(_sofa, "wall", each=1),
+        Entry(_LOW_TABLE, "free", each=0.7),
+        Entry(_SIDEBOARD, "wall", each=1),
+        Entry(_sofa, "free", per_10_m2=0.17),
+        Entry(_ARMCHAIR, "wall", per_10_m2=0.7),
+        Entry(_SHELF, "wall", per_10_m2=1.2),
+        Entry(_table, "free", per_10_m2=0.2),
+    ],
+    "dining": [
+        Entry(_table, "free", each=1),
+        Entry(_SIDEBOARD, "wall", each=1),
+        Entry(_SHELF, "wall", each=0.5),
+    ],
+    "kitchen": [
+        Entry(_counter, "corner", each=1),
+        Entry(_counter, "wall", each=0.6),
+        Entry(_ISLAND, "free", per_10_m2=0.3),
+        Entry(_table, "free", per_10_m2=0.3),
+        Entry(_MACHINE, "corner", each=1),
+    ],
+    "bath": [
+        Entry(_TUB, "corner", each=1),
+        Entry(_BASIN, "wall", each=1),
+        Entry(_TOILET, "wall", each=1),
+        Entry(_MACHINE, "corner", each=0.4),
+    ],
+    "hall": [Entry(_SHELF, "wall", per_10_m2=1.3)],
+    "storage": [Entry(_SHELF, "wall", each=1, per_10_m2=2), Entry(_MACHINE, "corner", each=0.5)],
+    "office": [
+        Entry(_desk, "wall", each=1, per_10_m2=0.8),
+        Entry(_SHELF, "wall", each=1),
+        Entry(_ARMCHAIR, "corner", each=0.4),
+    ],
+    "meeting": [Entry(_MEETING_TABLE, "free", each=1), Entry(_SIDEBOARD, "wall", each=1)],
+    "open office": [
+        Entry(_desks, "free", per_10_m2=0.9),
+        Entry(_SHELF, "wall", per_10_m2=1),
+        Entry(_column, "free", per_10_m2=0.33),
+    ],
+}
