@@ -89,7 +89,9 @@ def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_
     if not np.isfinite(pose).all():
         raise ValueError(f"pose = {pose}, expected finite x [m], y [m], yaw [rad].")
     centre = shapely.Point(pose[0], pose[1])
-    gap_m = shapely.distance(centre, shapely.boundary(free)) if shapely.intersects_xy(free, *pose[:2]) else 0.0
+    gap_m = (
+        shapely.distance(centre, shapely.boundary(free)) if shapely.intersects_xy(free, *pose[:2]) else 0.0
+    )
     if gap_m < radius_m - FIT_M:
         where = f"{gap_m:.3f} m from the nearest wall" if gap_m else "not in free space"
         raise ValueError(

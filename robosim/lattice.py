@@ -86,9 +86,7 @@ def _half(corner: tuple[int, int]) -> Bool[np.ndarray, "4"]:
     return np.array([x == 1, y == 1, x == 0, y == 0])
 
 
-def _cover(
-    solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]
-) -> Float[np.ndarray, "_ 5"]:
+def _cover(solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "_ 5"]:
     """Rectangles inside of the solid that cover all wanted squares, found greedily row by row."""
     todo, found = wanted.copy(), []
     for iy, ix in np.argwhere(wanted):
@@ -135,7 +133,10 @@ def _slopes(
     x, y = corner
     iy, ix = np.nonzero(half)
     # A rectangle also fills the quarters on the far side of the two legs of the half square.
-    fits = solid[iy, ix + (1 if x else -1), WEST if x else EAST] & solid[iy + (1 if y else -1), ix, SOUTH if y else NORTH]
+    fits = (
+        solid[iy, ix + (1 if x else -1), WEST if x else EAST]
+        & solid[iy + (1 if y else -1), ix, SOUTH if y else NORTH]
+    )
     ends = np.array([(x, 1 - y), (1 - x, y)])
     alone = np.column_stack([ix, iy])[~fits]
     triangle = np.array([corner, *ends]) if x != y else np.array([corner, *ends[::-1]])

@@ -14,6 +14,9 @@ from jaxtyping import Float
 
 from slam.poses import wrap
 
+#: A wall kept a robot from its goal if it ends further away than this [m], [rad].
+BLOCKED_M, BLOCKED_RAD = 5e-3, math.radians(1.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -87,3 +90,17 @@ class PlannedMove:
         x, y, yaw = self.start
         gap = math.hypot(x + self.way[0] - pose[0], y + self.way[1] - pose[1])
         return gap, abs(wrap(yaw + self.turn_rad - pose[2]))
+
+
+def check_displacement(displacement: Float[np.ndarray, "3"]) -> None:
+    """Complain of a displacement that is not three finite numbers."""
+    if np.shape(displacement) != (3,) or not np.isfinite(displacement).all():
+        raise ValueError(f"displacement = {displacement}, expected finite dx [m], dy [m], dyaw [rad].")
+
+
+def check_drive(v_mps: float, w_radps: float, duration_s: float) -> None:
+    """Complain of a drive that is not finite, or takes negative time."""
+    if not (math.isfinite(v_mps) and math.isfinite(w_radps)):
+        raise ValueError(f"v_mps, w_radps = {v_mps}, {w_radps}, expected finite speeds.")
+    if not (math.isfinite(duration_s) and duration_s >= 0):
+        raise ValueError(f"duration_s = {duration_s}, expected a finite time >= 0.")

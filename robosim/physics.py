@@ -33,7 +33,7 @@ class PhysicsConfig:
     """Time between two commands to the wheels [s]."""
     floor_friction: float = 1.0
     """Grip of the wheels on the floor."""
-    wall_friction: float = 0.1
+    wall_friction: float = 0.05
     """Friction of the hull on walls."""
 
     def __post_init__(self) -> None:

@@ -16,11 +16,16 @@ import math
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
+from jaxtyping import Float
 
+from robosim.motion import SpeedProfile
 from robosim.physics import FLOOR, WALL, PhysicsConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
+#: Push of the wheels at which the motors stall, as a part of the robot's weight.
+STALL_GRIP = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +40,7 @@ class RobotConfig:
     """Radius of the driven wheels [m]."""
     track_m: float = 0.16
     """Distance between the wheels [m]."""
-    rotor_inertia_kgm2: float = 0.002
+    rotor_inertia_kgm2: float = 0.0005
     """Inertia of a motor's rotor as felt at the wheel [kg m^2]."""
     mast_m: float = 1.25
     """Height of the camera [m], as drawn; pictures follow the camera's own settings."""
@@ -60,18 +65,34 @@ class RobotConfig:
         rolling = self.mass_kg / 2 * self.wheel_radius_m**2
         return (self.rotor_inertia_kgm2 + rolling) / SERVO_LAG_S
 
+    @property
+    def stall_torque_nm(self) -> float:
+        """Torque at which a wheel's motor stalls [N m]: before the wheel slips, as it would hop on the floor."""
+        return STALL_GRIP * self.mass_kg * 9.81 * self.wheel_radius_m / 2
+
+    @property
+    def stall_slip_mps(self) -> float:
+        """How much faster [m/s] than it moves a wheel must be told to go for its motor to stall."""
+        return self.stall_torque_nm / self.servo_gain * self.wheel_radius_m
+
     def within_reach(self, v_mps: float, w_radps: float) -> tuple[float, float]:
         """The fastest speed and turn rate along the same arc that neither wheel is too slow for."""
         rim = abs(v_mps) + abs(w_radps) * self.track_m / 2
         part = min(1.0, self.max_speed_mps / rim) if rim > 0 else 1.0
         return part * v_mps, part * w_radps
 
+    def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
+        """Fastest way along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
+        dx, dy, turn = displacement
+        length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
+        return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
+
 
 #: The robots that have a name: the radius of the published agent, and of a LoCoBot.
 ROBOTS = {
     "turtlebot": RobotConfig(),
     "locobot": RobotConfig(
-        radius_m=0.18, mass_kg=6.5, wheel_radius_m=0.035, track_m=0.23, rotor_inertia_kgm2=0.008
+        radius_m=0.18, mass_kg=6.5, wheel_radius_m=0.035, track_m=0.23, rotor_inertia_kgm2=0.002
     ),
 }
 
@@ -124,7 +145,11 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
         name="touch", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="hull"
     )
     data = mujoco.mjtConDataField
-    touch.intprm[:3] = (1 << int(data.mjCONDATA_FOUND) | 1 << int(data.mjCONDATA_DIST), 1, 1)  # least distance
+    touch.intprm[:3] = (
+        1 << int(data.mjCONDATA_FOUND) | 1 << int(data.mjCONDATA_DIST),
+        1,
+        1,
+    )  # least distance
 
 
 def _add_wheel(
@@ -168,6 +193,7 @@ def _add_wheel(
     )
     servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     servo.set_to_velocity(kv=robot.servo_gain)
+    servo.forcelimited, servo.forcerange = True, (-robot.stall_torque_nm, robot.stall_torque_nm)
 
 
 def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
@@ -182,7 +208,4 @@ def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
     )
     for name, kind, pos, size, rgba in looks:
         size = (size[0], size[2], 0) if name == "mast" else size
-        body.add_geom(
-            name=name, type=kind, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0
-        )
-
+        body.add_geom(name=name, type=kind, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)

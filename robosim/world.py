@@ -18,7 +18,14 @@ from jaxtyping import Float
 
 from robosim.building import Building
 from robosim.collision import check_pose, wall_solids
-from robosim.motion import Motion, PlannedMove, SpeedProfile
+from robosim.motion import (
+    BLOCKED_M,
+    BLOCKED_RAD,
+    Motion,
+    PlannedMove,
+    check_displacement,
+    check_drive,
+)
 from robosim.physics import PhysicsConfig, add_floor, add_walls, new_spec
 from robosim.robot import SERVO_LAG_S, RobotConfig, add_robot
 from slam.poses import wrap
@@ -27,8 +34,6 @@ __all__ = ["Motion", "PhysicsConfig", "World"]
 
 #: A move has arrived when it is this close [m], [rad].
 ARRIVED_M, ARRIVED_RAD = 1e-4, 1e-4
-#: A wall kept the robot from its goal if it ends further away than this [m], [rad].
-BLOCKED_M, BLOCKED_RAD = 5e-3, math.radians(1.0)
 #: A robot at a wall gives up if it comes no closer to its goal by GAIN_M [m] within STALL_S [s].
 GAIN_M, STALL_S = 5e-4, 0.1
 #: Time to settle after the end of the plan [s], and to come to rest [s].
@@ -77,7 +82,8 @@ class World:
         self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
         self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
         self._told = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] that the wheels were last told
-        self._steps, self._deepest_m, self._touched = 0, 0.0, False
+        self._steps, self._deepest_m = 0, 0.0
+        self._touched = self._at_wall = False  # during this motion, in its last control period
         self._height_m = 0.0
         self._place(*(half_m - 1.0), 0.0)  # outside of all walls
         mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
@@ -106,20 +112,14 @@ class World:
                 wheels do what wheels can, the rest is slip.
 
         Returns:
-            How it went; collided if contact with a wall left the robot off its goal by `BLOCKED_M` or
-            `BLOCKED_RAD`.
+            How it went; collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
+        check_displacement(displacement)
         self._begin()
         self._halt()
         # The floor looks the same everywhere; back to the middle, so that it never runs out.
         self._floor[:] = 0.0
-        dx, dy, turn = displacement
-        profile = SpeedProfile.fastest(
-            math.hypot(dx, dy) + abs(turn) * self.robot.track_m / 2,
-            speed_mps=self.robot.max_speed_mps,
-            accel_mps2=self.robot.max_accel_mps2,
-        )
-        plan = PlannedMove(self._pose(), displacement, profile)
+        plan = PlannedMove(self._pose(), displacement, self.robot.profile(displacement))
         self._follow(plan)
         self._halt()
         off_m, off_rad = plan.left(self._pose())
@@ -136,6 +136,7 @@ class World:
         Returns:
             How it went; collided if the hull touched a wall.
         """
+        check_drive(v_mps, w_radps, duration_s)
         self._begin()
         steps = round(duration_s / self.config.timestep_s)
         wanted = self.robot.within_reach(v_mps, w_radps)
@@ -158,46 +159,57 @@ class World:
 
     def _follow(self, plan: PlannedMove) -> None:
         """Drive along a plan until it is done or a wall makes it useless."""
-        step_s, begin = self.config.timestep_s, self._steps
+        end_s, begin = plan.profile.duration_s, self._steps
         best_m, best_s = math.inf, 0.0
         while True:
-            time_s, pose = (self._steps - begin) * step_s, self._pose()
+            time_s, pose = (self._steps - begin) * self.config.timestep_s, self._pose()
             off_m, off_rad = plan.left(pose)
-            touching = self._touch[0] > 0
-            if time_s >= plan.profile.duration_s:
-                arrived = off_m < ARRIVED_M and off_rad < ARRIVED_RAD
-                if arrived or touching or time_s >= plan.profile.duration_s + SETTLE_S:
-                    return
+            late, turned = time_s >= end_s, off_rad < ARRIVED_RAD
+            if late and (turned and (self._touched or off_m < ARRIVED_M) or time_s >= end_s + SETTLE_S):
+                return
             left_m = off_m + self.robot.radius_m * off_rad
             if left_m < best_m - GAIN_M:
                 best_m, best_s = left_m, time_s
-            elif touching and time_s - best_s > STALL_S:
+            elif self._at_wall and time_s - best_s > STALL_S:
                 return
-            self._steer(plan, time_s, pose)
+            self._steer(plan, time_s, pose, push=not (late and self._touched))
             self._advance(self.config.control_steps)
 
-    def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose) -> None:
-        """Tell wheels and floor the speeds for the next control period."""
+    def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, push: bool) -> None:
+        """Tell wheels and floor the speeds for the next control period; without push, only to turn."""
         period_s = self.config.control_steps * self.config.timestep_s
         lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
         now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
         vx, vy, w = ((b - a) / period_s for a, b in zip(ahead, then, strict=True))
-        ex, ey = FEEDBACK_PER_S * (now[0] - pose[0]), FEEDBACK_PER_S * (now[1] - pose[1])
+        gain = FEEDBACK_PER_S if push else 0.0
+        ex, ey = gain * (now[0] - pose[0]), gain * (now[1] - pose[1])
         c, s = math.cos(pose[2]), math.sin(pose[2])
-        v, w = self.robot.within_reach(
-            c * (vx + ex) + s * (vy + ey), w + FEEDBACK_PER_S * wrap(now[2] - pose[2])
-        )
-        drift = max(-SIDEWAYS_MPS, min(SIDEWAYS_MPS, c * ey - s * ex))
+        v, w = c * (vx + ex) + s * (vy + ey), w + FEEDBACK_PER_S * wrap(now[2] - pose[2])
+        drift = 0.0 if self._at_wall else max(-SIDEWAYS_MPS, min(SIDEWAYS_MPS, c * ey - s * ex))
         self._tell(v, w, c * vy - s * vx + drift)
 
     def _tell(self, v_mps: float, w_radps: float, sideways_mps: float = 0.0) -> None:
-        """Set the speeds of the wheels, and slide the floor to the left of the robot."""
+        """Set the speeds of the wheels, and slide the floor to the left of the robot.
+
+        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres give
+        way sideways: their grip would hold it, where real robots scrape along.
+        """
+        robot, yaw = self.robot, self._pose()[2]
+        c, s = math.cos(yaw), math.sin(yaw)
+        vx, vy, _, _, _, w_now = self._rates.tolist()
+        v_now, half_track = c * vx + s * vy, robot.track_m / 2
+        if self._at_wall:
+            sideways_mps += c * vy - s * vx
+        top = robot.max_speed_mps
+        rim = max(-top, min(top, w_radps * half_track))
+        spare = max(robot.stall_slip_mps - abs(rim - w_now * half_track), robot.stall_slip_mps / 2)
+        v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
         self._told = v_mps, w_radps
-        rim = w_radps * self.robot.track_m / 2
-        self.data.ctrl[0] = (v_mps - rim) / self.robot.wheel_radius_m
-        self.data.ctrl[1] = (v_mps + rim) / self.robot.wheel_radius_m
-        yaw = self._pose()[2]
-        self._slide[0], self._slide[1] = -sideways_mps * math.sin(yaw), sideways_mps * math.cos(yaw)
+        self.data.ctrl[0], self.data.ctrl[1] = (
+            (v - rim) / robot.wheel_radius_m,
+            (v + rim) / robot.wheel_radius_m,
+        )
+        self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
     def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
         """Speeds on the way to wanted ones, as far as a wheel's acceleration allows in one control period."""
@@ -228,11 +240,13 @@ class World:
     def _advance(self, steps: int) -> None:
         """Let physics go on, and watch the hull's contacts at each step."""
         model, data, touch = self.model, self.data, self._touch
+        self._at_wall = False
         for _ in range(steps):
             mujoco.mj_step(model, data)
             if touch[0] > 0:
-                self._touched = True
+                self._at_wall = True
                 self._deepest_m = min(self._deepest_m, float(touch[1]))
+        self._touched |= self._at_wall
         self._steps += steps
 
     def _motion(self, collided: bool) -> Motion:

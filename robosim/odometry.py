@@ -1,0 +1,110 @@
+"""Noise of a LoCoBot: what it does when told, and what its odometry says it did.
+
+Active Neural SLAM fitted one distribution per action to a real robot's motions. An *actuation* sample is the motion
+itself and takes the place of the nominal one; a *sensor* sample is the odometry's error and is added to the true
+motion. Both are x forward [m], y left [m], yaw counter-clockwise [rad] in the robot's frame before the move.
+`NOISE` gives them as published, with actuation turned into that frame (it was stored right- and
+clockwise-positive, and the simulator's hook negated y and theta).
+
+The published numbers have two probable defects, kept in ``variant="published"`` because results were made with
+them, undone in ``"corrected"``:
+- Heading noise of a step forward is sixty times smaller than that of turns: it looks like radians taken for degrees.
+- Sensor y and theta were not negated as those of actuation were: so the sideways slip of turns, 2 cm, is seen by
+  odometry twice, where with the other sign it would not be seen at all.
+
+Left out: covariances and second mixture components, which were not printed with the means and deviations used
+here, so components are independent Gaussians; noise of continuous driving, which was not measured.
+Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and published models.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import FORWARD_M, TURN_RAD, Action
+
+NoiseVariant = Literal["published", "corrected"]
+
+#: What each action is meant to do: dx [m], dy [m], dyaw [rad].
+NOMINAL = {
+    Action.FORWARD: np.array([FORWARD_M, 0.0, 0.0]),
+    Action.LEFT: np.array([0.0, 0.0, TURN_RAD]),
+    Action.RIGHT: np.array([0.0, 0.0, -TURN_RAD]),
+}
+
+# Means and standard deviations as published: x [cm], y [cm], theta [degrees].
+_ACTUATION = {
+    Action.FORWARD: ((24.56, -0.20, -0.009), (0.36, 0.26, 0.007)),
+    Action.LEFT: ((-0.15, 1.96, 11.26), (0.20, 0.16, 0.42)),
+    Action.RIGHT: ((-0.08, -1.95, -11.09), (0.23, 0.15, 0.48)),
+}
+_SENSOR = {
+    Action.FORWARD: ((0.14, -0.09, 0.000), (0.27, 0.23, 0.002)),
+    Action.LEFT: ((0.20, 1.96, 0.198), (0.14, 0.16, 0.084)),
+    Action.RIGHT: ((0.20, -1.94, 0.008), (0.15, 0.15, 0.083)),
+}
+_TO_SI = np.array([0.01, 0.01, math.radians(1.0)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class NoiseModel:
+    """How a robot's motion and odometry differ from what is asked and done."""
+
+    level: float = 1.0
+    """Scale of all deviations: 0 none, 1 as published."""
+    variant: NoiseVariant = "published"
+    """Numbers as published, or with their two probable defects undone."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.level) and self.level >= 0):
+            raise ValueError(f"level = {self.level}, expected a number >= 0: 0 for no noise, 1 as published.")
+        if self.variant not in ("published", "corrected"):
+            raise ValueError(f"variant = {self.variant!r}, expected 'published' or 'corrected'.")
+
+    def actuation(self, action: Action, rng: np.random.Generator) -> Float[np.ndarray, "3"]:
+        """Motion dx [m], dy [m], dyaw [rad] that the robot makes of an action, if nothing is in the way."""
+        mean, deviation = self._moments(_ACTUATION, action)
+        nominal = NOMINAL[action]
+        return nominal + self.level * (rng.normal(mean, deviation) - nominal)
+
+    def sense(
+        self, action: Action, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "3"]:
+        """What odometry says of a motion dx [m], dy [m], dyaw [rad] that an action led to."""
+        mean, deviation = self._moments(_SENSOR, action)
+        return true_displacement + self.level * rng.normal(mean, deviation)
+
+    def sensor_bias(self, action: Action) -> Float[np.ndarray, "3"]:
+        """Mean error of `sense` [m, m, rad]: what a calibration finds, and a mapper may subtract."""
+        return self.level * self._moments(_SENSOR, action)[0]
+
+    def sense_motion(
+        self, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
+    ) -> Float[np.ndarray, "3"]:
+        """What odometry says of any motion dx [m], dy [m], dyaw [rad].
+
+        Taken as parts of a step forward and of a turn: means grow with the parts, deviations with their roots, as
+        of independent pieces. Not measured; whole actions have `sense`.
+        """
+        ahead, turn = true_displacement[0] / FORWARD_M, true_displacement[2] / TURN_RAD
+        parts = {Action.FORWARD: ahead, Action.LEFT if turn > 0 else Action.RIGHT: abs(turn)}
+        measured = np.array(true_displacement, float)
+        for action, part in parts.items():
+            mean, deviation = self._moments(_SENSOR, action)
+            measured += self.level * rng.normal(part * mean, math.sqrt(abs(part)) * deviation)
+        return measured
+
+    def _moments(
+        self, table: dict[Action, tuple[tuple[float, ...], tuple[float, ...]]], action: Action
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Mean and standard deviation [m, m, rad] of an action in one of the tables."""
+        mean, deviation = (np.array(row) * _TO_SI for row in table[action])
+        if self.variant == "corrected":
+            if action == Action.FORWARD:
+                mean[2], deviation[2] = math.degrees(mean[2]), math.degrees(deviation[2])
+            if table is _SENSOR:
+                mean[1:] *= -1
+        return mean, deviation
