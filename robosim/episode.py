@@ -13,7 +13,7 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
 from robosim.goals import GoalName, GoalPolicy, make_policy
-from robosim.navigation import make_navigation
+from robosim.navigation import make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
@@ -80,13 +80,14 @@ def run_episode(
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
     simulator = Simulator(building, config.simulator, watch)
-    mapper, planner, controller, explorer = make_navigation(config.simulator)
+    mapper, planner, controller, explorer = make_navigator(config.simulator)
     policy = make_policy(config.goal, task, explorer)
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
 
     view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
-    estimate = mapper.reset(task.start)
+    mapper.reset(task.start)
+    estimate = mapper.estimate()
     action = None
     try:
         while True:
@@ -105,7 +106,7 @@ def run_episode(
                 break
             with watch.stage("planner"):
                 plan = planner.plan(estimate, goal)
-                action = controller.act(estimate, plan)
+                action = controller.act(estimate.pose, plan)
             on_decision(Decision(log, view, estimate, goal, plan))
             view, motion = simulator.step(action)
             log.motions.append(motion)

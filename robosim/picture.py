@@ -25,7 +25,8 @@ TRUE_GREEN = (0, 158, 115)
 ESTIMATE_ORANGE = (230, 159, 0)
 PATH_PURPLE = (204, 121, 167)
 TARGET_RED = (213, 94, 0)
-_PALETTE = np.array([UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED], np.uint8)
+_PALETTE = np.zeros((256, 1, 3), np.uint8)
+_PALETTE[:4, 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
 
 #: Bits of a pixel's fraction in OpenCV's fixed-point coordinates: lines then fall between pixels smoothly.
 _SHIFT = 4
@@ -111,8 +112,7 @@ class Picture:
         """The built map as colours, resampled to the picture's pixels."""
         if estimate is None:
             return np.full((HEIGHT, self._map_width, 3), 255, np.uint8)
-        kind = np.zeros(estimate.explored.shape, np.uint8)
-        kind[estimate.explored > 0.5] = 1
+        kind = estimate.explored.astype(np.uint8)
         kind[estimate.obstacle] = 2
         kind[estimate.blocked] = 3
         frame = estimate.frame
@@ -127,7 +127,8 @@ class Picture:
         )
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         size = (self._map_width, HEIGHT)
-        return _PALETTE[cv2.warpAffine(kind, affine, size, flags=flags, borderValue=0)]
+        kind = cv2.warpAffine(kind, affine, size, flags=flags, borderValue=0)
+        return cv2.LUT(cv2.cvtColor(kind, cv2.COLOR_GRAY2RGB), _PALETTE)
 
     def _pixels(self, points: np.ndarray) -> np.ndarray:
         """Continuous canvas pixels (column, row) of points of `map`."""

@@ -35,7 +35,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     """Draw plan, built map, both trajectories and the target of an episode."""
     figure, axes = _plan_axes(building)
     shade = np.full(estimate.obstacle.shape, 0.85)
-    shade[estimate.explored > 0.5] = 1.0
+    shade[estimate.explored] = 1.0
     shade[estimate.obstacle] = 0.15
     x, y = estimate.frame.origin_xy
     height, width = np.array(shade.shape) * estimate.frame.resolution_m

@@ -92,7 +92,7 @@ def record_episode(
 def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
     """The map that a robot has built, as a floor plan."""
     occupancy = np.full(estimate.obstacle.shape, UNKNOWN, np.uint8)
-    occupancy[estimate.explored > 0.5] = FREE
+    occupancy[estimate.explored] = FREE
     occupancy[estimate.obstacle | estimate.blocked] = OCCUPIED
     x, y = estimate.frame.origin_xy
     return FloorPlan(

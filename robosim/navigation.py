@@ -1,0 +1,43 @@
+"""The classical navigator: mapper, planner, controller and explorer, told about the robot that they serve.
+
+They are told what a builder would know of a robot: the optics and height of its camera, the radius of its
+hull, and the mean error of its odometry for each action, which a calibration run gives.
+"""
+
+from typing import NamedTuple
+
+from robosim.simulator import SimulatorConfig
+from slam.actions import Action
+from slam.control import ControlConfig, Controller
+from slam.cost_map import CostConfig
+from slam.exploration import ExplorerConfig, FrontierExplorer
+from slam.mapping import ClassicalMapper, MapperConfig
+from slam.odometry import OdometryConfig
+from slam.planning import Planner, PlannerConfig
+from slam.projection import CameraModel
+
+
+class Navigator(NamedTuple):
+    """The parts of a navigator."""
+
+    mapper: ClassicalMapper
+    planner: Planner
+    controller: Controller
+    explorer: FrontierExplorer
+
+
+def make_navigator(config: SimulatorConfig) -> Navigator:
+    """The navigator of the robot that is simulated."""
+    radius_m = config.robot.radius_m
+    bias = {action: tuple(map(float, config.noise.sensor_bias(action))) for action in Action}
+    odometry = OdometryConfig(
+        forward_bias=bias[Action.FORWARD], left_bias=bias[Action.LEFT], right_bias=bias[Action.RIGHT]
+    )
+    cost = CostConfig(radius_m=radius_m)
+    camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
+    return Navigator(
+        ClassicalMapper(MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry)),
+        Planner(PlannerConfig(cost=cost)),
+        Controller(ControlConfig(radius_m=radius_m)),
+        FrontierExplorer(ExplorerConfig(cost=cost)),
+    )
