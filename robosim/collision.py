@@ -1,13 +1,14 @@
 """Walls as few convex solids: what the robot's hull collides with.
 
-A wall is a line, the boundary of free space; behind it anything may be solid. So the solid beside the walls is
-covered by convex pieces whose faces lie on the wall lines exactly, that reach into no free space, and that may
-overlap, since walls do not collide with each other. Time per physics step grows with the number of pieces.
+A wall is a line, the boundary of free space; behind it anything may be solid. So the solid beside the
+walls is covered by convex pieces whose faces lie on the wall lines exactly, that reach into no free
+space, and that may overlap, since walls do not collide with each other. Time per physics step grows with
+the number of pieces.
 
-Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind each
-wall, as thick as there is room for, and where the solid is too narrow for one, at sharp corners, the triangle that
-the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo knows the distance of a
-sphere from a box in closed form.
+Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind
+each wall, as thick as there is room for, and where the solid is too narrow for one, at sharp corners, the
+triangle that the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo
+knows the distance of a sphere from a box in closed form.
 
 Left out: the solid further inside, which nothing can reach, and walls lower than the robot.
 """
@@ -24,8 +25,8 @@ from robosim.lattice import lattice_solids
 
 logger = logging.getLogger(__name__)
 
-#: How far behind a wall line at least there is solid, where the plan has any [m].
-SKIN_M = 0.05
+#: Thickness of the walls around the outline of cells [m].
+OUTER_M = 0.3
 #: How much a hull may stand in a wall at first [m]: walls are offset by polygons in place of circles.
 FIT_M = 1e-3
 #: Depths tried for a rectangle behind a wall that follows no lattice [m].
@@ -52,7 +53,7 @@ class WallSolids:
 
 
 def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
-    """Straight pieces of the boundary of free space, each as its two ends x, y [m], free space on the left."""
+    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
     rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
     points, ring = shapely.get_coordinates(rings, return_index=True)
     starts = np.flatnonzero(ring[1:] == ring[:-1])
@@ -95,8 +96,8 @@ def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_
     if gap_m < radius_m - FIT_M:
         where = f"{gap_m:.3f} m from the nearest wall" if gap_m else "not in free space"
         raise ValueError(
-            f"pose = ({pose[0]:.3f}, {pose[1]:.3f}) is {where}, expected at least the hull's radius, {radius_m:g} m. "
-            "Draw poses from what the hull can reach."
+            f"pose = ({pose[0]:.3f}, {pose[1]:.3f}) is {where}, expected at least the hull's radius, "
+            f"{radius_m:g} m. Draw poses from what the hull can reach."
         )
 
 
@@ -111,8 +112,7 @@ def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> Wal
             break
     else:
         return None
-    skin = max(1, int(np.ceil(SKIN_M / plan.resolution_m - _EXACT)))
-    found = lattice_solids(steps.astype(int), skin)
+    found = lattice_solids(steps.astype(int), margin=1 + int(OUTER_M / plan.resolution_m))
     if found is None:
         return None
     boxes, prisms = found

@@ -1,13 +1,13 @@
 """The kinematic twin of `world`: a disk that goes where it is sent, and stops at walls.
 
-No masses, no wheels: the disk's centre goes along straight lines (arcs are cut into short ones), and stops where
-it comes to lie one radius from a wall. That place is exact: a disk meets a wall where its centre meets the lines
-one radius beside the wall, or the circles around the wall's ends. Turning is free, since a disk looks alike from
-all sides. Walls are kept in tiles, each with all walls near enough to matter, so that a move costs some tens of
-microseconds on any plan.
+No masses, no wheels: the disk's centre goes along straight lines (arcs are cut into short ones), and
+stops where it comes to lie one radius from a wall. That place is exact: a disk meets a wall where its
+centre meets the lines one radius beside the wall, or the circles around the wall's ends. Turning is free,
+since a disk looks alike from all sides. Walls are kept in tiles, each with all walls near enough to
+matter, so that a move costs some tens of microseconds on any plan.
 
-It stands in for `World` where speed matters more than forces, such as training. With `slide` a blocked disk goes
-on along the wall, as in Habitat's default; without, it stays where it met the wall.
+It stands in for `World` where speed matters more than forces, such as training. With `slide` a blocked
+disk goes on along the wall, as in Habitat's default; without, it stays where it met the wall.
 Left out: acceleration, friction, slip other than what is commanded.
 """
 
@@ -187,12 +187,14 @@ class _Walls:
         """Where a disk that moves on a straight line first meets a wall.
 
         Args:
-            x, y: Its centre [m].
-            dx, dy: Its way [m].
+            x: Its centre [m].
+            y: Its centre [m].
+            dx: Its way along x [m].
+            dy: Its way along y [m].
 
         Returns:
-            Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None if
-            it can go all the way.
+            Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None
+            if it can go all the way.
         """
         length = math.hypot(dx, dy)
         if length == 0:

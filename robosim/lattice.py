@@ -1,18 +1,18 @@
 """Outlines of cells as few rectangles.
 
-The walls of a plan that was not simplified run along a lattice: axis-aligned, and with walls through the centres
-of cells also at 45 degrees, along diagonals of its squares. Each square is then free, solid, or half solid.
-Solid squares beside free space are covered greedily by rectangles that grow as far as the solid goes; what lies
-deep inside costs nothing and may be covered or not. The half squares along a slope become one turned rectangle,
-half a diagonal thick, where the solid behind them allows; it always does where walls come from cells.
+The walls of a plan that was not simplified run along a lattice: axis-aligned, and with walls through the
+centres of cells also at 45 degrees, along diagonals of its squares. Each square is then free, solid, or
+half solid. Solid squares beside free space are covered greedily by rectangles that grow as far as the
+solid goes; what lies deep inside costs nothing and may be covered or not. The half squares along a slope
+become one turned rectangle, half a diagonal thick, where the solid behind them allows; it always does
+where walls come from cells.
 
-Units are squares of the lattice throughout. Left out: the fewest possible rectangles, which are hard to find
-and would save little.
+Units are squares of the lattice throughout. Left out: the fewest possible rectangles, which are hard to
+find and would save little.
 """
 
 from itertools import product
 
-import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
@@ -25,23 +25,23 @@ _MAX_GROWTH = 256
 
 
 def lattice_solids(
-    walls: Int[np.ndarray, "n 2 2"], skin: int
+    walls: Int[np.ndarray, "n 2 2"], margin: int
 ) -> tuple[Float[np.ndarray, "_ 5"], list[Float[np.ndarray, "_ 2"]]] | None:
     """Rectangles and triangles on the solid side of walls along a lattice.
 
     Args:
         walls: Ends of the straight pieces of the boundary of free space, in any order; closed rings.
-        skin: Squares from free space up to which the solid must be covered, where there is any.
+        margin: Squares of solid to assume around everything.
 
     Returns:
         boxes: Centre x, y, half length along and across, yaw of the length.
         prisms: Triangles, counter-clockwise, for half squares that a rectangle would not fit behind.
         None instead of both if some square is neither free, solid nor half solid.
     """
-    lowest = walls.min(axis=(0, 1)) - skin - 1
-    size = walls.max(axis=(0, 1)) - lowest + skin + 1
-    solid = ~free_quarters(walls - lowest, (int(size[1]), int(size[0])))
-    full, none = solid.all(axis=-1), ~solid.any(axis=-1)
+    lowest = walls.min(axis=(0, 1)) - margin
+    size = walls.max(axis=(0, 1)) - lowest + margin
+    solid: Bool[np.ndarray, "ny nx 4"] = ~free_quarters(walls - lowest, (int(size[1]), int(size[0])))
+    full, none = np.asarray(solid.all(axis=-1)), ~solid.any(axis=-1)
     halves = {corner: (solid == _half(corner)).all(axis=-1) for corner in product((0, 1), (0, 1))}
     if not np.logical_or.reduce([full, none, *halves.values()]).all():
         return None

@@ -1,8 +1,8 @@
 """What a robot's move is: where and how fast it is meant to go, and how it went.
 
-A move is a displacement in the robot's frame. Along it x, y and yaw advance together, as one fraction s(t) from 0
-to 1: constant acceleration, constant speed, constant deceleration, the fastest way that keeps speed and
-acceleration of the wheels within bounds.
+A move is a displacement in the robot's frame. Along it x, y and yaw advance together, as one fraction
+s(t) from 0 to 1: constant acceleration, constant speed, constant deceleration, the fastest way that keeps
+speed and acceleration of the wheels within bounds.
 Left out: bounds on jerk.
 """
 

@@ -1,23 +1,26 @@
 """Noise of a LoCoBot: what it does when told, and what its odometry says it did.
 
-Active Neural SLAM fitted one distribution per action to a real robot's motions. An *actuation* sample is the motion
-itself and takes the place of the nominal one; a *sensor* sample is the odometry's error and is added to the true
-motion. Both are x forward [m], y left [m], yaw counter-clockwise [rad] in the robot's frame before the move.
-`NOISE` gives them as published, with actuation turned into that frame (it was stored right- and
-clockwise-positive, and the simulator's hook negated y and theta).
+Active Neural SLAM fitted one distribution per action to a real robot's motions. An *actuation* sample is
+the motion itself and takes the place of the nominal one; a *sensor* sample is the odometry's error and is
+added to the true motion. Both are x forward [m], y left [m], yaw counter-clockwise [rad] in the robot's
+frame before the move. The tables give them as published, but for actuation turned into that frame (it was
+stored right- and clockwise-positive, and the simulator's hook negated y and theta).
 
-The published numbers have two probable defects, kept in ``variant="published"`` because results were made with
-them, undone in ``"corrected"``:
-- Heading noise of a step forward is sixty times smaller than that of turns: it looks like radians taken for degrees.
-- Sensor y and theta were not negated as those of actuation were: so the sideways slip of turns, 2 cm, is seen by
-  odometry twice, where with the other sign it would not be seen at all.
+The published numbers have two probable defects, kept in ``variant="published"`` because results were made
+with them, undone in ``"corrected"``:
+- Heading noise of a step forward is sixty times smaller than that of turns: it looks like radians taken
+  for degrees.
+- Sensor y and theta were not negated as those of actuation were: so the sideways slip of turns, 2 cm, is
+  seen by odometry twice, where with the other sign it would not be seen at all.
 
-Left out: covariances and second mixture components, which were not printed with the means and deviations used
-here, so components are independent Gaussians; noise of continuous driving, which was not measured.
-Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and published models.
+Left out: covariances and second mixture components, which were not printed with the means and deviations
+used here, so components are independent Gaussians; noise of continuous driving, which was not measured.
+Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and
+published models.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,13 +38,15 @@ NOMINAL = {
     Action.RIGHT: np.array([0.0, 0.0, -TURN_RAD]),
 }
 
+_Table = Mapping[Action, tuple[tuple[float, float, float], tuple[float, float, float]]]
+
 # Means and standard deviations as published: x [cm], y [cm], theta [degrees].
-_ACTUATION = {
+_ACTUATION: _Table = {
     Action.FORWARD: ((24.56, -0.20, -0.009), (0.36, 0.26, 0.007)),
     Action.LEFT: ((-0.15, 1.96, 11.26), (0.20, 0.16, 0.42)),
     Action.RIGHT: ((-0.08, -1.95, -11.09), (0.23, 0.15, 0.48)),
 }
-_SENSOR = {
+_SENSOR: _Table = {
     Action.FORWARD: ((0.14, -0.09, 0.000), (0.27, 0.23, 0.002)),
     Action.LEFT: ((0.20, 1.96, 0.198), (0.14, 0.16, 0.084)),
     Action.RIGHT: ((0.20, -1.94, 0.008), (0.15, 0.15, 0.083)),
@@ -86,8 +91,8 @@ class NoiseModel:
     ) -> Float[np.ndarray, "3"]:
         """What odometry says of any motion dx [m], dy [m], dyaw [rad].
 
-        Taken as parts of a step forward and of a turn: means grow with the parts, deviations with their roots, as
-        of independent pieces. Not measured; whole actions have `sense`.
+        Taken as parts of a step forward and of a turn: means grow with the parts, deviations with the
+        roots of the parts, as of independent pieces. Not measured; whole actions have `sense`.
         """
         ahead, turn = true_displacement[0] / FORWARD_M, true_displacement[2] / TURN_RAD
         parts = {Action.FORWARD: ahead, Action.LEFT if turn > 0 else Action.RIGHT: abs(turn)}
@@ -98,7 +103,7 @@ class NoiseModel:
         return measured
 
     def _moments(
-        self, table: dict[Action, tuple[tuple[float, ...], tuple[float, ...]]], action: Action
+        self, table: _Table, action: Action
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Mean and standard deviation [m, m, rad] of an action in one of the tables."""
         mean, deviation = (np.array(row) * _TO_SI for row in table[action])

@@ -1,11 +1,11 @@
 """The robot's surroundings in MuJoCo: a floor that can slide, and walls.
 
-Contacts are soft in MuJoCo: what sinks in is pushed out with a time constant, of which the step may be half at
-most. Hitting a wall at speed v a body sinks in by v / e times the time constant (critical damping): 2 mm at
-0.5 m/s and steps of 5 ms.
+Contacts are soft in MuJoCo: what sinks in is pushed out with a time constant, of which the step may be
+half at most. Hitting a wall at speed v a body sinks in by v / e times the time constant (critical
+damping): 2 mm at 0.5 m/s and steps of 5 ms.
 
-Wheels cannot move a robot sideways, but a real robot slips. So the floor is a heavy body that slides: the wheels
-hold on to it, and walls still stop the robot, with no more force than the wheels' grip.
+Wheels cannot move a robot sideways, but a real robot slips. So the floor is a heavy body that slides: the
+wheels hold on to it, and walls still stop the robot, with no more force than the wheels' grip.
 Left out: anything but floor and walls, and what is above the robot.
 """
 
@@ -39,11 +39,13 @@ class PhysicsConfig:
     def __post_init__(self) -> None:
         if not 1e-4 <= self.timestep_s <= 0.01:
             raise ValueError(
-                f"timestep_s = {self.timestep_s}, expected 0.0001 to 0.01: beyond, contacts are too soft to hold."
+                f"timestep_s = {self.timestep_s}, expected 0.0001 to 0.01: "
+                "beyond, contacts are too soft to hold."
             )
         if not self.timestep_s <= self.control_period_s <= 0.1:
             raise ValueError(
-                f"control_period_s = {self.control_period_s}, expected from timestep_s = {self.timestep_s} to 0.1."
+                f"control_period_s = {self.control_period_s}, expected a time from timestep_s, "
+                f"{self.timestep_s}, to 0.1."
             )
         for name in ("floor_friction", "wall_friction"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):

@@ -1,15 +1,16 @@
 """The robot's body in MuJoCo: a round differential drive with a camera on a mast.
 
-Two driven wheels on the axle through the centre, a caster before and one behind it, the centre of mass low
-between them. Wheels touch the floor as spheres: one point each, where cylinders scrub on an edge and turn up to
-14 degrees short in a full turn. Each wheel has a velocity servo; the rotor's inertia, as felt through the gear,
-is what keeps a stiff servo stable at steps of 5 ms, since MuJoCo solves contacts without the servo's damping.
+Two driven wheels on the axle through the centre, a caster before and one behind it, the centre of mass
+low between them. Wheels touch the floor as spheres: one point each, where cylinders scrub on an edge and
+turn up to 14 degrees short in a full turn. Each wheel has a velocity servo; the rotor's inertia, as felt
+through the gear, is what keeps a stiff servo stable at steps of 5 ms, since MuJoCo solves contacts
+without the servo's damping.
 
-Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright walls
-its outline is a circle of exactly that radius however the body tilts, a push goes through the centre of mass, and
-there is no edge to climb on. (An upright capsule has two contacts a wall and costs more; a cylinder sank 5 cm
-into corners of boxes in MuJoCo 4.0.0.)
-Left out: suspension, motor electronics, limits of torque other than the wheels' grip.
+Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright
+walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
+centre of mass, and there is no edge to climb on. (An upright capsule has two contacts a wall and costs
+more; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
+Left out: suspension, motor electronics, the mast's mass.
 """
 
 import math
@@ -67,7 +68,7 @@ class RobotConfig:
 
     @property
     def stall_torque_nm(self) -> float:
-        """Torque at which a wheel's motor stalls [N m]: before the wheel slips, as it would hop on the floor."""
+        """Torque at which a wheel's motor stalls [N m], before the wheel slips: MuJoCo's would hop."""
         return STALL_GRIP * self.mass_kg * 9.81 * self.wheel_radius_m / 2
 
     @property
@@ -100,7 +101,7 @@ ROBOTS = {
 def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -> None:
     """Add the robot to a model, standing at the origin and looking along +x.
 
-    Its joints are `robot` (free), `left` and `right`, which are also the names of its actuators: wheel speeds [rad/s].
+    Its joints are `robot` (free), `left` and `right`; the latter are also actuators: wheel speeds [rad/s].
     The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
     """
     geom, com_m = mujoco.mjtGeom, 0.5 * robot.radius_m

@@ -1,12 +1,12 @@
 """The robot in its building, driven by its wheels.
 
-A move follows a plan of poses over time. Each control period the wheels get the speeds that cover the plan's next
-piece, ahead of time by the lag of their servos, and a correction of the pose error; what wheels cannot do, moving
-sideways, the sliding floor does. A move ends where it was sent, or when at a wall its time is up or nothing is
-gained any more; then the robot stands still.
+A move follows a plan of poses over time. Each control period the wheels get the speeds that cover the
+plan's next piece, ahead of time by the lag of their servos, and a correction of the pose error; what
+wheels cannot do, moving sideways, the sliding floor does. A move ends where it was sent, or when at a
+wall its time is up or nothing is gained any more; then the robot stands still.
 
-The model's frame is `map` moved to the middle of the building, so that plans far from the origin lose no accuracy.
-The same calls after a reset give the same poses, bit for bit.
+The model's frame is `map` moved to the middle of the building, so that plans far from the origin lose no
+accuracy. The same calls after a reset give the same poses, bit for bit.
 Left out: encoders (feedback is from the true pose; what odometry gets wrong is in `odometry`).
 """
 
@@ -85,7 +85,7 @@ class World:
         self._steps, self._deepest_m = 0, 0.0
         self._touched = self._at_wall = False  # during this motion, in its last control period
         self._height_m = 0.0
-        self._place(*(half_m - 1.0), 0.0)  # outside of all walls
+        self._place(half_m[0] - 1.0, half_m[1] - 1.0, 0.0)  # outside of all walls
         mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
         self._height_m = float(self._body[2])  # where it rests on its wheels
 
@@ -112,7 +112,7 @@ class World:
                 wheels do what wheels can, the rest is slip.
 
         Returns:
-            How it went; collided if a wall left the robot off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
+            How it went; collided if a wall left it off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
         """
         check_displacement(displacement)
         self._begin()
@@ -165,7 +165,7 @@ class World:
             time_s, pose = (self._steps - begin) * self.config.timestep_s, self._pose()
             off_m, off_rad = plan.left(pose)
             late, turned = time_s >= end_s, off_rad < ARRIVED_RAD
-            if late and (turned and (self._touched or off_m < ARRIVED_M) or time_s >= end_s + SETTLE_S):
+            if late and ((turned and (self._touched or off_m < ARRIVED_M)) or time_s >= end_s + SETTLE_S):
                 return
             left_m = off_m + self.robot.radius_m * off_rad
             if left_m < best_m - GAIN_M:
@@ -191,8 +191,8 @@ class World:
     def _tell(self, v_mps: float, w_radps: float, sideways_mps: float = 0.0) -> None:
         """Set the speeds of the wheels, and slide the floor to the left of the robot.
 
-        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres give
-        way sideways: their grip would hold it, where real robots scrape along.
+        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres
+        give way sideways: their grip would hold it, where real robots scrape along.
         """
         robot, yaw = self.robot, self._pose()[2]
         c, s = math.cos(yaw), math.sin(yaw)
