@@ -65,22 +65,26 @@ class Clearance:
         gap = np.hypot(nearest[..., 0] - points[..., 0], nearest[..., 1] - points[..., 1])
         return np.where(inside, np.minimum(gap, OPEN_M), OPEN_M).astype(np.float32)
 
-    def cells(self) -> Float32[np.ndarray, "ny nx"]:
-        """Largest distance [m] to the nearest obstacle that a point of each cell offers.
+    def cells(self, sharp_m: float) -> Float32[np.ndarray, "ny nx"]:
+        """Distance [m] from each cell to the nearest obstacle.
 
-        The best of five points of the cell: a passage is as wide as its best line, not as its cell centres.
+        From the centre of the cell, but where that is within half a cell of `sharp_m` from the best of five points of the cell:
+        a passage is as wide as its best line, not as its cell centres.
+
+        Args:
+            sharp_m: Distance that decides something, the radius of the hull [m].
         """
         ny, nx = self.frame.shape
-        nearest = self._points[self._label]
-        quarter = 0.25 * self.frame.resolution_m
-        x = (self.frame.origin_xy[0] + (np.arange(nx) + 0.5) * self.frame.resolution_m).astype(np.float32)
-        y = (self.frame.origin_xy[1] + (np.arange(ny) + 0.5) * self.frame.resolution_m).astype(np.float32)
+        cell = self.frame.resolution_m
+        nearest = np.take(self._points, self._label, axis=0)
+        x = (self.frame.origin_xy[0] + (np.arange(nx) + 0.5) * cell).astype(np.float32)
+        y = (self.frame.origin_xy[1] + (np.arange(ny) + 0.5) * cell).astype(np.float32)
         dx, dy = nearest[..., 0] - x, nearest[..., 1] - y[:, None]
-        square = dx * dx + dy * dy
-        close = np.nonzero(square < 0.25**2)
-        best = square[close]
-        for sx, sy in ((-quarter, -quarter), (-quarter, quarter), (quarter, -quarter), (quarter, quarter)):
-            point = np.column_stack([x[close[1]] + sx, y[close[0]] + sy])
-            best = np.maximum(best, self.at(point.astype(float)) ** 2)
-        square[close] = best
-        return np.minimum(np.sqrt(square), OPEN_M).astype(np.float32)
+        gap = np.sqrt(dx * dx + dy * dy)
+        iy, ix = np.nonzero(np.abs(gap - sharp_m) < 0.5 * cell)
+        centre = np.column_stack([x[ix], y[iy]]).astype(float)
+        best = gap[iy, ix]
+        for sx, sy in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
+            best = np.maximum(best, self.at(centre + np.array([sx, sy]) * 0.25 * cell))
+        gap[iy, ix] = best
+        return np.minimum(gap, OPEN_M)

@@ -25,7 +25,7 @@ from jaxtyping import Float
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.clearance import Clearance
 from slam.planning import Plan
-from slam.poses import wrap
+from slam.poses import between, wrap
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,16 +34,20 @@ class ControlConfig:
 
     radius_m: float = 0.10
     """Radius of the hull [m]."""
-    slacks_m: tuple[float, ...] = (0.04, 0.02, 0.005, -0.015)
-    """Space beside the hull that a run must leave [m]: the first that leads onward is used."""
+    slacks_m: tuple[float, ...] = (-0.015, 0.0, 0.02, 0.05)
+    """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
+    slack_prices: tuple[float, ...] = (6.0, 2.5, 0.8, 0.0)
+    """... and what such a run costs extra [decisions], for the risk of a bump."""
     reach_steps: int = 12
     """Longest run looked at [steps forward]."""
     turn_weight: float = 0.8
     """Weight of the turn needed at the end of a run; below 1 because some of it may be saved later."""
     forward_m: float = FORWARD_M
-    """What a step forward really covers [m]."""
+    """Nominal distance of a step forward [m]; what it really does is learned."""
     turn_rad: float = TURN_RAD
-    """What a turn really turns [rad]."""
+    """Nominal angle of a turn [rad]."""
+    arrived_m: float = 0.15
+    """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
     stuck_decisions: int = 45
     """Decisions without getting away by `stuck_radius_m` after which the robot walks off [decisions]."""
     stuck_radius_m: float = 0.35
@@ -54,31 +58,42 @@ class ControlConfig:
     """Greatest turn rate of the continuous controller [rad/s]."""
 
     def __post_init__(self) -> None:
-        if not self.slacks_m or list(self.slacks_m) != sorted(self.slacks_m, reverse=True):
-            raise ValueError(f"slacks_m = {self.slacks_m}, expected at least one number, largest first.")
+        if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
+            raise ValueError(
+                f"slacks_m = {self.slacks_m}, slack_prices = {self.slack_prices}, expected as many prices as "
+                "slacks, the slacks in rising order."
+            )
         if not (self.forward_m > 0 and self.turn_rad > 0):
             raise ValueError(
                 f"forward_m = {self.forward_m}, turn_rad = {self.turn_rad}, expected positive amounts."
             )
 
 
+#: Places at which one step of a run is checked against obstacles.
+PARTS = 5
+
+
 class Controller:
-    """Chooses actions; remembers bumps and lack of progress."""
+    """Chooses actions; remembers bumps and lack of progress, and learns what its actions do."""
 
     def __init__(self, config: ControlConfig = ControlConfig()):
         self.config = config
-        half = round(math.pi / config.turn_rad)
+        half = math.ceil(math.pi / config.turn_rad)
         # No turn first, then pairs: of equal prices the smaller turn wins.
         self._turns = np.array(sorted(range(-half, half + 1), key=lambda k: (abs(k), k)))
         self.reset()
 
     def reset(self) -> None:
         """Forget the past."""
+        turn = self.config.turn_rad
+        self.motion = np.array([[self.config.forward_m, 0, 0], [0, 0, turn], [0, 0, -turn]], float)
+        self._motions = np.ones(len(Action))
         self._last: Action | None = None
         self._last_pose: Float[np.ndarray, "3"] | None = None
         self._bumps: deque[tuple[float, float, float]] = deque(maxlen=12)
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
+        self._looking = False
 
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """The next action.
@@ -88,54 +103,97 @@ class Controller:
             plan: What the planner returned for this pose.
         """
         self._watch(pose)
-        action = self._escape(pose, plan) if self._escape_steps else self._best(pose, plan)
+        if self._escape_steps:
+            action = self._escape(pose, plan)
+        elif plan.length_m < self.config.arrived_m:
+            action = self._face(pose, plan)
+        else:
+            self._looking = False
+            action = self._best(pose, plan)
         self._last, self._last_pose = action, pose.copy()
         return action
 
     def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
         """Note bumps, and whether the robot gets anywhere."""
         self._trail.append((float(pose[0]), float(pose[1])))
-        if self._last is Action.FORWARD and self._last_pose is not None:
-            moved = math.hypot(pose[0] - self._last_pose[0], pose[1] - self._last_pose[1])
-            if moved < 0.6 * self.config.forward_m:
-                self._bumps.append((float(pose[0]), float(pose[1]), float(self._last_pose[2])))
+        if self._last is not None and self._last_pose is not None:
+            self._learn(self._last, self._last_pose, pose)
         trail = np.array(self._trail)
         full = len(trail) == self.config.stuck_decisions
         if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
             self._escape_steps = 4
             self._trail.clear()
 
+    def _learn(
+        self, action: Action, before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]
+    ) -> None:
+        """Take what an action did into the mean of its kind, unless it was stopped."""
+        moved = between(before, after)
+        nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
+        done = moved[0] if action is Action.FORWARD else abs(moved[2])
+        if action is Action.FORWARD and done < 0.6 * nominal:
+            self._bumps.append((float(after[0]), float(after[1]), float(before[2])))
+        elif 0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m:
+            self._motions[action] = min(self._motions[action] + 1, 50)
+            self.motion[action] += (moved - self.motion[action]) / self._motions[action]
+
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """First action of the cheapest turn and run."""
         config = self.config
-        turns = self._turns
-        headings = pose[2] + turns * config.turn_rad
+        turned = self._turned(pose)
+        stride = math.hypot(*self.motion[Action.FORWARD, :2])
+        headings = turned[:, 2] + math.atan2(self.motion[Action.FORWARD, 1], self.motion[Action.FORWARD, 0])
         ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-        parts = 5
-        distance = config.forward_m * np.arange(1, config.reach_steps * parts + 1) / parts
-        points = pose[:2] + ways[:, None, :] * distance[None, :, None]
-        room = plan.clearance.at(points)
-        here = float(plan.clearance.at(pose[:2]))
-        ends = points[:, parts - 1 :: parts]
-        price = plan.field.at(ends) / config.forward_m
-        onward = plan.field.direction(ends)
-        swing = np.abs((onward - headings[:, None] + math.pi) % (2 * math.pi) - math.pi) / config.turn_rad
-        # Near the goal no direction matters any more.
-        price = (
-            price + config.turn_weight * np.minimum(swing, 4 * price) + np.arange(1, config.reach_steps + 1)
-        )
-        price = price + (np.abs(turns) + self._reluctance(pose, headings))[:, None]
-        now = float(plan.field.at(pose[:2])) / config.forward_m
-        for slack in config.slacks_m:
-            # Where the hull is already closer than that, it may at least move away.
-            need = np.minimum(config.radius_m + slack, here + 0.3 * distance - 1e-3)
-            clear = np.logical_and.accumulate(room >= need, axis=1)[:, parts - 1 :: parts]
-            total = np.where(clear & np.isfinite(price), price, np.inf)
-            k, m = np.unravel_index(int(np.argmin(total)), total.shape)
-            gain = now - float(plan.field.at(ends[k, m])) / config.forward_m
-            if np.isfinite(total[k, m]) and (gain > 0.3 or slack == config.slacks_m[-1]):
-                return _first(int(turns[k]))
-        return self._towards(pose, plan)
+        distance = stride * np.arange(config.reach_steps * PARTS + 1) / PARTS
+        points = turned[:, None, :2] + ways[:, None, :] * distance[None, :, None]
+        ends = points[:, PARTS::PARTS]
+        price = np.arange(1, config.reach_steps + 1) + plan.field.at(ends) / config.forward_m
+        price += self._swing(ends, headings, plan)
+        price += self._tightness(points, distance, plan.clearance)
+        price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
+        cheapest = price.min(axis=1)
+        k = int(np.argmin(cheapest))
+        return _first(int(self._turns[k])) if np.isfinite(cheapest[k]) else self._towards(pose, plan)
+
+    def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
+        """Poses after each number of turns: a base that turns beside its centre swings around."""
+        poses = np.empty((len(self._turns), 3))
+        n = np.abs(self._turns)
+        for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns <= 0)):
+            dx, dy, turn = self.motion[action]
+            yaw = pose[2] + turn * np.arange(n.max() + 1)
+            c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+            x = pose[0] + np.append(0, np.cumsum(c * dx - s * dy))
+            y = pose[1] + np.append(0, np.cumsum(s * dx + c * dy))
+            poses[side] = np.column_stack([x, y, yaw])[n[side]]
+        return poses
+
+    def _swing(
+        self, ends: Float[np.ndarray, "k m 2"], headings: Float[np.ndarray, "k"], plan: Plan
+    ) -> Float[np.ndarray, "k m"]:
+        """Price of the turn needed at the end of each run, which fades away at the goal [decisions]."""
+        config = self.config
+        off = np.abs((plan.field.direction(ends) - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
+        left = plan.field.at(ends) / config.forward_m
+        return config.turn_weight * np.minimum(off / config.turn_rad, 4 * left)
+
+    def _tightness(
+        self,
+        points: Float[np.ndarray, "k n 2"],
+        distance: Float[np.ndarray, "n"],
+        clearance: Clearance,
+    ) -> Float[np.ndarray, "k m"]:
+        """Price of passing close to obstacles [decisions]; inf where the hull would meet one."""
+        config = self.config
+        space = clearance.at(points).astype(float) - config.radius_m
+        least = config.slacks_m[0]
+        # Where the hull is already closer than it should be, it may still move away, or turn.
+        here = space[0, 0]
+        space = np.where(space >= here + 0.3 * distance - 1e-3, np.maximum(space, least), space)
+        space = np.minimum.accumulate(space, axis=1)[:, PARTS::PARTS]
+        price = np.interp(space, config.slacks_m, config.slack_prices)
+        price[space < least] = np.inf
+        return price
 
     def _reluctance(
         self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, "k"]
@@ -155,14 +213,21 @@ class Controller:
     def _towards(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Turn to the short-term goal, and try to go there: all that is left where no run is clear."""
         dx, dy = plan.short_term_goal - pose[:2]
-        if math.hypot(dx, dy) < 0.05:
-            return Action.LEFT
         off = wrap(math.atan2(dy, dx) - pose[2])
         return _first(round(off / self.config.turn_rad))
 
+    def _face(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """At the end of the way: turn to the goal asked for, then look around."""
+        dx, dy = plan.asked_xy - pose[:2]
+        turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
+        if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking:
+            self._looking = True
+            return Action.LEFT
+        return _first(turns)
+
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""
-        headings = pose[2] + self._turns * self.config.turn_rad
+        headings = self._turned(pose)[:, 2]
         room = _free_run(plan.clearance, pose[:2], headings, self.config.radius_m)
         worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
         action = _first(int(self._turns[int(np.argmax(worth))]))

@@ -50,12 +50,17 @@ class TravelTime:
         slope = self._slopes(iy, ix)
         return np.arctan2(-slope[..., 1], -slope[..., 0])
 
-    def of_leg(self, start: Float[np.ndarray, "2"], end: Float[np.ndarray, "2"]) -> float:
-        """Cost of the straight leg between two points (x, y) [m]; inf if it meets a wall or leaves the grid."""
-        length = math.hypot(end[0] - start[0], end[1] - start[1])
-        n = max(1, math.ceil(length / (0.5 * self.frame.resolution_m)))
-        iy, ix, inside = self._cell(start + (end - start) * ((np.arange(n) + 0.5) / n)[:, None])
-        return float(self.cost_per_m[iy, ix].mean()) * length if inside.all() else math.inf
+    def of_legs(
+        self, start: Float[np.ndarray, "2"], ends: Float[np.ndarray, "k 2"]
+    ) -> Float[np.ndarray, "k"]:
+        """Cost of the straight legs from one point to others (x, y) [m]; inf through a wall or off the grid."""
+        legs = ends - start
+        length = np.hypot(*legs.T)
+        n = max(1, math.ceil(float(length.max()) / self.frame.resolution_m))
+        share = (np.arange(n) + 0.5) / n
+        iy, ix, inside = self._cell(start + legs[:, None, :] * share[:, None])
+        per_m = np.where(inside, self.cost_per_m[iy, ix], np.inf)
+        return per_m.mean(axis=1) * length
 
     def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         iy, ix = self.frame.index(points)

@@ -1,0 +1,196 @@
+"""What a metre costs in each cell of a map, for a robot with a round hull.
+
+1 on open floor, more the nearer to walls (so that ways keep to the middle of doors where there is room), more where
+nothing is known, and no way at all where the hull does not fit. A box may reach beyond the map: what lies there is
+unknown.
+Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered costmaps, IROS 2014.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from slam.clearance import Clearance
+from slam.grid import GridFrame, MapEstimate
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostConfig:
+    """What a way costs."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    slack_m: float = 0.005
+    """Space that must be left on each side of the hull [m]."""
+    comfort_m: float = 0.12
+    """Space on each side above which a wall no longer costs anything [m]."""
+    wall_weight: float = 3.0
+    """Extra cost per metre with the hull at a wall; falls with the square of the space left."""
+    unknown_cost: float = 1.5
+    """Cost per metre through unknown cells."""
+
+    def __post_init__(self) -> None:
+        if not self.radius_m > 0:
+            raise ValueError(f"radius_m = {self.radius_m}, expected a positive radius in metres.")
+        if not self.comfort_m > 0:
+            raise ValueError(f"comfort_m = {self.comfort_m}, expected a positive number of metres.")
+        if self.unknown_cost < 1 or self.wall_weight < 0:
+            raise ValueError(
+                f"unknown_cost = {self.unknown_cost}, wall_weight = {self.wall_weight}, expected at least 1 "
+                "and at least 0."
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostMap:
+    """Cost per metre of the cells of a box."""
+
+    frame: GridFrame
+    """Where the cells lie."""
+    cost: Float32[np.ndarray, "ny nx"]
+    """Cost per metre, at least 1."""
+    passable: Bool[np.ndarray, "ny nx"]
+    """Cells where the hull fits."""
+
+    def halved(self) -> "CostMap":
+        """The same costs on cells twice as large; a large cell is as good as the best of its four.
+
+        No way opens up through walls: inflated by the hull they are thicker than a large cell.
+        """
+        ny, nx = (n + n % 2 for n in self.frame.shape)
+        pad = ((0, ny - self.frame.shape[0]), (0, nx - self.frame.shape[1]))
+        passable = np.pad(self.passable, pad).reshape(ny // 2, 2, nx // 2, 2)
+        cost = np.pad(self.cost, pad, mode="edge").reshape(ny // 2, 2, nx // 2, 2)
+        frame = GridFrame(
+            origin_xy=self.frame.origin_xy,
+            resolution_m=2 * self.frame.resolution_m,
+            shape=(ny // 2, nx // 2),
+        )
+        return CostMap(
+            frame=frame,
+            cost=np.where(passable, cost, np.float32(1e3)).min(axis=(1, 3)),
+            passable=passable.any(axis=(1, 3)),
+        )
+
+    def cell(self, point: Float[np.ndarray, "2"]) -> tuple[int, int]:
+        """Row and column of the cell that holds a point (x, y) [m], or of the border cell next to it."""
+        iy, ix = self.frame.index(point)
+        ny, nx = self.frame.shape
+        return min(max(int(iy), 0), ny - 1), min(max(int(ix), 0), nx - 1)
+
+    def nearest_reachable(
+        self, start: Float[np.ndarray, "2"], goal: Float[np.ndarray, "2"]
+    ) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
+        """The cell nearest to a goal among those to which a way leads from a start.
+
+        Args:
+            start: Where the way begins (x, y) [m].
+            goal: Where it should end (x, y) [m].
+
+        Returns:
+            Row and column, the point meant (the goal itself if its cell is reachable, else the cell's centre) [m], and its
+            distance from the goal [m].
+        """
+        # Fast marching passes between cells that share an edge, so components do as well.
+        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
+        home = self.cell(start)
+        if not self.passable[home]:
+            centre = self.frame.to_points(np.array([home[1], home[0]]) + 0.5)
+            return home, centre, math.hypot(*(centre - goal))
+        reach = part == part[home]
+        cell = self.cell(goal)
+        iy, ix = self.frame.index(goal)
+        if reach[cell] and (iy, ix) == cell:
+            return cell, goal, 0.0
+        ys, xs = np.nonzero(reach)
+        centres = self.frame.to_points(np.column_stack([xs, ys]) + 0.5)
+        square = ((centres - goal) ** 2).sum(axis=1)
+        k = int(np.argmin(square))
+        return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
+
+
+def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    """Lower-left and upper-right corner (x, y) [m] of the robot and the cells of which anything is known."""
+    known = estimate.obstacle_probability != 0.5
+    ys, xs = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    here = estimate.pose[:2]
+    if not len(ys):
+        return here, here
+    low, high = estimate.frame.to_points(np.array([[xs[0], ys[0]], [xs[-1] + 1, ys[-1] + 1]]))
+    return np.minimum(low, here), np.maximum(high, here)
+
+
+def cost_map(
+    estimate: MapEstimate,
+    config: CostConfig,
+    low_xy: Float[np.ndarray, "2"],
+    high_xy: Float[np.ndarray, "2"],
+) -> CostMap:
+    """What a metre costs in each cell of a box of `map`.
+
+    Args:
+        estimate: Map and pose.
+        config: Costs.
+        low_xy: Lower-left corner of the box [m].
+        high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
+    """
+    frame, probability, obstacle, offset = _box(estimate, low_xy, high_xy)
+    space = Clearance(frame, obstacle, offset).cells(config.radius_m) - config.radius_m
+    cost = np.ones(frame.shape, np.float32)
+    cost[probability == 0.5] = config.unknown_cost
+    tightness = np.clip(1 - space / config.comfort_m, 0, 1)
+    cost += config.wall_weight * tightness * tightness
+    passable = space >= config.slack_m
+    _let_out(passable, space, frame, estimate.pose)
+    return CostMap(frame=frame, cost=cost, passable=passable)
+
+
+def _box(
+    estimate: MapEstimate, low_xy: Float[np.ndarray, "2"], high_xy: Float[np.ndarray, "2"]
+) -> tuple[
+    GridFrame, Float32[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx 2"] | None
+]:
+    """Frame, obstacle probability, obstacles (bumps included) and surfaces of a box, unknown beyond the map."""
+    whole = estimate.frame
+    cells = whole.to_cells(np.array([low_xy, high_xy]))
+    ix0, iy0 = np.floor(cells[0]).astype(int)
+    ix1, iy1 = np.maximum(np.ceil(cells[1]).astype(int), (ix0 + 1, iy0 + 1))
+    origin = whole.to_points(np.array([ix0, iy0]))
+    frame = GridFrame(
+        origin_xy=(float(origin[0]), float(origin[1])),
+        resolution_m=whole.resolution_m,
+        shape=(int(iy1 - iy0), int(ix1 - ix0)),
+    )
+    y0, y1 = np.clip((iy0, iy1), 0, whole.shape[0])
+    x0, x1 = np.clip((ix0, ix1), 0, whole.shape[1])
+    here = np.s_[y0 - iy0 : y1 - iy0, x0 - ix0 : x1 - ix0]
+    there = np.s_[y0:y1, x0:x1]
+    probability = np.full(frame.shape, 0.5, np.float32)
+    probability[here] = estimate.obstacle_probability[there]
+    obstacle = probability > 0.5
+    obstacle[here] |= estimate.blocked[there]
+    if estimate.surface_offset_m is None:
+        return frame, probability, obstacle, None
+    offset = np.zeros((*frame.shape, 2), np.float32)
+    offset[here] = estimate.surface_offset_m[there]
+    return frame, probability, obstacle, offset
+
+
+def _let_out(
+    passable: Bool[np.ndarray, "ny nx"],
+    space: Float32[np.ndarray, "ny nx"],
+    frame: GridFrame,
+    pose: Float[np.ndarray, "3"],
+) -> None:
+    """Where the map says that the robot stands too near to obstacles, open the cells around with more space."""
+    iy, ix = (int(k) for k in frame.index(pose[:2]))
+    ny, nx = frame.shape
+    if not (0 <= iy < ny and 0 <= ix < nx) or passable[iy, ix]:
+        return
+    n = 5
+    rows, columns = slice(max(iy - n, 0), iy + n + 1), slice(max(ix - n, 0), ix + n + 1)
+    passable[rows, columns] |= space[rows, columns] > min(float(space[iy, ix]), -0.02) - 1e-4
+    passable[iy, ix] = True
