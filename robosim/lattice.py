@@ -106,10 +106,10 @@ def _grow(solid: Bool[np.ndarray, "ny nx"], iy: int, ix: int, order: str) -> tup
     rows, columns = slice(iy, iy + 1), slice(ix, ix + 1)
     for axis in order:
         if axis == "x":
-            strip = solid[rows].all(axis=0)
+            strip = np.logical_and.reduce(solid[rows], axis=0)
             columns = slice(ix - _run(strip[ix::-1]) + 1, ix + _run(strip[ix:]))
         else:
-            strip = solid[:, columns].all(axis=1)
+            strip = np.logical_and.reduce(solid[:, columns], axis=1)
             rows = slice(iy - _run(strip[iy::-1]) + 1, iy + _run(strip[iy:]))
     return rows, columns
 

@@ -108,7 +108,7 @@ class World:
         """Go to a pose near by, and stop there or where walls stop the robot.
 
         Args:
-            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad] within a full turn. The
+            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad] in [-pi, pi]. The
                 wheels do what wheels can, the rest is slip.
 
         Returns:
@@ -117,8 +117,6 @@ class World:
         check_displacement(displacement)
         self._begin()
         self._halt()
-        # The floor looks the same everywhere; back to the middle, so that it never runs out.
-        self._floor[:] = 0.0
         plan = PlannedMove(self._pose(), displacement, self.robot.profile(displacement))
         self._follow(plan)
         self._halt()
@@ -149,7 +147,7 @@ class World:
         """Start anew with the robot at a pose in the model's frame; nothing of the past remains."""
         mujoco.mj_resetData(self.model, self.data)
         self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
-        self._told = (0.0, 0.0)
+        self._told, self._at_wall = (0.0, 0.0), False
         mujoco.mj_forward(self.model, self.data)
 
     def _pose(self) -> _Pose:
@@ -204,11 +202,9 @@ class World:
         rim = max(-top, min(top, w_radps * half_track))
         spare = max(robot.stall_slip_mps - abs(rim - w_now * half_track), robot.stall_slip_mps / 2)
         v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
-        self._told = v_mps, w_radps
-        self.data.ctrl[0], self.data.ctrl[1] = (
-            (v - rim) / robot.wheel_radius_m,
-            (v + rim) / robot.wheel_radius_m,
-        )
+        self._told = v, rim / half_track
+        self.data.ctrl[0] = (v - rim) / robot.wheel_radius_m
+        self.data.ctrl[1] = (v + rim) / robot.wheel_radius_m
         self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
 
     def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
@@ -236,6 +232,8 @@ class World:
     def _begin(self) -> None:
         """Start counting for a new motion."""
         self._steps, self._deepest_m, self._touched = 0, 0.0, False
+        # The floor looks the same everywhere; back to the middle, so that it never runs out.
+        self._floor[:] = 0.0
 
     def _advance(self, steps: int) -> None:
         """Let physics go on, and watch the hull's contacts at each step."""
@@ -254,6 +252,6 @@ class World:
             pose=self.pose,
             collided=collided,
             duration_s=self._steps * self.config.timestep_s,
-            penetration_m=-self._deepest_m,
+            penetration_m=max(0.0, -self._deepest_m),
             physics_steps=self._steps,
         )
