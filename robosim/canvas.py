@@ -4,7 +4,7 @@ A cell belongs to a polygon if its centre does, so that neither side of a wall g
 come in the building's own frame, which is turned by a yaw against the grid's (and so the `map`) axes.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -13,15 +13,7 @@ from jaxtyping import Bool, Float
 from robosim.layout import Polygon, Rect
 
 Window = tuple[slice, slice]
-
-
-class Patch(NamedTuple):
-    """Some cells of a canvas."""
-
-    window: Window
-    """Rows and columns around them."""
-    mask: Bool[np.ndarray, "h w"]
-    """Which cells of the window they are."""
+"""Rows and columns of a canvas."""
 
 
 class Canvas:
@@ -52,24 +44,34 @@ class Canvas:
         cells = (points @ self._turn.T - self._low) / self.resolution_m
         margin = margin_m / self.resolution_m + 1
         x0, y0 = np.maximum(np.floor(cells.min(axis=0) - margin), 0).astype(int).tolist()
-        x1, y1 = np.ceil(cells.max(axis=0) + margin).astype(int).tolist()
+        x1, y1 = np.minimum(np.ceil(cells.max(axis=0) + margin), self.free.shape[::-1]).astype(int).tolist()
         return slice(y0, y1), slice(x0, x1)
 
-    def patch(self, polygon: Polygon) -> Patch:
-        """Cells with their centre in a convex polygon."""
-        window = self.window(polygon)
-        x, y = self._x[window], self._y[window]
-        mask = np.ones(x.shape, bool)
-        for (ax, ay), (bx, by) in zip(
-            polygon.tolist(), polygon[[*range(1, len(polygon)), 0]].tolist(), strict=True
-        ):
-            mask &= (bx - ax) * (y - ay) - (by - ay) * (x - ax) >= 0
-        return Patch(window, mask)
+    def cells(self, polygons: Sequence[Polygon], window: Window) -> Bool[np.ndarray, "h w"]:
+        """Cells of a window with their centre in one of some convex polygons."""
+        rows, columns = window
+        cells = np.zeros((rows.stop - rows.start, columns.stop - columns.start), bool)
+        for polygon in polygons:
+            own_rows, own_columns = self.window(polygon)
+            y0, y1 = max(own_rows.start, rows.start), min(own_rows.stop, rows.stop)
+            x0, x1 = max(own_columns.start, columns.start), min(own_columns.stop, columns.stop)
+            if y0 < y1 and x0 < x1:
+                here = cells[y0 - rows.start : y1 - rows.start, x0 - columns.start : x1 - columns.start]
+                here |= self._inside(polygon, (slice(y0, y1), slice(x0, x1)))
+        return cells
 
     def paint(self, polygon: Polygon, *, free: bool) -> None:
         """Make the cells of a convex polygon free or solid."""
-        window, mask = self.patch(polygon)
-        self.free[window][mask] = free
+        window = self.window(polygon)
+        self.free[window][self.cells([polygon], window)] = free
+
+    def _inside(self, polygon: Polygon, window: Window) -> np.ndarray:
+        x, y = self._x[window], self._y[window]
+        mask = np.ones(x.shape, bool)
+        corners = polygon.tolist()
+        for (ax, ay), (bx, by) in zip(corners, corners[1:] + corners[:1], strict=True):
+            mask &= (bx - ax) * y - (by - ay) * x >= (bx - ax) * ay - (by - ay) * ax
+        return mask
 
 
 def fits(free: Bool[np.ndarray, "h w"], radius_cells: float) -> Bool[np.ndarray, "h w"]:

@@ -8,12 +8,14 @@ that leads through all doors of the room; where nothing of the kind is found it 
 import cv2
 import numpy as np
 
-from robosim.canvas import Canvas, fits
+from robosim.canvas import Canvas, Window, fits
 from robosim.furniture import Entry, Piece, box, entries, turn
-from robosim.layout import Layout, Opening, Polygon, Rect, beside
+from robosim.layout import Layout, Opening, Rect, beside
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5
+#: Share of a room's places that furniture leaves at least.
+LEAST_SHARE = 0.15
 #: Depth of floor before a door that stays empty [m].
 DOORWAY_M = 0.6
 
@@ -43,60 +45,79 @@ def furnish(
 
 
 class _Space:
-    """The cells of one room, and what may still be made solid in it."""
+    """The cells of one room, and what may still be made solid in it. Arrays cover the room's window."""
 
     def __init__(self, canvas: Canvas, layout: Layout, i: int, passage_m: float) -> None:
         own = [layout.rooms[i].floor.polygon()] + [floor for room, floor in layout.recesses if room == i]
         openings = [opening for opening in layout.openings if i in opening.rooms]
         holes = [opening.hole.polygon() for opening in openings]
+        thresholds = [opening.threshold(DOORWAY_M).polygon() for opening in openings]
         self._canvas = canvas
         self._radius = passage_m / 2 / canvas.resolution_m
         self._window = canvas.window(np.vstack(own + holes), passage_m)
         self._free = canvas.free[self._window]  # a view: what is made solid here is so on the canvas
-        self._region = self._cells(own) & self._free
-        self._gates = [self._cells([hole]) & self._free for hole in holes]
-        self._doorways = self._cells([opening.threshold(DOORWAY_M).polygon() for opening in openings])
-        self._inside = np.logical_or.reduce([self._region, *self._gates])
-        self._places = fits(self._free, self._radius) & self._inside
-        self._n_parts = cv2.connectedComponents(self._places.astype(np.uint8), connectivity=4)[0]
-
-    def _cells(self, polygons: list[Polygon]) -> np.ndarray:
-        """Cells of some polygons, within the room's window."""
-        cells = np.zeros(self._canvas.free.shape, bool)
-        for polygon in polygons:
-            window, mask = self._canvas.patch(polygon)
-            cells[window] |= mask
-        return cells[self._window]
+        self._region = canvas.cells(own, self._window) & self._free
+        self._doorways = canvas.cells(thresholds, self._window)
+        self._gates = [canvas.cells([hole], self._window) & self._free for hole in holes]
+        self._places = fits(self._free, self._radius) & np.logical_or.reduce([self._region, *self._gates])
+        self._n_parts = _parts(self._places)[0]
+        self._least_places = LEAST_SHARE * self._places.sum()
 
     def put(self, piece: Piece, *, keep_doorways: bool = True) -> bool:
         """Make a piece's cells solid, if nothing speaks against it."""
-        cells = self._cells(piece)
-        taken = cells & self._region & self._free
-        elsewhere = cells & self._free & ~self._region
-        overlap = cells & self._region & ~self._free
-        if not taken.any() or elsewhere.any() or overlap.sum() > 0.1 * cells.sum():
+        window = self._canvas.window(np.vstack(piece))
+        near = _relative(window, self._window)
+        if near is None:
             return False
-        if keep_doorways and (taken & self._doorways).any():
+        cells = self._canvas.cells(piece, window)
+        free, region = self._free[near], self._region[near]
+        taken = cells & region & free
+        if not taken.any() or (cells & free & ~region).any():
             return False
-        places = self._places_beside(taken)
-        n, parts = cv2.connectedComponents(places.astype(np.uint8), connectivity=4)
-        through = [np.unique(parts[gate & places]) for gate in self._gates]
-        if n > self._n_parts or len({int(p) for gate in through for p in gate}) > 1 or not places.any():
+        if (cells & region & ~free).sum() > 0.1 * cells.sum():
             return False
-        if not all(len(gate) for gate in through):
+        if keep_doorways and (taken & self._doorways[near]).any():
             return False
-        self._free[taken] = False
+        solid = np.zeros(self._free.shape, bool)
+        solid[near] = taken
+        places = self._places_beside(solid, near)
+        if not self._passable(places):
+            return False
+        free[taken] = False
         self._places = places
         return True
 
-    def _places_beside(self, taken: np.ndarray) -> np.ndarray:
+    def _places_beside(self, solid: np.ndarray, near: Window) -> np.ndarray:
         """Places of a disk as wide as the passages that some more solid cells would leave."""
         reach = int(self._radius) + 2
-        rows, columns = np.flatnonzero(taken.any(axis=1)), np.flatnonzero(taken.any(axis=0))
-        near = tuple(slice(max(int(i[0]) - reach, 0), int(i[-1]) + reach + 1) for i in (rows, columns))
+        rows, columns = (slice(max(side.start - reach, 0), side.stop + reach) for side in near)
         places = self._places.copy()
-        places[near] &= fits(~taken[near], self._radius)
+        places[rows, columns] &= fits(~solid[rows, columns], self._radius)
         return places
+
+    def _passable(self, places: np.ndarray) -> bool:
+        """Whether all doors lead to one part of the room, and no new part or too little of it is left."""
+        n_parts, parts = _parts(places)
+        if n_parts > self._n_parts or places.sum() < max(self._least_places, 1):
+            return False
+        through = [set(parts[gate & places].tolist()) for gate in self._gates]
+        return all(through) and len(set().union(*through)) <= 1
+
+
+def _parts(places: np.ndarray) -> tuple[int, np.ndarray]:
+    """Number of 4-connected parts, and the part of each place, from 1."""
+    n, parts = cv2.connectedComponents(places.astype(np.uint8), connectivity=4)
+    return n - 1, parts
+
+
+def _relative(window: Window, outer: Window) -> Window | None:
+    """A window as rows and columns of one that holds it; none if it does not."""
+    slices = []
+    for inner, wide in zip(window, outer, strict=True):
+        if inner.start < wide.start or inner.stop > wide.stop:
+            return None
+        slices.append(slice(inner.start - wide.start, inner.stop - wide.start))
+    return slices[0], slices[1]
 
 
 def _place(space: _Space, floor: Rect, entry: Entry, rng: np.random.Generator) -> None:

@@ -200,7 +200,8 @@ def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
         places = hull_places(plan, hull_radius_m)
         main = largest_piece(places)
         pockets = places & ~main
-        lost = plan.free & ~largest_piece(plan.free)
+        _, pieces = cv2.connectedComponents(plan.free.astype(np.uint8), connectivity=4)
+        lost = plan.free & (pieces != pieces[main][0])
         if pockets.any():
             radius = hull_radius_m / plan.resolution_m
             lost |= plan.free & (_distance(~pockets) <= radius) & (_distance(~main) > radius)

@@ -174,7 +174,7 @@ def _draw_distributions(axes: Axes, real: np.ndarray, generated: np.ndarray) -> 
     for sample, colour, label in ((real, "#0072B2", "real"), (generated, "#D55E00", "generated")):
         weights = np.full(len(sample), 1 / max(len(sample), 1))
         axes.hist(
-            np.clip(sample, bins[0], bins[-1]), bins, weights=weights, color=colour, alpha=0.35, label=label
+            np.clip(sample, low, high), bins.tolist(), weights=weights, color=colour, alpha=0.35, label=label
         )
         steps.ecdf(sample, color=colour, lw=1.5)
     axes.set_ylabel("share in the bin")

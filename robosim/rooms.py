@@ -131,7 +131,7 @@ def _interior(plan: FloorPlan) -> np.ndarray:
         cv2.polylines(lattice, on_lattice, True, 0)
         return lattice
     lattice[1::2, 1::2] = ~plan.free
-    lattice = 1 - cv2.dilate(lattice, np.ones((3, 3), np.uint8))
+    lattice = 1 - np.asarray(cv2.dilate(lattice, np.ones((3, 3), np.uint8)), np.uint8)
     lattice[[0, -1]] = 0
     lattice[:, [0, -1]] = 0
     return lattice
