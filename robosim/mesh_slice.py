@@ -1,7 +1,7 @@
 """Floor plan of one storey of a triangle mesh: what stands between two heights above its floor.
 
-A cell is free where the floor reaches into it and no surface does between the two heights; occupied where one
-does; unknown elsewhere. Small holes in a scanned floor that no surface stands at are free. Closed pockets of
+A cell is free if there is floor under its centre and no surface reaches into it between the two heights;
+occupied if one does; unknown otherwise. Small holes in a scanned floor are free. Closed pockets of
 floor inside solid walls are not free: leaving there, one comes out of more solids than one goes into.
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
@@ -12,6 +12,7 @@ Left out: doors that are closed in the mesh stay closed; floors steeper than 45 
 Reference: glTF 2.0 specification, 3.4 (axes and units).
 """
 
+import io
 import logging
 from pathlib import Path
 from typing import Literal, get_args
@@ -107,7 +108,7 @@ def _likely_up(path: Path, triangles: Triangles) -> str:
     if largest[_OTHER[usual]] <= 2 * largest[usual]:
         return usual
     logger.warning(
-        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, against %.0f m2 for the usual %s "
+        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s "
         "axis. If this is wrong, pass up=%r.",
         path,
         _OTHER[usual],
@@ -125,17 +126,25 @@ def load_triangles(path: Path) -> Triangles:
     Raises:
         MapError: If the file cannot be read, or has no triangles or vertices that are not finite.
     """
-    read_plan_bytes(path, "mesh")
+    content = read_plan_bytes(path, "mesh")
+    suffix = path.suffix.lower()
+    if suffix in (".obj", ".off"):  # text in any encoding; only its comments and names can be of another one
+        content = content.decode("utf-8", errors="replace").encode()
     try:
-        mesh = trimesh.load_scene(path, process=False, skip_materials=True).to_mesh()
+        # A .gltf file names others beside it.
+        source = path if suffix == ".gltf" else io.BytesIO(content)
+        scene = trimesh.load_scene(source, file_type=suffix[1:], process=False, skip_materials=True)
+        mesh = scene.to_mesh()
         triangles = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces, np.int64)]
     except Exception as error:  # damaged files make loaders fail in many ways
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise MapError(
             f"{path}: not a readable mesh ({reason[:200]}). Export it again, as GLB, PLY, OBJ or STL."
         ) from error
-    if len(triangles) == 0:
-        raise MapError(f"{path}: has no triangles. A point cloud must be meshed before it can be sliced.")
+    if triangles.size == 0 or triangles.shape[1:] != (3, 3):
+        raise MapError(
+            f"{path}: has no triangles in space. A point cloud must be meshed before it can be sliced."
+        )
     if not np.isfinite(triangles).all():
         n_wrong = np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2)))
         raise MapError(
@@ -223,25 +232,29 @@ def _slice(
     nx, ny = grid_size(lower, upper, resolution_m, "the floor")
     origin = lower - resolution_m
     scale, shift = np.array([1 / resolution_m, 1 / resolution_m, 1.0]), np.append(origin, 0.0)
-    has_floor = cells_touched((floor - shift) * scale, bottom, top, (ny, nx))
+    has_floor = _covers(cut((floor - shift) * scale, bottom, top), (ny, nx))
     occupied = cells_touched((triangles - shift) * scale, top, height + high, (ny, nx))
-    free = _without_pinholes(has_floor, occupied, resolution_m) & ~occupied
+    free = _with_holes_closed(has_floor & ~occupied, occupied, resolution_m)
     solid = _inside_solids((triangles - shift) * scale, (top + height + high) / 2, (ny, nx))
     return _without_pockets(free, solid, resolution_m), occupied, (float(origin[0]), float(origin[1]))
 
 
-def _without_pinholes(
-    has_floor: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
+def _with_holes_closed(
+    free: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Floor with those small holes closed that lie in floor alone, not at a wall or a column."""
-    around = np.ones((3, 3), int)
-    holes, n = ndimage.label(~has_floor, around)
-    size = np.bincount(holes.ravel(), minlength=n + 1)
-    keep = size * resolution_m**2 > _HOLE_M2
-    keep[np.unique(holes[ndimage.binary_dilation(occupied, around)])] = True
-    keep[np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))] = True
-    keep[0] = True
-    return has_floor | ~keep[holes]
+    """Free cells with the small holes beside them, in which nothing stands.
+
+    The inside of a column is no such hole: only its occupied cells lie beside free ones.
+    """
+    hole, n = ndimage.label(~free & ~occupied)
+    small = np.bincount(hole.ravel(), minlength=n + 1) * resolution_m**2 <= _HOLE_M2
+    beside = np.zeros(n + 1, bool)
+    beside[hole[ndimage.binary_dilation(free)]] = True
+    at_border = np.zeros(n + 1, bool)
+    at_border[np.concatenate([hole[0], hole[-1], hole[:, 0], hole[:, -1]])] = True
+    closed = small & beside & ~at_border
+    closed[0] = False
+    return free | closed[hole]
 
 
 def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx"]:
@@ -253,9 +266,14 @@ def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) 
     at, so that one sum over the edges of all triangles there will do.
     """
     sideways = winding_numbers(*section(triangles, height), shape)
-    corners = cut(triangles[triangles[:, :, 2].max(axis=1) > height], height, np.inf)[:, :, :2]
-    start, end = corners.reshape(-1, 2), np.roll(corners, -1, axis=1).reshape(-1, 2)
-    return (sideways > 0) & (winding_numbers(start, end, shape) > 0)
+    above = cut(triangles[triangles[:, :, 2].max(axis=1) > height], height, np.inf)
+    return (sideways > 0) & _covers(above, shape)
+
+
+def _covers(polygons: Float[np.ndarray, "n m 3"], shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx"]:
+    """Cells whose centre lies below (or above) more polygons that face up than polygons that face down."""
+    start, end = polygons[:, :, :2], np.roll(polygons[:, :, :2], -1, axis=1)
+    return winding_numbers(start.reshape(-1, 2), end.reshape(-1, 2), shape) > 0
 
 
 def _without_pockets(

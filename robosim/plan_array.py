@@ -66,7 +66,7 @@ def _from_integers(array: np.ndarray, name: str) -> UInt8[np.ndarray, "ny nx"]:
             f"{name}: a cell is {wrong[0]}, expected 0 free, 1 occupied, 2 unknown. For percentages pass "
             "array / 100, unknown cells as NaN; for grey values write an image."
         )
-    return np.ascontiguousarray(array, dtype=np.uint8)
+    return np.array(array, dtype=np.uint8)
 
 
 def _from_probabilities(

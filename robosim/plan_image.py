@@ -15,7 +15,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from jaxtyping import Bool, UInt8, UInt16, UInt32
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from robosim.files import whole_file
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
@@ -75,7 +75,8 @@ def decode_image(content: bytes, source: str) -> PlanImage:
     except MapError:
         raise
     except Exception as error:  # damaged files make decoders fail in many ways
-        reason = " ".join(str(error).split()) or type(error).__name__
+        unknown = isinstance(error, UnidentifiedImageError)
+        reason = "of unknown format" if unknown else " ".join(str(error).split()) or type(error).__name__
         raise MapError(
             f"{source}: not a readable image ({reason[:200]}). "
             "Expected PNG, PGM, BMP, TIFF, GIF, JPEG or WebP: export it again."

@@ -19,6 +19,7 @@ References: nav2_map_server `map_io.cpp` (up to Jazzy), ROS 1 map_server `image_
 
 import logging
 import math
+import reprlib
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -48,6 +49,8 @@ Mode = Literal["trinary", "scale", "raw"]
 
 #: A map's YAML has some ten lines.
 _MAX_YAML_BYTES = 100_000
+_SHORT = reprlib.Repr()
+_SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 4, 4
 _TRUE, _FALSE = ("1", "true", "yes", "on", "y"), ("0", "false", "no", "off", "n")
 
 
@@ -179,7 +182,9 @@ class _Keys:
 
     def fail(self, key: str, expected: str) -> MapError:
         value = self.keys[key]
-        return MapError(f"{self.path}: {key} is {str(value)[:80]!r}, expected {expected}.")
+        # Nested aliases can make the whole text of a list enormous.
+        shown = repr(value[:80]) if isinstance(value, str) else _SHORT.repr(value)
+        return MapError(f"{self.path}: {key} is {shown}, expected {expected}.")
 
     def get(self, key: str, example: str) -> Any:
         if key not in self.keys:
@@ -213,6 +218,7 @@ def _number(value: Any) -> float | None:
 
 
 def _checked(keys: _Keys) -> RosHeader:
+    image = _image_path(keys)
     resolution_m = keys.number("resolution", "0.05", "the metres per pixel, for example 0.05")
     if resolution_m <= 0:
         raise keys.fail("resolution", "a positive number: the metres per pixel, for example 0.05")
@@ -220,7 +226,7 @@ def _checked(keys: _Keys) -> RosHeader:
     name = keys.keys.get("name", keys.path.stem)
     eroded_m = keys.number("eroded_m", "0.1", "metres, 0 or more") if "eroded_m" in keys.keys else 0.0
     return RosHeader(
-        image=_image_path(keys),
+        image=image,
         resolution_m=resolution_m,
         origin=_origin(keys),
         negate=keys.choice("negate", _TRUE + _FALSE, keys.get("negate", "0")) in _TRUE,

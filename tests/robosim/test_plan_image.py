@@ -1,0 +1,168 @@
+"""Images of floor plans: every kind of PNG gives the grey levels that were put in."""
+
+import io
+import zlib
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plan_image import decode_image
+from robosim.planfiles import read_plan, write_png
+
+GREY = np.array([[0, 205, 254], [255, 100, 1]], np.uint8)
+
+
+def encoded(image, kind="PNG", **options):
+    buffer = io.BytesIO()
+    image.save(buffer, kind, **options)
+    return buffer.getvalue()
+
+
+def palette_image(transparent=None):
+    image = Image.new("P", (3, 2))
+    image.putdata(list(range(6)))
+    image.putpalette([int(v) for grey in GREY.ravel() for v in (grey, grey, grey)])
+    return encoded(image, **({} if transparent is None else {"transparency": transparent}))
+
+
+def rgb(grey):
+    return np.repeat(grey[..., None], 3, axis=-1)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        encoded(Image.fromarray(GREY)),
+        encoded(Image.fromarray(rgb(GREY))),
+        palette_image(),
+        encoded(Image.fromarray(GREY), "BMP"),
+        encoded(Image.fromarray(GREY), "TIFF"),
+        encoded(Image.fromarray(GREY), "GIF"),
+        encoded(Image.fromarray(GREY), "PPM"),
+        encoded(Image.fromarray(GREY.astype(np.uint16) * 257)),
+        cv2.imencode(".png", rgb(GREY).astype(np.uint16) * 257)[1].tobytes(),
+    ],
+    ids=["grey", "rgb", "palette", "bmp", "tiff", "gif", "pgm", "grey16", "rgb16"],
+)
+def test_grey_levels_are_exact_in_every_kind(content):
+    image = decode_image(content, "x")
+    np.testing.assert_array_equal(image.light / image.white, GREY / 255)
+    assert not image.see_through.any()
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_sixteen_bits_keep_their_depth(channels):
+    """Pillow alone would drop the low byte of colour images; 50000 and 50001 must stay apart."""
+    pixels = np.array([[50000, 50001, 65535]], np.uint16)
+    pixels = pixels if channels == 1 else rgb(pixels)
+    image = decode_image(cv2.imencode(".png", pixels)[1].tobytes(), "x")
+    np.testing.assert_array_equal(
+        image.light.astype(np.int64) * 65535 // image.white, [[50000, 50001, 65535]]
+    )
+
+
+def test_one_bit_images_are_black_and_white():
+    image = decode_image(encoded(Image.fromarray(np.array([[True, False]]))), "x")
+    np.testing.assert_array_equal(image.light / image.white, [[1.0, 0.0]])
+
+
+GREY_ALPHA = np.stack([GREY, np.array([[255, 254, 0], [255, 255, 128]], np.uint8)], axis=-1)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        encoded(Image.fromarray(GREY_ALPHA)),
+        encoded(Image.fromarray(np.concatenate([rgb(GREY), GREY_ALPHA[..., 1:]], axis=-1))),
+        cv2.imencode(
+            ".png", np.concatenate([rgb(GREY), GREY_ALPHA[..., 1:]], axis=-1).astype(np.uint16) * 257
+        )[1].tobytes(),
+        palette_image(bytes([255, 254, 0, 255, 255, 128])),
+    ],
+    ids=["grey+alpha", "rgba", "rgba16", "palette"],
+)
+def test_transparency_is_found_in_every_kind(content):
+    image = decode_image(content, "x")
+    np.testing.assert_array_equal(image.light / image.white, GREY / 255)
+    np.testing.assert_array_equal(image.see_through, GREY_ALPHA[..., 1] < 255)
+
+
+@pytest.mark.parametrize("grey", [205, 50000])
+def test_one_transparent_grey_is_found(grey):
+    """PNG may name one grey that is transparent, in 8 and in 16 bits."""
+    pixels = np.array([[grey, 0]], np.uint8 if grey < 256 else np.uint16)
+    image = decode_image(encoded(Image.fromarray(pixels), transparency=grey), "x")
+    np.testing.assert_array_equal(image.see_through, [[True, False]])
+
+
+def test_an_image_alone_needs_its_scale(tmp_path):
+    """The message says how, and names the YAML file beside the image."""
+    path = tmp_path / "office.png"
+    path.write_bytes(encoded(Image.fromarray(GREY)))
+    with pytest.raises(MapError, match=r"office\.png.*--resolution 0\.05"):
+        read_plan(path)
+    (tmp_path / "office.yaml").write_text("image: office.png")
+    with pytest.raises(MapError, match=r"Read .*office\.yaml instead"):
+        read_plan(path)
+
+
+def test_an_image_alone_is_light_free_dark_occupied_grey_and_transparent_unknown(tmp_path):
+    path = tmp_path / "office.png"
+    pixels = np.full((2, 3, 4), 255, np.uint8)
+    pixels[0, :, :3] = np.array([0, 205, 254])[:, None]
+    pixels[1, 2, 3] = 254
+    Image.fromarray(pixels).save(path)
+    plan = read_plan(path, resolution_m=0.1)
+    np.testing.assert_array_equal(plan.occupancy, [[FREE, FREE, UNKNOWN], [OCCUPIED, UNKNOWN, FREE]])
+    assert (plan.resolution_m, plan.origin, plan.name) == (0.1, (0.0, 0.0, 0.0), "office")
+
+
+def test_a_written_png_reads_back(tmp_path):
+    occupancy = np.random.default_rng(3).integers(0, 3, (20, 30)).astype(np.uint8)
+    plan = FloorPlan(occupancy=occupancy, resolution_m=0.05)
+    write_png(plan, tmp_path / "plan.png")
+    np.testing.assert_array_equal(read_plan(tmp_path / "plan.png", resolution_m=0.05).occupancy, occupancy)
+
+
+def bomb(width, height):
+    """A PNG of a few bytes that claims to be enormous."""
+    header = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([1, 0, 0, 0, 0])
+
+    def chunk(kind, data):
+        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+
+    rows = zlib.compress(bytes(1000))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+
+
+@pytest.mark.parametrize("content", [bomb(200_000, 200_000), bomb(20_000, 6_000), bomb(2**31 - 1, 2**31 - 1)])
+def test_image_bombs_fail_by_their_header(tmp_path, content):
+    path = tmp_path / "bomb.png"
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=r"bomb\.png"):
+        read_plan(path, resolution_m=0.05)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", encoded(Image.fromarray(GREY))[:45]])
+def test_damaged_images_are_said(tmp_path, content):
+    path = tmp_path / "bad.png"
+    path.write_bytes(content)
+    with pytest.raises(MapError, match=r"bad\.png"):
+        read_plan(path, resolution_m=0.05)
+
+
+def test_images_of_real_numbers_are_refused(tmp_path):
+    """Thresholds of such values would be a guess."""
+    Image.fromarray(np.zeros((2, 2), np.float32)).save(tmp_path / "map.tif")
+    with pytest.raises(MapError, match="floating-point"):
+        read_plan(tmp_path / "map.tif", resolution_m=0.05)
+
+
+def test_all_black_has_no_free_space(tmp_path):
+    path = tmp_path / "black.png"
+    Image.fromarray(np.zeros((2, 2), np.uint8)).save(path)
+    with pytest.raises(MapError, match=r"black\.png.*no free space.*negate"):
+        read_plan(path, resolution_m=0.05)
