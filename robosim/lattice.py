@@ -89,7 +89,7 @@ def _half(corner: tuple[int, int]) -> Bool[np.ndarray, "4"]:
 def _cover(solid: Bool[np.ndarray, "ny nx"], wanted: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "_ 5"]:
     """Rectangles inside of the solid that cover all wanted squares, found greedily row by row."""
     todo, found = wanted.copy(), []
-    for iy, ix in np.argwhere(wanted):
+    for iy, ix in np.argwhere(wanted).tolist():
         if not todo[iy, ix]:
             continue
         wide = _grow(solid, iy, ix, "xy")
