@@ -42,6 +42,12 @@ def test_axis_aligned_houses_are_exact(tmp_path):
     assert not (plan.free[0].any() or plan.free[-1].any() or plan.free[:, 0].any() or plan.free[:, -1].any())
 
 
+def test_the_outline_may_go_either_way_around(tmp_path):
+    there = read_plan(write(tmp_path, TWO_ROOMS)).occupancy
+    back = read_plan(write(tmp_path, TWO_ROOMS[::-1])).occupancy
+    np.testing.assert_array_equal(there, back)
+
+
 @pytest.mark.parametrize("turn", [0.3, 1.2])
 def test_cells_are_free_where_their_centre_is_inside(tmp_path, turn):
     """A turned and moved house, at a coarser resolution; shapely decides for every centre."""

@@ -185,14 +185,19 @@ def test_a_storey_is_a_floor_with_walls_and_no_table():
     assert storey.walls_m == pytest.approx(14.0)
 
 
+def test_a_high_shelf_in_a_hall_is_no_storey():
+    """A surface of 1 m2 at 2 m, with 3 m of the hall's walls above it: too small beside the floor's 12 m2."""
+    assert len(find_storeys(room(table=2.0, height_m=5.0), 0.2, 1.5)) == 1
+
+
 def test_a_roof_has_no_walls():
     storeys = find_storeys(np.array(solids().triangles), 0.2, 1.5)
     assert [(round(s.height_m, 6), s.has_walls) for s in storeys] == [(0.0, True), (2.7, False)]
 
 
-def room(table=None):
+def room(table=None, height_m=2.5):
     """A room of 4 m x 3 m as five sheets that face inwards, without a ceiling; a table top at choice."""
-    box = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
+    box = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, height_m]])
     triangles = box.triangles[box.face_normals[:, 2] < 0.5][:, ::-1]
     if table is not None:
         top = np.array(
