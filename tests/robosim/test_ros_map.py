@@ -13,7 +13,7 @@ from PIL import Image
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.planfiles import read_plan, write_ros
-from robosim.ros_map import read_header
+from robosim.ros_header import read_header
 
 HEADER = {
     "image": "map.png",
