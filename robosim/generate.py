@@ -10,6 +10,7 @@ through the outermost free cells. Left out: storeys, windows, what furniture loo
 """
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal
 
 import cv2
@@ -19,6 +20,7 @@ from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.furnish import furnish
 from robosim.layout import STYLES, Layout, Rect, lay_out
+from robosim.planfiles import write_ros
 from robosim.rooms import hull_places, largest_piece
 
 #: Radius of the agent that the published navigable areas were made for [m].
@@ -94,14 +96,31 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     """
     rng = np.random.default_rng(seed)
     draft = _draft(rng, config)
-    layout = lay_out(
-        rng, area_m2=draft.area_m2, rooms=draft.rooms, door_m=config.door_width_m, style=STYLES[config.style]
-    )
+    style = STYLES[config.style]
+    layout = lay_out(rng, area_m2=draft.area_m2, rooms=draft.rooms, door_m=config.door_width_m, style=style)
     canvas = Canvas(layout.bounds(), draft.yaw, config.resolution_m)
     _paint(canvas, layout)
     floor = canvas.free.copy()
-    furnish(canvas, layout, rng, density=draft.furniture, passage_m=config.passage_m)
+    density = draft.furniture * style.crowding
+    furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
     return _plan(canvas.free, floor, f"{config.style}-{seed}", config)
+
+
+#: Seeds and kinds of the plans that come with the package; `write_shipped` makes them anew.
+SHIPPED = {
+    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
+    "office": (22, GeneratorConfig(style="office")),
+}
+
+
+def write_shipped(folder: Path) -> None:
+    """Write the plans that come with the package, as ROS maps."""
+    for name, (seed, config) in SHIPPED.items():
+        write_ros(replace(generate_plan(seed, config=config), name=name), folder / f"{name}.yaml")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +149,7 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
     area_m2 = config.area_m2 or max(14.0, float(area_m2))
     typical_m2 *= (area_m2 / 70) ** 0.3
     rooms = config.rooms or max(1, round(area_m2 / (typical_m2 * np.exp(0.4 * room_size))))
-    furniture = 0.25 * crowd if empty < 0.11 else 0.8 + 1.5 * crowd
+    furniture = 0.2 * crowd if empty < 0.11 else 0.5 + crowd
     if config.furniture is not None:
         furniture = config.furniture
     yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)

@@ -83,6 +83,8 @@ class Style:
     """Chance of an alcove or bay, for each free side of a room."""
     slanted: float
     """Chance of a slanted wall, for each room."""
+    crowding: float
+    """How many pieces of furniture there are where furniture is the usual, relative to the lists of pieces."""
 
 
 HOME = Style(
@@ -96,6 +98,7 @@ HOME = Style(
     open_plan=0.8,
     recess=0.15,
     slanted=0.1,
+    crowding=1.5,
 )
 OFFICE = Style(
     aspect=(1.0, 2.5),
@@ -108,6 +111,7 @@ OFFICE = Style(
     open_plan=0.3,
     recess=0.05,
     slanted=0.04,
+    crowding=0.75,
 )
 STYLES = {"home": HOME, "office": OFFICE}
 
@@ -442,6 +446,8 @@ def _recess(rng: np.random.Generator, floor: Rect, side: int, length: float) -> 
         depth = rng.uniform(0.4, 1.0)
         slant = min(rng.uniform(0.3, 1.0) * depth, 0.4 * width)
     else:  # wing at an angle, square at its end
+        width = max(width, min(1.0, length))
+        middle = float(np.clip(middle, width / 2, length - width / 2))
         depth = rng.uniform(1.5, 3.0)
         skew = rng.uniform(-0.6, 0.6) * depth
         tilt = float(np.clip(skew / depth * width, -depth, depth)) / 2

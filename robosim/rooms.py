@@ -72,19 +72,17 @@ def clearance(plan: FloorPlan) -> Float[np.ndarray, "ny nx"]:
     Taken on the lattice of cell centres, corners and edge middles, on which the distance to walls that run
     along cell edges is exact, so that twice the clearance is the width of a passage of odd or even cells.
     """
-    interior = np.pad(_interior(plan), 1)
-    distance = cv2.distanceTransform(interior, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-    best = cv2.dilate(distance, np.ones((3, 3), np.uint8))[1::2, 1::2]
-    return np.where(plan.free, best.astype(float) * (plan.resolution_m / 2), 0.0)
+    best = cv2.dilate(_distance_m(plan), np.ones((3, 3), np.uint8))[1::2, 1::2]
+    return np.where(plan.free, best, 0.0).astype(float)
 
 
 def hull_places(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"]:
-    """Cells in which the centre of a round hull can be.
+    """Cells at whose centre the centre of a round hull can be.
 
     Raises:
         ValueError: If there are none.
     """
-    fits = plan.free & (clearance(plan) >= hull_radius_m - 1e-6)
+    fits = plan.free & (_distance_m(plan)[1::2, 1::2] >= hull_radius_m - 1e-6)
     if not fits.any():
         raise ValueError(
             f"hull_radius_m = {hull_radius_m:g}, expected a hull that fits somewhere in plan '{plan.name}'. "
@@ -118,6 +116,13 @@ def find_rooms(plan: FloorPlan, hull_radius_m: float) -> Rooms:
         labels += 1
     pairs, width_m = _passages(labels, clearance(plan))
     return Rooms(labels=labels, passages=pairs, width_m=width_m)
+
+
+def _distance_m(plan: FloorPlan) -> np.ndarray:
+    """Distance [m] to walls on the lattice of half cells; 0 outside of them."""
+    interior = np.pad(_interior(plan), 1)
+    cells = cv2.distanceTransform(interior, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    return cells * np.float32(plan.resolution_m / 2)
 
 
 def _interior(plan: FloorPlan) -> np.ndarray:
