@@ -26,7 +26,7 @@ from robosim.physics import FLOOR, WALL, PhysicsConfig
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
 #: Push of the wheels at which the motors stall, as a part of the robot's weight.
-STALL_GRIP = 0.8
+STALL_GRIP = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +47,7 @@ class RobotConfig:
     """Height of the camera [m], as drawn; pictures follow the camera's own settings."""
     max_speed_mps: float = 0.5
     """Highest speed of a wheel [m/s]."""
-    max_accel_mps2: float = 3.0
+    max_accel_mps2: float = 2.0
     """Highest acceleration of a wheel [m/s^2]."""
 
     def __post_init__(self) -> None:
@@ -117,7 +117,7 @@ def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -
         size=(robot.radius_m, 0, 0),
         contype=0,
         conaffinity=WALL,
-        condim=3,
+        condim=3 if physics.wall_friction > 0 else 1,
         friction=(physics.wall_friction, 0, 0),
         priority=1,
         group=3,

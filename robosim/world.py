@@ -40,8 +40,10 @@ GAIN_M, STALL_S = 5e-4, 0.1
 SETTLE_S, REST_S = 0.5, 0.2
 #: What counts as rest [m/s], [rad/s].
 REST_MPS, REST_RADPS = 1e-3, 1e-2
-#: Feedback of pose errors [1/s]; sideways up to a speed [m/s] that stops drift but does not push into walls.
-FEEDBACK_PER_S, SIDEWAYS_MPS = 15.0, 0.01
+#: Feedback of pose errors [1/s].
+FEEDBACK_PER_S = 15.0
+#: Fastest slip to correct drift, and at walls [m/s]: wheels that slip fast while a wall holds the robot hop.
+DRIFT_MPS, SCRAPE_MPS = 0.01, 0.05
 #: Floor beyond the walls [m].
 MARGIN_M = 5.0
 
@@ -170,21 +172,33 @@ class World:
                 best_m, best_s = left_m, time_s
             elif self._at_wall and time_s - best_s > STALL_S:
                 return
-            self._steer(plan, time_s, pose, push=not (late and self._touched))
+            # A wall decides how far the robot gets: pushing harder would only make it slide on.
+            self._steer(plan, time_s, pose, closing=not (self._at_wall or (late and self._touched)))
             self._advance(self.config.control_steps)
 
-    def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, push: bool) -> None:
-        """Tell wheels and floor the speeds for the next control period; without push, only to turn."""
+    def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, closing: bool) -> None:
+        """Tell wheels and floor the speeds for the next control period.
+
+        Args:
+            plan: Where to be.
+            time_s: Time since its start [s].
+            pose: Where the robot is.
+            closing: Whether to correct the position too, not only the heading.
+        """
         period_s = self.config.control_steps * self.config.timestep_s
         lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
         now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
         vx, vy, w = ((b - a) / period_s for a, b in zip(ahead, then, strict=True))
-        gain = FEEDBACK_PER_S if push else 0.0
+        gain = FEEDBACK_PER_S if closing else 0.0
         ex, ey = gain * (now[0] - pose[0]), gain * (now[1] - pose[1])
         c, s = math.cos(pose[2]), math.sin(pose[2])
         v, w = c * (vx + ex) + s * (vy + ey), w + FEEDBACK_PER_S * wrap(now[2] - pose[2])
-        drift = 0.0 if self._at_wall else max(-SIDEWAYS_MPS, min(SIDEWAYS_MPS, c * ey - s * ex))
-        self._tell(v, w, c * vy - s * vx + drift)
+        slip = c * vy - s * vx
+        if self._at_wall:
+            slip = max(-SCRAPE_MPS, min(SCRAPE_MPS, slip))
+        else:
+            slip += max(-DRIFT_MPS, min(DRIFT_MPS, c * ey - s * ex))
+        self._tell(v, w, slip)
 
     def _tell(self, v_mps: float, w_radps: float, sideways_mps: float = 0.0) -> None:
         """Set the speeds of the wheels, and slide the floor to the left of the robot.

@@ -40,7 +40,7 @@ def flaws(plan: FloorPlan, tolerance_m: float = 0.0) -> tuple[float, float, int]
 
 @pytest.mark.parametrize("wall_line", ["cell_edge", "cell_centre"])
 @pytest.mark.parametrize("origin", [(0.0, 0.0, 0.0), (3.0, -7.0, 0.3), (1e4, -1e4, 2.0)])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_pieces_cover_all_walls_and_nothing_else(wall_line, origin, seed):
     """Ragged outlines on the lattice, turned and far away. Measured: 0 m2 and 0 m of flaws.
 
@@ -53,7 +53,7 @@ def test_pieces_cover_all_walls_and_nothing_else(wall_line, origin, seed):
 
 @pytest.mark.parametrize("wall_line", ["cell_edge", "cell_centre"])
 @pytest.mark.parametrize("tolerance_m", [0.03, 0.08, 0.2])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_pieces_cover_slanted_walls_and_nothing_else(wall_line, tolerance_m, seed):
     """Simplified outlines have walls in any direction, thin spikes and corners of a few degrees."""
     overlap, bare, _ = flaws(noisy_plan(seed, wall_line=wall_line, origin=(1.0, 2.0, 0.7)), tolerance_m)
@@ -141,7 +141,7 @@ def test_a_pose_in_a_wall_is_refused():
     free = free_polygons(room())
     check_pose(free, np.array([0.1, 1.0, 0.0]), 0.1)
     check_pose(free, np.array([0.0992, 1.0, 0.0]), 0.1)  # within the tolerance of offset polygons
-    with pytest.raises(ValueError, match="0.097 m from the nearest wall"):
+    with pytest.raises(ValueError, match=r"0\.097 m from the nearest wall"):
         check_pose(free, np.array([0.097, 1.0, 0.0]), 0.1)
     with pytest.raises(ValueError, match="not in free space"):
         check_pose(free, np.array([-1.0, 1.0, 0.0]), 0.1)
