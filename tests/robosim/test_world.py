@@ -147,10 +147,10 @@ def test_the_same_again_bit_for_bit():
 def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
     """150 reckless moves among columns, corners and slopes: never deeper than 5 mm in a wall.
 
-    Measured over 2400 moves: 2.4 mm. Judged by the distance of the hull's centre from the nearest wall line, at
-    each motion's end; during motion by physics' own contacts, which must have seen at least as much. At no step
-    is the robot more than 8 mm above the floor (wheels that slip hop a little; measured 4.4 mm) or tilted by 4
-    degrees (measured 2).
+    Measured over 2400 moves: 2.4 mm. Judged by the distance of the hull's centre from the nearest wall
+    line, at each motion's end; during motion by physics' own contacts, which must have seen at least as
+    much. At no step is the robot more than 8 mm above the floor (wheels that slip hop a little; measured
+    4.4 mm) or tilted by 4 degrees (measured 2).
     """
     robot = ROBOTS[name]
     building = make_building(cluttered(wall_line=wall_line))
