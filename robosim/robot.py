@@ -202,8 +202,8 @@ def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
     R, top = robot.radius_m, robot.mast_m
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
     looks = (
-        ("base", cylinder, (0, 0, 0.5 * R), (R, 0.25 * R, 0), (0.15, 0.15, 0.18, 1)),
-        ("deck", cylinder, (0, 0, 1.1 * R), (0.85 * R, 0.2 * R, 0), (0.25, 0.45, 0.7, 1)),
+        ("base", cylinder, (0, 0, 0.65 * R), (R, 0.25 * R, 0), (0.3, 0.3, 0.33, 1)),
+        ("deck", cylinder, (0, 0, 1.15 * R), (0.85 * R, 0.15 * R, 0), (0.25, 0.45, 0.7, 1)),
         ("mast", cylinder, (0, 0, (top + R) / 2), (0.1 * R, 0, (top - R) / 2), (0.7, 0.7, 0.7, 1)),
         ("camera", box, (0, 0, top), (0.15 * R, 0.4 * R, 0.15 * R), (0.9, 0.35, 0.1, 1)),
     )
