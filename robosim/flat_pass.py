@@ -1,9 +1,10 @@
-"""Drawing a pyrender scene in flat colours, with the fewest OpenGL calls that a frame takes.
+"""Drawing a pyrender scene in flat colours, with the least work that a frame takes.
 
-pyrender stays the owner of the scene, of its meshes on the GPU and of the shaders. Replaced is what it does at
-every frame: look up the shaders of each primitive, set a dozen uniforms by their names, set and undo all state,
-each time with PyOpenGL's checks around it. Here a frame is: set the state, clear, and for each primitive a
-program, three matrices and a draw call.
+pyrender stays the owner of the scene and of its meshes on the GPU. Replaced is what it does at every frame: look
+up the shaders of each primitive, set a dozen uniforms by their names, set and undo all state, each time with
+PyOpenGL's checks around it. Here a frame is: set the state, clear, bind a program with one matrix, and draw, in
+one call, those runs of triangles that can be seen. The shaders are smaller, too: pyrender's flat one carries
+positions and material to each pixel, which nobody asks for and a software renderer has to work out.
 
 That is enough for opaque triangles without textures, in the colours of their vertices. Anything else that pyrender
 draws (lights, textures, transparency) still goes through `pyrender.Renderer.render` in the same context.
@@ -12,103 +13,134 @@ Uses internals of pyrender 0.1.45, the version that this project pins. Import on
 `robosim.gl_binding.bind_opengl`.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pyrender
-from jaxtyping import Float
-from pyrender.constants import GLTF, BufFlags, ProgramFlags, RenderFlags
+from jaxtyping import Float, Int32, UInt64
+from OpenGL import GL
+from OpenGL.GL import shaders
+from pyrender.constants import GLTF, BufFlags, RenderFlags
 
 from robosim import gl_calls as gl
 from robosim.gl_calls import GLCalls
 
 
-@dataclass(frozen=True)
-class _Draw:
-    """What one draw call needs."""
-
-    vertex_array: int
-    program: int
-    n_indices: int
-    P: int
-    """Place of the uniform matrix P, and so on."""
-    V: int
-    M: int
+_VERTEX = """
+#version 330 core
+layout(location = 0) in vec3 position;  // locations as pyrender gives them to positions and colours
+layout(location = 1) in vec4 color_0;
+uniform mat4 P_V;
+out vec3 color;
+void main() {
+    gl_Position = P_V * vec4(position, 1.0);
+    color = color_0.rgb;
+}
+"""
+_COLOUR = """
+#version 330 core
+in vec3 color;
+out vec4 frag_color;
+void main() { frag_color = vec4(color, 1.0); }
+"""
+_DEPTH = """
+#version 330 core
+void main() {}
+"""
 
 
 class FlatPass:
-    """Draws the meshes of one scene, which stay as they are, in their vertex colours.
-
-    Meshes are taken as lying in the scene's own frame: poses of nodes are left out.
-    """
+    """Draws one mesh, which stays as it is, in its vertex colours."""
 
     def __init__(self, scene: pyrender.Scene, renderer: pyrender.Renderer, calls: GLCalls) -> None:
-        """Bring the scene's meshes to the context, which must be current, and compile the shaders.
+        """Bring the scene's mesh to the context, which must be current, and compile the shaders.
+
+        Args:
+            scene: Its mesh must be one, of opaque indexed triangles with vertex colours, and not moved.
+            renderer: Renderer of the context.
+            calls: OpenGL functions of the context.
 
         Raises:
-            ValueError: If a mesh is not made of opaque indexed triangles with vertex colours only.
+            ValueError: If the scene is not like that.
         """
         self._size = renderer.viewport_width, renderer.viewport_height
         self._calls = calls
         self._background = tuple(float(x) for x in np.broadcast_to(scene.bg_color, 4))
-        primitives = [primitive for mesh in scene.meshes for primitive in mesh.primitives]
-        for primitive in primitives:
-            _check_flat(primitive)
+        primitive = _only_primitive(scene)
         renderer._update_context(scene, RenderFlags.FLAT)
-        self._colour = [self._prepare(renderer, primitive, RenderFlags.FLAT) for primitive in primitives]
-        self._depth = [self._prepare(renderer, primitive, RenderFlags.DEPTH_ONLY) for primitive in primitives]
-        self._identity = np.eye(4, dtype=np.float32)
+        self._vertex_array = int(primitive._vaid)
+        self._programs = {True: _compile(_VERTEX, _COLOUR), False: _compile(_VERTEX, _DEPTH)}
+        self._P_V = {key: calls.get_uniform_location(program, b"P_V") for key, program in self._programs.items()}
+        self.set_state(True)
 
-    def draw(self, P_V: Float[np.ndarray, "4 4"], *, colour: bool = True) -> None:
+    def draw(
+        self,
+        P_V: Float[np.ndarray, "4 4"],
+        count: Int32[np.ndarray, "n"],
+        offset: UInt64[np.ndarray, "n"],
+        *,
+        colour: bool = True,
+    ) -> None:
         """Draw one frame to the current context and wait for its end.
 
         Args:
             P_V: Clip coordinates of points in the scene's frame: projection times view.
+            count: Corners of triangles in each run of triangles to draw.
+            offset: Where the runs start in the buffer of indices [bytes].
             colour: Whether colours are drawn; depth always is.
         """
         calls = self._calls
-        self._set_state(colour)
-        # One product, formed in float64, takes the place of P; rounding P and V apart loses half a millimetre.
-        product = np.ascontiguousarray(P_V, dtype=np.float32)
-        for draw in self._colour if colour else self._depth:
-            calls.use_program(draw.program)
-            calls.uniform_matrix(draw.P, 1, 1, product.ctypes.data)
-            calls.uniform_matrix(draw.V, 1, 1, self._identity.ctypes.data)
-            calls.uniform_matrix(draw.M, 1, 1, self._identity.ctypes.data)
-            calls.bind_vertex_array(draw.vertex_array)
-            calls.draw_elements(gl.TRIANGLES, draw.n_indices, gl.UNSIGNED_INT, None)
+        if colour != self._state_for_colour:
+            self.set_state(colour)
+        calls.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT)
+        # Formed in float64: rounding projection and view one by one would cost half a millimetre at ten metres.
+        matrix = P_V.astype(np.float32)
+        calls.uniform_matrix(self._P_V[colour], 1, 1, matrix.ctypes.data)
+        runs = count.ctypes.data, gl.UNSIGNED_INT, offset.ctypes.data, len(count)
+        calls.multi_draw_elements(gl.TRIANGLES, *runs)
         calls.finish()
 
-    def _set_state(self, colour: bool) -> None:
-        """All that drawing depends on, since pyrender's own passes may have been at work in between."""
+    def set_state(self, colour: bool) -> None:
+        """Set all that drawing depends on; needed again after something else has drawn in the context."""
         calls = self._calls
         calls.viewport(0, 0, *self._size)
         calls.enable(gl.DEPTH_TEST)
         calls.depth_func(gl.LESS)
         calls.depth_mask(1)
+        calls.depth_range(0.0, 1.0)
         calls.enable(gl.CULL_FACE)
         calls.cull_face(gl.BACK)
         calls.disable(gl.BLEND)
         calls.polygon_mode(gl.FRONT_AND_BACK, gl.FILL)
         calls.color_mask(*[int(colour)] * 4)
         calls.clear_color(*self._background)
-        calls.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT)
-
-    def _prepare(self, renderer: pyrender.Renderer, primitive: pyrender.Primitive, flags: int) -> _Draw:
-        material = ProgramFlags.USE_MATERIAL if flags == RenderFlags.FLAT else ProgramFlags.NONE
-        program = renderer._get_primitive_program(primitive, flags, material)
-        program._bind()
-        if flags == RenderFlags.FLAT:
-            program.set_uniform("material.base_color_factor", primitive.material.baseColorFactor)
-        find = self._calls.get_uniform_location
-        places = {name: find(program._program_id, name.encode()) for name in ("P", "V", "M")}
-        return _Draw(int(primitive._vaid), int(program._program_id), int(primitive.indices.size), **places)
+        calls.use_program(self._programs[colour])
+        calls.bind_vertex_array(self._vertex_array)
+        self._state_for_colour: bool | None = colour
 
 
-def _check_flat(primitive: pyrender.Primitive) -> None:
+def _compile(vertex: str, fragment: str) -> int:
+    stages = (vertex, GL.GL_VERTEX_SHADER), (fragment, GL.GL_FRAGMENT_SHADER)
+    compiled = [shaders.compileShader(source.strip(), kind) for source, kind in stages]
+    program = GL.glCreateProgram()
+    for shader in compiled:
+        GL.glAttachShader(program, shader)
+    GL.glLinkProgram(program)
+    if not GL.glGetProgramiv(program, GL.GL_LINK_STATUS):
+        raise RuntimeError(f"The OpenGL driver cannot link the flat shaders: {GL.glGetProgramInfoLog(program)}")
+    for shader in compiled:
+        GL.glDeleteShader(shader)
+    return int(program)
+
+
+def _only_primitive(scene: pyrender.Scene) -> pyrender.Primitive:
+    """The primitive of a scene that has one only, which the flat pass can draw."""
+    primitives = [primitive for mesh in scene.meshes for primitive in mesh.primitives]
+    if len(primitives) != 1:
+        raise ValueError(f"The scene has {len(primitives)} primitives, expected one with all triangles.")
+    (primitive,) = primitives
     if primitive.mode != GLTF.TRIANGLES or primitive.indices is None or primitive.poses is not None:
-        raise ValueError("A mesh has points, lines, instances or no indices; expected indexed triangles.")
+        raise ValueError("The mesh has points, lines, instances or no indices; expected indexed triangles.")
     if primitive.buf_flags != BufFlags.POSITION | BufFlags.COLOR_0 or primitive.material.tex_flags:
-        raise ValueError("A mesh has normals or textures; expected positions and vertex colours only.")
+        raise ValueError("The mesh has normals or textures; expected positions and vertex colours only.")
     if primitive.is_transparent:
-        raise ValueError("A mesh is transparent; expected vertex colours with an alpha of 255.")
+        raise ValueError("The mesh is transparent; expected vertex colours with an alpha of 255.")
+    return primitive

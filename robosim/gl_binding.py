@@ -109,6 +109,8 @@ def _name_contexts_by_address() -> None:
     class ContextKey(OSMesaContext):
         """A pointer to a context, equal to any other pointer to it."""
 
+        _type_ = OSMesaContext._type_  # not inherited; without it, to follow the pointer is to crash
+
         def _key(self) -> int:
             return ctypes.cast(self, ctypes.c_void_p).value or 0
 

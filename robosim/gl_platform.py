@@ -43,6 +43,8 @@ class OSMesaPlatform:
         self._context: int | None = None
         self._width = -(-viewport_width // _WIDTH_STEP) * _WIDTH_STEP
         self._rgba = np.zeros((viewport_height, self._width, 4), np.uint8)
+        self._answer = ctypes.c_int(), ctypes.c_int(), ctypes.c_int(), ctypes.c_void_p()
+        self._depth_address: int | None = None
 
     def init_context(self) -> None:
         """Create the context, core profile 3.3 with 24 bits of depth, and make it current."""
@@ -88,19 +90,21 @@ class OSMesaPlatform:
 
     def read_depth_code(self) -> Integer[np.ndarray, "h w"]:
         """Depth buffer of the frame, 0 to MAX_DEPTH_CODE, first row on top; valid until the next frame."""
-        memory = self._depth_memory() if self._depth_is_plain else None
-        if memory is None:
+        if not self._depth_is_plain:
             return read_depth_code(self.calls, self.viewport_width, self.viewport_height)
-        return memory[::-1, : self.viewport_width]
+        return self._depth_memory()[::-1, : self.viewport_width]
 
-    def _depth_memory(self) -> Integer[np.ndarray, "h padded_w"] | None:
-        width, height, size, address = ctypes.c_int(), ctypes.c_int(), ctypes.c_int(), ctypes.c_void_p()
-        places = [ctypes.byref(x) for x in (width, height, size, address)]
-        shown = self._library.OSMesaGetDepthBuffer(self._context, *places)
-        if not shown or not address.value or size.value != 4:
-            return None
-        memory = (ctypes.c_uint32 * (self._width * self.viewport_height)).from_address(address.value)
-        return np.frombuffer(memory, np.uint32).reshape(self.viewport_height, self._width)
+    def _depth_memory(self) -> Integer[np.ndarray, "h padded_w"]:
+        """The depth buffer where it lies, first row at the bottom; empty if OSMesa does not show it."""
+        shown = self._library.OSMesaGetDepthBuffer(self._context, *map(ctypes.byref, self._answer))
+        size, address = self._answer[2].value, self._answer[3].value
+        if not shown or not address or size != 4:
+            return np.empty((0, 0), np.uint32)
+        if address != self._depth_address:
+            self._depth_address = address
+            memory = (ctypes.c_uint32 * (self._width * self.viewport_height)).from_address(address)
+            self._depth = np.frombuffer(memory, np.uint32).reshape(self.viewport_height, self._width)
+        return self._depth
 
     def _depth_lies_plain(self) -> bool:
         """Whether the depth memory is what this module takes it for: rows without gaps, 24 bits in 32."""
@@ -116,7 +120,7 @@ class OSMesaPlatform:
         memory = self._depth_memory()
         expected = np.full((height, self._width), MAX_DEPTH_CODE)
         expected[height // 2, width - 1] = round(0.25 * MAX_DEPTH_CODE)
-        return memory is not None and bool((np.abs(memory.astype(int) - expected) <= 1).all())
+        return memory.shape == expected.shape and bool((np.abs(memory.astype(int) - expected) <= 1).all())
 
 
 def read_depth_code(calls: GLCalls, width: int, height: int) -> Integer[np.ndarray, "h w"]:

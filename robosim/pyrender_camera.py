@@ -3,11 +3,9 @@
 pyrender holds the scene, the shaders and the meshes; `robosim.flat_pass` draws them. Made by
 `robosim.camera.make_camera`, which binds PyOpenGL before this module imports pyrender.
 
-Code c of a depth buffer with C = 2^24 - 1 stands for the depth z with
-
-    1 / z = 1 / far + (C - c) / C * (1 / near - 1 / far).
-
-C - c is formed of whole numbers: 1 - c / C in single precision would lose what is far away.
+Things are drawn as far as infinity, and what is beyond the far plane is left out afterwards. Code c of a depth
+buffer with C = 2^24 - 1 then stands for the depth z = near C / (C - c). C - c is formed of whole numbers: 1 - c / C
+in single precision would lose what is far away.
 """
 
 import weakref
@@ -18,17 +16,14 @@ from typing import Any, Self
 import numpy as np
 import pyrender
 import trimesh
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int32
 
 from robosim.camera import RGBD, CameraConfig
 from robosim.flat_pass import FlatPass
 from robosim.gl_binding import GLSystem
 from robosim.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
 from robosim.scenery import Scenery, merge
-
-#: Turns coordinates in the camera frame (y down, z forward) to OpenGL's (y up, z backward).
-CAMERA_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
-
+from robosim.visibility import Parts, Visibility
 
 class PyrenderCamera:
     """Draws pictures with OpenGL.
@@ -41,10 +36,16 @@ class PyrenderCamera:
         """Make a context and bring the meshes there; see `robosim.camera.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
-        self.scene, self._node = _make_scene(self._scenery, config)
-        self._P = self._node.camera.get_projection_matrix(config.width, config.height) @ CAMERA_TO_GL
-        self._inverse_far = np.float32(1 / config.far_m)
-        self._inverse_step = np.float32((1 / config.near_m - 1 / config.far_m) / MAX_DEPTH_CODE)
+        triangles = self._scenery.vertices[self._scenery.faces]
+        parts = Parts.of(triangles)
+        self._visibility = Visibility(triangles, parts, config)
+        self._count = (3 * parts.count).astype(np.int32)
+        self._offset = (12 * parts.start).astype(np.uint64)  # three indices of four bytes for each triangle
+        self.scene = _make_scene(self._scenery, self._scenery.faces[parts.order], config)
+        self._P = _projection(config)
+        self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
+        self._far = int(config.near_m * MAX_DEPTH_CODE / config.far_m)
+        self._nearness = np.empty((config.height, config.width), np.uint32)
         self.platform = _make_platform(system, config)
         self.platform.init_context()
         self.renderer = pyrender.Renderer(config.width, config.height)
@@ -61,14 +62,17 @@ class PyrenderCamera:
             RuntimeError: If the camera is closed.
         """
         self._draw(T_map_camera, colour=True)
-        frame = RGBD(self.platform.read_rgb(), self._metres(self.platform.read_depth_code()))
+        rgb = self.platform.read_rgb()
+        depth, whole = self._metres(self.platform.read_depth_code())
         self.platform.make_uncurrent()
-        return frame
+        if not whole:
+            rgb[depth == 0] = 0
+        return RGBD(rgb, depth)
 
     def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
         """Take the depth of a picture only, which is faster; raises as `render` does."""
         self._draw(T_map_camera, colour=False)
-        depth = self._metres(self.platform.read_depth_code())
+        depth, _ = self._metres(self.platform.read_depth_code())
         self.platform.make_uncurrent()
         return depth
 
@@ -92,25 +96,36 @@ class PyrenderCamera:
         P_V[:, :3] = self._P[:, :3] @ R.T
         P_V[:, 3] = self._P[:, 3] - P_V[:, :3] @ t
         self.platform.make_current()
-        self._pass.draw(P_V, colour=colour)
+        seen = self._visibility.parts(R, t)
+        self._pass.draw(P_V, self._count[seen], self._offset[seen], colour=colour)
 
-    def _metres(self, code: np.ndarray) -> Float32[np.ndarray, "h w"]:
-        nearness = MAX_DEPTH_CODE ^ code  # MAX_DEPTH_CODE - code, as all its bits are ones
+    def _metres(self, code: np.ndarray) -> tuple[Float32[np.ndarray, "h w"], bool]:
+        """Depth of a frame [m], and whether something is seen in all of its pixels."""
+        nearness = np.bitwise_xor(code, MAX_DEPTH_CODE, out=self._nearness)  # MAX - code: all its bits are ones
         depth = nearness.astype(np.float32)
-        depth *= self._inverse_step
-        depth += self._inverse_far
-        np.reciprocal(depth, out=depth)
-        if not nearness.min():
-            depth[nearness == 0] = 0.0
-        return depth
+        if nearness.min() > self._far:
+            return np.divide(self._unit, depth, out=depth), True
+        return np.divide(self._unit, depth, out=np.zeros_like(depth), where=nearness > self._far), False
 
 
-def _make_scene(scenery: Scenery, config: CameraConfig) -> tuple[pyrender.Scene, pyrender.Node]:
-    """A pyrender scene with all meshes as one, and its camera."""
+def _projection(config: CameraConfig) -> Float[np.ndarray, "4 4"]:
+    """Clip coordinates of points in the camera frame, with the far plane at infinity."""
+    P = np.zeros((4, 4))
+    P[0, 0] = 2 * config.focal_px / config.width
+    P[1, 1] = -2 * config.focal_px / config.height
+    P[2, 2:] = 1.0, -2 * config.near_m
+    P[3, 2] = 1.0
+    return P
+
+
+def _make_scene(
+    scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig
+) -> pyrender.Scene:
+    """A pyrender scene with all meshes as one, and a camera for what pyrender itself draws."""
     opaque = np.full((len(scenery.colours), 1), 255, np.uint8)
     primitive = pyrender.Primitive(
         positions=scenery.vertices,
-        indices=scenery.faces,
+        indices=faces,
         color_0=np.concatenate([scenery.colours, opaque], axis=1),
         material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
     )
@@ -124,7 +139,8 @@ def _make_scene(scenery: Scenery, config: CameraConfig) -> tuple[pyrender.Scene,
     )
     scene = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 1.0))
     scene.add(pyrender.Mesh([primitive]))
-    return scene, scene.add(camera)
+    scene.add(camera)
+    return scene
 
 
 def _free(platform: Any, renderer: pyrender.Renderer) -> None:

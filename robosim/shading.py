@@ -72,7 +72,7 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
     Returns:
         A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours.
     """
-    patches = tessellate(building, step_m=config.step_m, heights_m=(_SKIRTING_M, 0.5 * building.height_m))
+    patches = tessellate(building, step_m=config.step_m, heights_m=(_SKIRTING_M,))
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
     facing = _facing(building)[patches.source] @ (0.7, 0.4, 0.15)  # differs between the four walls of a room
     tint = 1.0 + facing[:, None] * np.array([0.22, 0.19, 0.14])  # and is warmer on the bright side
@@ -208,4 +208,4 @@ def _hues(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     )
     _, label = connected_components(links, directed=False)
     hue = _GOLDEN * label[mesh.faces[:, 0]]
-    return 138.0 + 72.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))
+    return 142.0 + 56.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))

@@ -1,0 +1,1 @@
+"""Measurements of speed against error, run by ``robosim bench``."""

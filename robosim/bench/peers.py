@@ -1,0 +1,184 @@
+"""Cameras to compare, ours and others', behind one interface: a pose in, a depth picture out.
+
+All see the same triangles. Each peer is used as its documentation says, without what costs time here for
+nothing: MuJoCo without multisampling, pyrender in its flat mode.
+
+pyrender's own OSMesa platform needs two things that PyOpenGL has from 3.1.10 on, but not in the version that
+pyrender pins (3.1.0): `OSMesaCreateContextAttribs`, and contexts that can be hashed. Where they are missing they
+are added here, the way the newer version has them; pyrender itself stays as it is.
+
+Modules are imported when a camera is made, since each has its own idea of what OpenGL runs on.
+"""
+
+import ctypes
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from robosim.camera import CameraConfig
+
+#: Takes a picture from a pose T_map_camera and returns its depth [m], 0 where nothing was hit.
+Shot = Callable[[np.ndarray], np.ndarray]
+
+_CAMERA_TO_GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Peer:
+    """One way to take pictures."""
+
+    make: Callable[[trimesh.Trimesh, CameraConfig], Shot]
+    label: str
+    """How tables call it."""
+    images: str
+    """What it takes: "rgb+depth" or "depth"."""
+    environment: dict[str, str] = field(default_factory=dict)
+    """Variables that choose what it draws on; set before anything is imported."""
+
+    @property
+    def ours(self) -> bool:
+        """Whether it is a camera of this project."""
+        return self.label.startswith("robosim")
+
+
+def _pyrender_camera(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    from robosim.camera import make_camera
+
+    camera = make_camera([mesh], config)
+    return lambda T_map_camera: camera.render(T_map_camera).depth
+
+
+def _pyrender_depth(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    from robosim.camera import make_camera
+
+    return make_camera([mesh], config).render_depth
+
+
+def _embree_camera(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    from robosim.camera import make_camera
+
+    camera = make_camera([mesh], config, backend="embree")
+    return lambda T_map_camera: camera.render(T_map_camera).depth
+
+
+def _embree_depth(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    from robosim.camera import make_camera
+
+    return make_camera([mesh], config, backend="embree").render_depth
+
+
+def _stock_pyrender(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    """`pyrender.OffscreenRenderer` in flat mode, about the mesh's centre to spare it single precision."""
+    if os.environ["PYOPENGL_PLATFORM"] == "osmesa":
+        _complete_pyopengl()
+    import pyrender
+
+    near = mesh.copy()
+    near.vertices -= mesh.bounds.mean(axis=0)
+    scene = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 1.0))
+    scene.add(pyrender.Mesh.from_trimesh(near))
+    f = config.focal_px
+    lens = pyrender.IntrinsicsCamera(
+        f, f, 0.5 * config.width, 0.5 * config.height, znear=config.near_m, zfar=config.far_m
+    )
+    node = scene.add(lens)
+    renderer = pyrender.OffscreenRenderer(config.width, config.height)
+    shift = np.eye(4)
+    shift[:3, 3] = -mesh.bounds.mean(axis=0)
+
+    def shot(T_map_camera: np.ndarray) -> np.ndarray:
+        scene.set_pose(node, shift @ T_map_camera @ _CAMERA_TO_GL)
+        return renderer.render(scene, flags=pyrender.RenderFlags.FLAT)[1]
+
+    return shot
+
+
+def _complete_pyopengl() -> None:
+    """Give an old PyOpenGL what newer ones have of OSMesa."""
+    from OpenGL import osmesa, platform
+    from OpenGL.raw.osmesa._types import OSMesaContext
+
+    if hasattr(osmesa, "OSMesaCreateContextAttribs"):
+        return
+
+    class HashedContext(OSMesaContext):
+        _type_ = OSMesaContext._type_
+
+        def __hash__(self) -> int:
+            return ctypes.addressof(self.contents)
+
+    platform.GetCurrentContext.restype = HashedContext
+    create = platform.PLATFORM.OSMesa.OSMesaCreateContextAttribs
+    create.restype, create.argtypes = OSMesaContext, [ctypes.c_void_p, ctypes.c_void_p]
+    osmesa.OSMesaCreateContextAttribs = create
+    constants = {"FORMAT": 0x22, "RGBA": 0x1908, "DEPTH_BITS": 0x30, "PROFILE": 0x33, "CORE_PROFILE": 0x34}
+    constants |= {"CONTEXT_MAJOR_VERSION": 0x36, "CONTEXT_MINOR_VERSION": 0x37}
+    for name, value in constants.items():
+        setattr(osmesa, f"OSMESA_{name}", value)
+
+
+def _mujoco(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
+    """`mujoco.Renderer`, which draws once for the colours and once more for the depth."""
+    renderer, look = _mujoco_renderer(mesh, config)
+
+    def shot(T_map_camera: np.ndarray) -> np.ndarray:
+        look(T_map_camera)
+        renderer.disable_depth_rendering()
+        renderer.render()
+        renderer.enable_depth_rendering()
+        return renderer.render()
+
+    return shot
+
+
+def _mujoco_renderer(mesh: trimesh.Trimesh, config: CameraConfig) -> tuple[Any, Callable[[np.ndarray], None]]:
+    import mujoco
+
+    centre = mesh.bounds.mean(axis=0)
+    spec = mujoco.MjSpec()
+    spec.add_mesh(
+        name="building",
+        uservert=(mesh.vertices - centre).ravel(),
+        userface=mesh.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname="building", contype=0, conaffinity=0
+    )
+    half = 0.5 * config.height / config.focal_px
+    spec.worldbody.add_camera(name="robot", fovy=2 * np.degrees(np.arctan(half)))
+    model = spec.compile()
+    model.vis.quality.offsamples = 0
+    model.vis.global_.offwidth, model.vis.global_.offheight = config.width, config.height
+    model.vis.map.znear = config.near_m / model.stat.extent
+    model.vis.map.zfar = config.far_m / model.stat.extent
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    renderer = mujoco.Renderer(model, config.height, config.width)
+
+    def look(T_map_camera: np.ndarray) -> None:
+        data.cam_xpos[0] = T_map_camera[:3, 3] - centre
+        data.cam_xmat[0] = (T_map_camera @ _CAMERA_TO_GL)[:3, :3].ravel()
+        renderer.update_scene(data, "robot")
+
+    return renderer, look
+
+
+_OSMESA = {"PYOPENGL_PLATFORM": "osmesa", "MUJOCO_GL": "osmesa"}
+_EGL = {"PYOPENGL_PLATFORM": "egl", "MUJOCO_GL": "egl"}
+
+#: All cameras, by name.
+PEERS = {
+    "pyrender": Peer(_pyrender_camera, "robosim, pyrender on OSMesa", "rgb+depth", _OSMESA),
+    "pyrender-depth": Peer(_pyrender_depth, "robosim, pyrender on OSMesa", "depth", _OSMESA),
+    "pyrender-egl": Peer(_pyrender_camera, "robosim, pyrender on EGL", "rgb+depth", _EGL),
+    "embree": Peer(_embree_camera, "robosim, Embree", "rgb+depth"),
+    "embree-depth": Peer(_embree_depth, "robosim, Embree", "depth"),
+    "stock": Peer(_stock_pyrender, "pyrender on OSMesa, stock, flat", "rgb+depth", _OSMESA),
+    "stock-egl": Peer(_stock_pyrender, "pyrender on EGL, stock, flat", "rgb+depth", _EGL),
+    "mujoco": Peer(_mujoco, "mujoco.Renderer on OSMesa", "rgb+depth", _OSMESA),
+}
