@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from robosim.building import Building, make_building
 from robosim.episode import Decision, EpisodeConfig, run_episode
@@ -73,7 +73,7 @@ def record_episode(
             progress.update(bar, completed=decision.log.steps, note=text)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(_draw(picture, decision, f"{plan.name}  {config.goal}  {text}"))
+                    writer.add(_draw(picture, decision, f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}"))
 
         try:
             log, estimate = run_episode(building, places, task, config, look, watch)
@@ -116,18 +116,14 @@ def _status(decision: Decision) -> str:
     log = decision.log
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
-    return (
-        f"step {log.steps}, {gap:.1f} m off the target, {100 * log.coverage[-1]:.0f} % seen, "
-        f"pose error {100 * error:.0f} cm"
-    )
+    return f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
 
 
 def _progress(console: Console) -> Progress:
     return Progress(
         TextColumn("{task.description}"),
-        BarColumn(bar_width=20),
+        BarColumn(bar_width=12),
         MofNCompleteColumn(),
-        TimeElapsedColumn(),
         TextColumn("{task.fields[note]}"),
         console=console,
         refresh_per_second=4,
