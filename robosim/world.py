@@ -210,8 +210,10 @@ class World:
         c, s = math.cos(yaw), math.sin(yaw)
         vx, vy, _, _, _, w_now = self._rates.tolist()
         v_now, half_track = c * vx + s * vy, robot.track_m / 2
-        if self._at_wall:
-            sideways_mps += c * vy - s * vx
+        if self._at_wall:  # the floor goes along at the robot's own pace, and never speeds it up
+            aside = c * vy - s * vx
+            pace = max(abs(aside), abs(sideways_mps))
+            sideways_mps = max(-pace, min(pace, aside + sideways_mps))
         top = robot.max_speed_mps
         rim = max(-top, min(top, w_radps * half_track))
         spare = max(robot.stall_slip_mps - abs(rim - w_now * half_track), robot.stall_slip_mps / 2)

@@ -71,7 +71,7 @@ def test_a_disk_stops_at_the_corner_of_a_wall():
     assert not world.move(np.array([0.4, 0.0, 0.0])).collided
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     length_m=st.floats(-1.0, 1.0),
