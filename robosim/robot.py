@@ -8,8 +8,8 @@ without the servo's damping.
 
 Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright
 walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
-centre of mass, and there is no edge to climb on. (An upright capsule has two contacts a wall and costs
-more; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
+centre of mass, and there is no edge to climb on. (An upright capsule leans out when the
+body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
 Left out: suspension, motor electronics, the mast's mass.
 """
 
