@@ -1,0 +1,150 @@
+"""A transmitter that a camera can recognise: a slim post with an ArUco marker on each side, and the radio on top.
+
+Each cell of a marker is a square of plain black or white, so that no texture is needed and the pattern is exact
+at any distance. Around the marker lies a white margin, without which it is not found. Colours are meant to be
+drawn as they are, without light.
+
+The target is for cameras only: it stops neither robots nor radio waves. A robot that arrives at 0.3 m from the
+middle still has it in front of its camera.
+
+Reference: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
+occlusion", Pattern Recognition 47 (2014).
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import trimesh
+from jaxtyping import Float, UInt8
+
+#: The dictionary of the markers: 50 of them, with 4 by 4 cells inside of a black frame.
+DICTIONARY = cv2.aruco.DICT_4X4_50
+_MARKER_CELLS = 6
+_WHITE, _BODY, _RADIO = (255, 255, 255), (214, 96, 40), (52, 60, 72)
+# Corners of a box's side as seen from outside: across and up.
+_SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class TargetConfig:
+    """Size and marker of the target."""
+
+    marker_id: int = 7
+    """Which of the 50 markers of OpenCV's DICT_4X4_50 it carries."""
+    marker_m: float = 0.15
+    """Side of a marker, without its margin [m]."""
+    margin_m: float = 0.025
+    """White margin around a marker [m]; a cell of the marker is a sixth of its side."""
+    marker_height_m: float = 1.25
+    """Height of the markers' middle above the floor; best at that of the camera [m]."""
+    radio_height_m: float = 1.5
+    """Height of the radio's middle above the floor [m]."""
+    post_m: float = 0.06
+    """Width of the post [m]."""
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.marker_id < 50:
+            raise ValueError(f"marker_id is {self.marker_id}, expected 0 to 49: DICT_4X4_50 has 50 markers.")
+        for name in ("marker_m", "margin_m", "post_m"):
+            if not 0 < getattr(self, name) <= 1:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0 and up to 1 metre.")
+        if not self.marker_height_m > self.box_m / 2:
+            raise ValueError(
+                f"marker_height_m is {self.marker_height_m}, expected more than {self.box_m / 2:g} m, half the box."
+            )
+        if not self.radio_height_m >= self.marker_height_m + self.box_m / 2 + self.post_m:
+            raise ValueError(
+                f"radio_height_m is {self.radio_height_m}, expected to be above the box with the markers, at "
+                f"{self.marker_height_m + self.box_m / 2 + self.post_m:g} m or more."
+            )
+
+    @property
+    def box_m(self) -> float:
+        """Side of the box that carries the markers [m]."""
+        return self.marker_m + 2 * self.margin_m
+
+
+def target_mesh(
+    position_xy: Float[np.ndarray, "2"], *, config: TargetConfig = TargetConfig(), yaw: float = 0.0
+) -> trimesh.Trimesh:
+    """The target, standing on the floor, in vertex colours.
+
+    Args:
+        position_xy: Where its middle stands, x, y [m] in `map`.
+        config: Its size and marker.
+        yaw: Direction that its first side faces [rad].
+    """
+    half, post, middle = config.box_m / 2, config.post_m / 2, config.marker_height_m
+    radio = config.radio_height_m
+    boxes = [
+        _box(post, 0.0, middle - half, _BODY),
+        _box(half, middle - half, middle + half, None),
+        _box(post / 2, middle + half, radio - post, _BODY),
+        _box(post, radio - post, radio + post, _RADIO),
+    ]
+    quads, colours = (list(column) for column in zip(*boxes, strict=True))
+    cells, shades = _marker(config)
+    for quarter in range(4):
+        quads.append(_turned(cells, quarter * np.pi / 2))
+        colours.append(shades)
+    corners = _turned(np.concatenate(quads), yaw) + (*position_xy, 0.0)
+    shade = np.concatenate(colours)
+    first = 4 * np.arange(len(corners))[:, None, None]
+    rgba = np.column_stack([shade, np.full(len(shade), 255, np.uint8)]).repeat(4, axis=0)
+    return trimesh.Trimesh(
+        corners.reshape(-1, 3),
+        (first + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3),
+        vertex_colors=rgba,
+        process=False,
+    )
+
+
+def marker_corners(
+    position_xy: Float[np.ndarray, "2"], *, config: TargetConfig = TargetConfig(), yaw: float = 0.0
+) -> Float[np.ndarray, "4 4 3"]:
+    """Outer corners of the black frames of the four markers, x, y, z [m] in `map`.
+
+    The sides face `yaw` and on counter-clockwise. Corners come as OpenCV gives them: from the marker's upper left
+    one clockwise.
+    """
+    across_up = config.marker_m / 2 * _SQUARE[[3, 2, 1, 0]]
+    side = np.column_stack([np.full(4, config.box_m / 2), across_up]) + (0.0, 0.0, config.marker_height_m)
+    return np.stack([_turned(side, yaw + quarter * np.pi / 2) for quarter in range(4)]) + (*position_xy, 0.0)
+
+
+def _marker(config: TargetConfig) -> tuple[Float[np.ndarray, "64 4 3"], UInt8[np.ndarray, "64 3"]]:
+    """The side of the box that faces +x: the squares of its pattern with their margin, and their colours."""
+    dictionary = cv2.aruco.getPredefinedDictionary(DICTIONARY)
+    pattern = cv2.aruco.generateImageMarker(dictionary, config.marker_id, _MARKER_CELLS)
+    grey = np.pad(pattern, 1, constant_values=255)[::-1]  # rows from below
+    lines = np.linspace(-config.marker_m / 2, config.marker_m / 2, _MARKER_CELLS + 1)
+    lines = np.concatenate([[-config.box_m / 2], lines, [config.box_m / 2]])
+    up, across = np.meshgrid(np.arange(len(lines) - 1), np.arange(len(lines) - 1), indexing="ij")
+    step = ((_SQUARE + 1) / 2).astype(int)
+    corners = np.empty((*up.shape, 4, 3))
+    corners[..., 0] = config.box_m / 2
+    corners[..., 1] = lines[across[..., None] + step[:, 0]]
+    corners[..., 2] = lines[up[..., None] + step[:, 1]] + config.marker_height_m
+    return corners.reshape(-1, 4, 3), np.repeat(grey.reshape(-1, 1), 3, axis=1)
+
+
+def _box(
+    half: float, low: float, high: float, colour: tuple[int, int, int] | None
+) -> tuple[Float[np.ndarray, "n 4 3"], UInt8[np.ndarray, "n 3"]]:
+    """Top and bottom of an upright box, and its four sides too if it has a colour, for else markers cover them."""
+    lid = np.column_stack([half * _SQUARE, np.full(4, high)])
+    floor = np.column_stack([half * _SQUARE[::-1], np.full(4, low)])
+    if colour is None:
+        return np.stack([lid, floor]), np.full((2, 3), _WHITE, np.uint8)
+    z = np.where(_SQUARE[:, 1] > 0, high, low)
+    side = np.column_stack([np.full(4, half), half * _SQUARE[:, 0], z])
+    sides = [_turned(side, quarter * np.pi / 2) for quarter in range(4)]
+    shades = np.array([1.0, 0.7, 1.0, 1.0, 0.85, 0.75])  # lid, floor, sides: so that edges show
+    return np.stack([lid, floor, *sides]), (shades[:, None] * colour).round().astype(np.uint8)
+
+
+def _turned(points: Float[np.ndarray, "*n 3"], angle: float) -> Float[np.ndarray, "*n 3"]:
+    """Points turned about the z axis, counter-clockwise as seen from above."""
+    c, s = np.cos(angle), np.sin(angle)
+    return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
