@@ -9,7 +9,6 @@ Where OpenGL leaves out faces that turn their back, rays are stopped by both sid
 
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Self
 
 import numpy as np
 import trimesh
@@ -59,7 +58,7 @@ class EmbreeCamera:
         """Free the tree; nothing happens the second time."""
         self._scene = None
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "EmbreeCamera":
         return self
 
     def __exit__(

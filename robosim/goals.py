@@ -4,7 +4,7 @@ A policy sees the map and the pose that the robot has estimated, never the truth
 by name: it is handed the target, and is the bar that the others' arrival times are measured against.
 """
 
-from typing import Literal, Protocol
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -16,6 +16,7 @@ from slam.grid import MapEstimate
 GoalName = Literal["oracle", "explore"]
 
 
+@runtime_checkable
 class GoalPolicy(Protocol):
     """Chooses a goal once a decision."""
 

@@ -11,7 +11,7 @@ in single precision would lose what is far away.
 import weakref
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import pyrender
@@ -80,7 +80,7 @@ class PyrenderCamera:
         """Free the context and what is in it; nothing happens the second time."""
         self._free()
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "PyrenderCamera":
         return self
 
     def __exit__(

@@ -9,7 +9,6 @@ Patches share no vertices, so that colours can jump from one to the next.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -40,7 +39,7 @@ class Patches:
     """Vertices of the triangles, counter-clockwise as seen from free space."""
 
     @classmethod
-    def joined(cls, parts: list[Self]) -> Self:
+    def joined(cls, parts: list["Patches"]) -> "Patches":
         """Several sets of patches as one."""
         first = np.cumsum([0] + [len(part.vertices) for part in parts])
         columns = {

@@ -177,7 +177,7 @@ def _surface(
     spread = 0.02 + 0.02 * nearest
     same = (standing >= nearest - spread) & (standing <= nearest + 2 * spread)
     count = np.maximum(same.sum(axis=0), 1)
-    mean = np.where(same, standing, 0.0).sum(axis=0) / count
+    mean = (np.where(same, standing, 0.0).sum(axis=0) / count).astype(np.float32)
     top = camera.height_m - mean * down[np.argmax(same, axis=0)]
     return mean, top
 
