@@ -1,8 +1,9 @@
 """What the robot runs into and the camera does not see: marks on the map where a step forward fell short.
 
 A step forward that odometry measures as too short was stopped by something. If an obstacle that is already on
-the map touches the hull there, nothing new was learned. Otherwise a strip of cells before the hull is marked; it grows
-wider while the robot goes on bumping into the same place. Marks fade after a while, because a mark made beside
+the map touches the hull there, nothing new was learned, unless it happens again and again: then the way is narrower
+than the map says. Otherwise a strip of cells before the hull is marked; it grows wider while the robot goes on bumping
+into the same place. Marks fade after a while, because a mark made beside
 a narrow door may close it; a place bumped into again is remembered twice as long.
 Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bump and never forgets.
 """
@@ -32,6 +33,8 @@ class CollisionConfig:
     """Depth of the marked strip, from the hull forward [m]."""
     max_width_m: float = 0.45
     """Width to which the strip grows [m]; it begins as one cell."""
+    patience: int = 3
+    """Stops in a row at a place that the map explains before the place is marked all the same."""
     memory_steps: int = 150
     """Decisions for which a first mark lasts; doubled at each further bump in the same place."""
 
@@ -52,6 +55,7 @@ class CollisionMarks:
         self._bumps = np.zeros(frame.shape, np.uint8)
         self._until = np.zeros(frame.shape, np.int32)
         self._width_m = 0.0
+        self._stops = 0
         self._next_expiry = np.iinfo(np.int32).max
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
@@ -89,10 +93,11 @@ class CollisionMarks:
             return False
         stopped = bool(math.hypot(moved[0], moved[1]) < self.config.short_m)
         if not stopped:
-            self._width_m = 0.0
+            self._width_m, self._stops = 0.0, 0
             return False
-        if not self._explained(pose, obstacle):
-            stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
+        stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
+        self._stops = self._stops + 1 if stuck else 1
+        if self._stops >= self.config.patience or not self._explained(pose, obstacle):
             cell = self.frame.resolution_m
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
             self._mark(step, pose)

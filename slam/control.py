@@ -34,9 +34,9 @@ class ControlConfig:
 
     radius_m: float = 0.10
     """Radius of the hull [m]."""
-    slacks_m: tuple[float, ...] = (-0.015, 0.0, 0.02, 0.05)
+    slacks_m: tuple[float, ...] = (-0.01, 0.005, 0.03, 0.06)
     """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
-    slack_prices: tuple[float, ...] = (6.0, 2.5, 0.8, 0.0)
+    slack_prices: tuple[float, ...] = (6.0, 3.0, 1.0, 0.0)
     """... and what such a run costs extra [decisions], for the risk of a bump."""
     reach_steps: int = 12
     """Longest run looked at [steps forward]."""
@@ -190,6 +190,9 @@ class Controller:
         # Where the hull is already closer than it should be, it may still move away, or turn.
         here = space[0, 0]
         space = np.where(space >= here + 0.3 * distance - 1e-3, np.maximum(space, least), space)
+        # Turning swings the hull through all the places between here and the last turn.
+        for side in (self._turns >= 0, self._turns <= 0):
+            space[side, 0] = np.minimum.accumulate(space[side, 0])
         space = np.minimum.accumulate(space, axis=1)[:, PARTS::PARTS]
         price = np.interp(space, config.slacks_m, config.slack_prices)
         price[space < least] = np.inf

@@ -29,6 +29,10 @@ class CostConfig:
     """Space on each side above which a wall no longer costs anything [m]."""
     wall_weight: float = 3.0
     """Extra cost per metre with the hull at a wall; falls with the square of the space left."""
+    squeeze_m: float = 0.025
+    """Space on each side below which passing takes many tries [m]."""
+    squeeze_weight: float = 20.0
+    """Extra cost per metre with no space left at all; falls linearly with the space left."""
     unknown_cost: float = 1.5
     """Cost per metre through unknown cells."""
 
@@ -123,60 +127,82 @@ def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.n
     return np.minimum(low, here), np.maximum(high, here)
 
 
-def cost_map(
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Box:
+    """A box of a map estimate; what lies beyond the map is unknown."""
+
+    frame: GridFrame
+    """Where the cells lie."""
+    probability: Float32[np.ndarray, "ny nx"]
+    """Belief in an obstacle; 0.5 where nothing is known."""
+    explored: Bool[np.ndarray, "ny nx"]
+    """Cells that the camera has seen."""
+    obstacle: Bool[np.ndarray, "ny nx"]
+    """Cells where something stands, or stopped the robot."""
+    offset_m: Float32[np.ndarray, "ny nx 2"] | None
+    """Surface inside each obstacle cell, from its centre [m]."""
+    pose: Float[np.ndarray, "3"]
+    """Where the robot is."""
+
+
+def cut_box(
     estimate: MapEstimate,
-    config: CostConfig,
     low_xy: Float[np.ndarray, "2"],
     high_xy: Float[np.ndarray, "2"],
-) -> CostMap:
-    """What a metre costs in each cell of a box of `map`.
+    bumps: bool = True,
+) -> Box:
+    """A copy of what a map says in a box of `map`.
 
     Args:
         estimate: Map and pose.
-        config: Costs.
         low_xy: Lower-left corner of the box [m].
         high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
+        bumps: Whether blocked cells count as obstacles.
     """
-    frame, probability, obstacle, offset = _box(estimate, low_xy, high_xy)
-    space = Clearance(frame, obstacle, offset).cells(config.radius_m) - config.radius_m
-    cost = np.ones(frame.shape, np.float32)
-    cost[probability == 0.5] = config.unknown_cost
-    tightness = np.clip(1 - space / config.comfort_m, 0, 1)
-    cost += config.wall_weight * tightness * tightness
-    passable = space >= config.slack_m
-    _let_out(passable, space, frame, estimate.pose)
-    return CostMap(frame=frame, cost=cost, passable=passable)
-
-
-def _box(
-    estimate: MapEstimate, low_xy: Float[np.ndarray, "2"], high_xy: Float[np.ndarray, "2"]
-) -> tuple[
-    GridFrame, Float32[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx 2"] | None
-]:
-    """Frame, obstacle probability, obstacles (bumps included) and surfaces of a box, unknown beyond the map."""
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
-    ix0, iy0 = np.floor(cells[0]).astype(int)
-    ix1, iy1 = np.maximum(np.ceil(cells[1]).astype(int), (ix0 + 1, iy0 + 1))
-    origin = whole.to_points(np.array([ix0, iy0]))
+    # A corner on the lattice, up to rounding, does not take a further cell along.
+    ix0, iy0 = np.floor(cells[0] + 1e-6).astype(int)
+    ix1, iy1 = np.maximum(np.ceil(cells[1] - 1e-6).astype(int), (ix0 + 1, iy0 + 1))
+    x, y = whole.to_points(np.array([ix0, iy0]))
     frame = GridFrame(
-        origin_xy=(float(origin[0]), float(origin[1])),
+        origin_xy=(float(x), float(y)),
         resolution_m=whole.resolution_m,
         shape=(int(iy1 - iy0), int(ix1 - ix0)),
     )
     y0, y1 = np.clip((iy0, iy1), 0, whole.shape[0])
     x0, x1 = np.clip((ix0, ix1), 0, whole.shape[1])
-    here = np.s_[y0 - iy0 : y1 - iy0, x0 - ix0 : x1 - ix0]
-    there = np.s_[y0:y1, x0:x1]
-    probability = np.full(frame.shape, 0.5, np.float32)
-    probability[here] = estimate.obstacle_probability[there]
+    here, there = np.s_[y0 - iy0 : y1 - iy0, x0 - ix0 : x1 - ix0], np.s_[y0:y1, x0:x1]
+    probability, explored = np.full(frame.shape, 0.5, np.float32), np.zeros(frame.shape, bool)
+    probability[here], explored[here] = estimate.obstacle_probability[there], estimate.explored[there]
     obstacle = probability > 0.5
-    obstacle[here] |= estimate.blocked[there]
-    if estimate.surface_offset_m is None:
-        return frame, probability, obstacle, None
-    offset = np.zeros((*frame.shape, 2), np.float32)
-    offset[here] = estimate.surface_offset_m[there]
-    return frame, probability, obstacle, offset
+    if bumps:
+        obstacle[here] |= estimate.blocked[there]
+    offset = None
+    if estimate.surface_offset_m is not None:
+        offset = np.zeros((*frame.shape, 2), np.float32)
+        offset[here] = estimate.surface_offset_m[there]
+    return Box(
+        frame=frame,
+        probability=probability,
+        explored=explored,
+        obstacle=obstacle,
+        offset_m=offset,
+        pose=estimate.pose,
+    )
+
+
+def cost_map(box: Box, config: CostConfig) -> CostMap:
+    """What a metre costs in each cell of a box, for the hull."""
+    space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
+    cost = np.ones(box.frame.shape, np.float32)
+    cost[box.probability == 0.5] = config.unknown_cost
+    tightness = np.clip(1 - space / config.comfort_m, 0, 1)
+    cost += config.wall_weight * tightness * tightness
+    cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
+    passable = space >= config.slack_m
+    _let_out(passable, space, box.frame, box.pose)
+    return CostMap(frame=box.frame, cost=cost, passable=passable)
 
 
 def _let_out(

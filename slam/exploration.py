@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.grid import GridFrame, MapEstimate
-from slam.cost_map import CostConfig, cost_map, known_box
+from slam.cost_map import Box, CostConfig, cost_map, cut_box, known_box
 from slam.paths import downhill, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
@@ -120,24 +120,26 @@ class FrontierExplorer:
         return True
 
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The best frontier's goal; where bumps alone cut off all of them, they are disregarded."""
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         low, high = low - margin, high + margin
-        window = cost_map(estimate, self.config.cost, low, high)
-        rows, columns, frame = estimate.frame.window((low[0], low[1]), (high[0], high[1]))
-        probability = estimate.obstacle_probability[rows, columns]
-        explored = estimate.explored[rows, columns]
-        window = replace(window, passable=window.passable & (probability < 0.5)).halved()
-        iy, ix = window.frame.index(estimate.pose[:2])
-        way = travel_time(window.frame, window.cost.astype(float), window.passable, (int(iy), int(ix)))
-        frontiers = self._frontiers(frame, probability, explored, way)
+        for bumps in (True, False):
+            box = cut_box(estimate, low, high, bumps)
+            window = cost_map(box, self.config.cost)
+            window = replace(window, passable=window.passable & (box.probability < 0.5)).halved()
+            here = window.cell(estimate.pose[:2])
+            way = travel_time(window.frame, window.cost.astype(float), window.passable, here)
+            frontiers = self._frontiers(box, way)
+            if frontiers or not estimate.blocked.any():
+                break
         if not frontiers:
             return None
         frontiers.sort(key=lambda f: f.cost_m)
         rated = []
         for f in frontiers[: self.config.candidates]:
             decisions = self._decisions(way, f, estimate.pose)
-            gain = self._gain(frame, probability, explored, f)
+            gain = self._gain(box, f)
             rating = decisions
             if self.config.rating == "gain":
                 rating -= self.config.gain_weight * min(gain, self.config.max_gain_m2)
@@ -150,17 +152,12 @@ class FrontierExplorer:
             self._waited = 0
         return best.look_xy
 
-    def _frontiers(
-        self,
-        frame: GridFrame,
-        probability: Float[np.ndarray, "ny nx"],
-        explored: Bool[np.ndarray, "ny nx"],
-        way: TravelTime,
-    ) -> list[Frontier]:
+    def _frontiers(self, box: Box, way: TravelTime) -> list[Frontier]:
         """Frontiers that the robot can get near to."""
-        unseen = ~explored & (probability <= 0.5)
+        frame = box.frame
+        unseen = ~box.explored & (box.probability <= 0.5)
         beside = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        edge = explored & (probability < 0.5) & beside
+        edge = box.explored & (box.probability < 0.5) & beside
         for x, y in self._given_up:
             r = 0.25
             rows, columns, _ = frame.window((x - r, y - r), (x + r, y + r))
@@ -194,23 +191,17 @@ class FrontierExplorer:
         turns = sum(abs(wrap(float(d))) for d in np.diff(yaw)) / TURN_RAD
         return turns + max(0.0, float(length.sum()) - 0.5) / FORWARD_M
 
-    def _gain(
-        self,
-        frame: GridFrame,
-        probability: Float[np.ndarray, "ny nx"],
-        explored: Bool[np.ndarray, "ny nx"],
-        f: Frontier,
-    ) -> float:
+    def _gain(self, box: Box, f: Frontier) -> float:
         """Unseen area in view from a frontier [m^2], if what is unknown were open."""
-        y, x = f.stand
+        frame, (y, x) = box.frame, f.stand
         angles = np.arange(60) * (2 * math.pi / 60)
         reach = np.arange(1, int(self.config.view_m / frame.resolution_m / 2)) * 2.0
         iy = np.rint(y + np.sin(angles)[:, None] * reach).astype(int)
         ix = np.rint(x + np.cos(angles)[:, None] * reach).astype(int)
         inside = frame.inside(iy, ix)
         iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
-        open_ = np.logical_and.accumulate(~inside | (probability[iy, ix] <= 0.5), axis=1)
-        new = open_ & (~inside | ~explored[iy, ix])
+        open_ = np.logical_and.accumulate(~inside | (box.probability[iy, ix] <= 0.5), axis=1)
+        new = open_ & (~inside | ~box.explored[iy, ix])
         # Each sample stands for a piece of its ring.
         piece = reach * (2 * math.pi / 60) * 2.0 * frame.resolution_m**2
         return float((new * piece).sum())

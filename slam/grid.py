@@ -11,7 +11,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int
+from jaxtyping import Bool, Float, Float32, Int, Real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class GridFrame:
         """
         return (np.asarray(points, float) - self.origin_xy) / self.resolution_m
 
-    def to_points(self, cells: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
+    def to_points(self, cells: Real[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
         """Points (x, y) [m] of continuous cell coordinates (column, row); inverse of `to_cells`."""
         return np.asarray(cells, float) * self.resolution_m + self.origin_xy
 

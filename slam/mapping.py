@@ -5,7 +5,7 @@ entered at the pose found. Occupancy (where may the robot go), surfaces (where e
 marks share one grid that grows with the building. A robot that was pushed notices that its scan contradicts the map
 and searches the neighbourhood for the place where it fits.
 
-Memory: 45 bytes a cell (18 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
+Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
 Left out: loop closure. The surfaces first seen stay where they are and later scans are fitted to them.
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
@@ -83,7 +83,6 @@ class ClassicalMapper:
         self.odometry = OdometryCorrector(config.odometry)
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
-        self._offsets = np.zeros((*frame.shape, 2), np.float32)
         self._step = 0
 
     def update(
@@ -127,7 +126,7 @@ class ClassicalMapper:
             explored=_read_only(self.occupancy.explored),
             blocked=_read_only(self.marks.blocked),
             pose=self.pose.copy(),
-            surface_offset_m=_read_only(self._offsets),
+            surface_offset_m=_read_only(self.surfaces.front_m),
         )
 
     def _measured(
@@ -165,7 +164,6 @@ class ClassicalMapper:
         self.surfaces.clear(rows, columns, cleared)
         heading = np.array([0.0, 0.0, self.pose[2]])
         self.surfaces.add(to_map(self.pose, points.points), to_map(heading, points.normals), points.weights)
-        self._offsets[rows, columns] = self.surfaces.offsets(rows, columns)
 
     def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
         """Grow the map, as far as allowed, until it holds a box of `map`."""
@@ -186,9 +184,7 @@ class ClassicalMapper:
         frame = self.frame.padded(left, right, below, above)
         for part in (self.occupancy, self.surfaces, self.marks):
             part.grow(frame, left, below)
-        offsets = np.zeros((*frame.shape, 2), np.float32)
-        offsets[below : below + ny, left : left + nx] = self._offsets
-        self._offsets, self.frame = offsets, frame
+        self.frame = frame
 
 
 def _read_only(array: np.ndarray) -> np.ndarray:

@@ -5,7 +5,8 @@ the goal from everywhere. Near: on the map's own cells, in a box around the firs
 does so again, precisely enough for doors just wider than the hull. What lies behind is taken from the far field, so
 the price of a plan depends little on the size of the building. Both are kept as long as nothing is in the way.
 
-A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it.
+A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But before a goal is given up
+because of bumps alone, they are disregarded: the way that stopped the robot once is tried again.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 
@@ -16,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.clearance import Clearance
-from slam.cost_map import CostConfig, CostMap, cost_map, known_box
+from slam.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.grid import MapEstimate
 from slam.paths import along, downhill, length, onward, taut
 from slam.travel_time import TravelTime, travel_time
@@ -77,8 +78,8 @@ class _Far:
     """Field of a goal over the whole map."""
 
     asked: Float[np.ndarray, "2"]
+    aim: Float[np.ndarray, "2"]
     goal: Float[np.ndarray, "2"]
-    gap_m: float
     window: CostMap
     field: TravelTime
 
@@ -96,6 +97,7 @@ class Planner:
         self._plan: Plan | None = None
         self._hand_over: Float[np.ndarray, "2"] | None = None
         self._space_m = 0.0
+        self._bumps = True
         self._far_age = self._near_age = 0
 
     def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"]) -> Plan:
@@ -116,13 +118,14 @@ class Planner:
             raise ValueError(f"goal_xy = {asked}, expected two finite coordinates in metres.")
         self._far_age += 1
         self._near_age += 1
-        x, y, _ = estimate.pose
-        r = self.config.look_m
-        clearance = Clearance.around(estimate, *estimate.frame.window((x - r, y - r), (x + r, y + r)))
+        clearance = Clearance.around(estimate, self.config.look_m, self._bumps)
         moved = self._far is None or math.hypot(*(asked - self._far.asked)) > 0.02
         stopped = not moved and self._in_the_way(estimate, clearance)
         if moved or stopped or self._far_age >= self.config.far_every:
+            heeded = self._bumps
             self._far, self._far_age = self._solve_far(estimate, asked), 0
+            if self._bumps != heeded:
+                clearance = Clearance.around(estimate, self.config.look_m, self._bumps)
             self._plan = self._solve_near(estimate, clearance)
         elif self._plan is None or self._near_age >= self.config.near_every or self._near_hand_over(estimate):
             self._plan = self._solve_near(estimate, clearance)
@@ -155,12 +158,15 @@ class Planner:
         """Field of the goal, or of the reachable spot nearest to it, over the whole map."""
         low, high = known_box(estimate)
         reach = self.config.max_far_m
-        goal = np.clip(asked, low - reach, high + reach)
-        low, high = np.minimum(low, goal) - self.config.border_m, np.maximum(high, goal) + self.config.border_m
-        window = cost_map(estimate, self.config.cost, low, high).halved()
-        cell, goal, gap_m = window.nearest_reachable(estimate.pose[:2], goal)
+        aim = np.clip(asked, low - reach, high + reach)
+        low, high = np.minimum(low, aim) - self.config.border_m, np.maximum(high, aim) + self.config.border_m
+        for self._bumps in (True, False):
+            window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost).halved()
+            cell, goal, gap_m = window.nearest_reachable(estimate.pose[:2], aim)
+            if gap_m < 0.3 or not estimate.blocked.any():
+                break
         far = travel_time(window.frame, window.cost.astype(float), window.passable, cell)
-        return _Far(asked=asked, goal=goal, gap_m=gap_m, window=window, field=far)
+        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=far)
 
     def _solve_near(self, estimate: MapEstimate, clearance: Clearance) -> Plan:
         """Field and way on the map's own cells, up to where the far field takes over."""
@@ -171,14 +177,17 @@ class Planner:
         k = self._hand_over_index(way, far)
         whole = k >= len(way) - 1
         target = far.goal if whole else way[k]
-        around = np.vstack([here, target, way[: k + 1]])
-        window = cost_map(estimate, self.config.cost, around.min(axis=0) - 1.2, around.max(axis=0) + 1.2)
-        cell, goal, gap_m = window.nearest_reachable(here, target)
-        if gap_m > 0.15 and len(way):
+        aim = np.clip(far.aim, target - 0.5, target + 0.5) if whole else target
+        around = np.vstack([here, target, aim, way[: k + 1]])
+        low, high = around.min(axis=0) - 1.2, around.max(axis=0) + 1.2
+        window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost)
+        cell, goal, _ = window.nearest_reachable(here, aim)
+        if math.hypot(*(goal - target)) > 0.2 and len(way):
             # The coarse cells have seen a way where the hull does not fit: look at everything closely.
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
-            window, whole = cost_map(estimate, self.config.cost, low, high), True
-            cell, goal, gap_m = window.nearest_reachable(here, far.asked)
+            window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost)
+            whole = True
+            cell, goal, _ = window.nearest_reachable(here, far.aim)
         near = travel_time(window.frame, window.cost.astype(float), window.passable, cell)
         path = _ends(taut(downhill(near, window.cell(here)), near), here, goal)
         self._hand_over = None if whole else goal

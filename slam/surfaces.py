@@ -1,8 +1,10 @@
-"""Sub-cell surfaces: for each map cell, the mean point and mean normal of what was seen in it.
+"""Sub-cell surfaces: for each map cell, mean and spread of the points seen in it, and their mean normal.
 
 A wall cell of 0.05 m says only to 0.05 m where its wall is; the mean of the points that fell into it says it to a
-millimetre. Normals point to where the robot stood, which keeps apart the two sides of a thin wall. The
-mean is over all observations, without forgetting: old surfaces stand fast and hold the map against drift.
+millimetre. Normals point to where the robot stood, which keeps apart the two sides of a thin wall. For the
+hull, what counts is how far a rough or sharp surface sticks out: the mean moved along the normal by the spread of
+the points. All is summed over all observations, without forgetting: old surfaces stand fast and hold the map against
+drift.
 Reference: the cell statistics of the normal distributions transform, Biber and Strasser, IROS 2003.
 """
 
@@ -17,25 +19,25 @@ MIN_AGREEMENT = 0.8
 
 
 class SurfaceGrid:
-    """Mean points and normals, cell by cell, of a grid that may grow."""
+    """Points and normals, cell by cell, of a grid that may grow."""
 
     def __init__(self, frame: GridFrame):
         self.frame = frame
-        # Sums over the points of a cell: weight, offset from the cell's centre (x, y) [m], normal (x, y).
-        self.sums = np.zeros((*frame.shape, 5), np.float32)
+        # Sums over the points of a cell: weight, offset from its centre (x, y) [m], normal (x, y), squares of the offset
+        # (xx, xy, yy).
+        self.sums = np.zeros((*frame.shape, 8), np.float32)
+        self.front_m = np.zeros((*frame.shape, 2), np.float32)
+        """Where the surface of each cell begins, from the centre of the cell (x, y) [m]; 0 where none is known."""
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
-        """Move to a larger frame of the same lattice.
-
-        Args:
-            frame: The larger frame.
-            left: Columns added on the left.
-            below: Rows added below.
-        """
+        """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
         ny, nx = self.frame.shape
-        sums = np.zeros((*frame.shape, 5), np.float32)
-        sums[below : below + ny, left : left + nx] = self.sums
-        self.frame, self.sums = frame, sums
+        for name in ("sums", "front_m"):
+            old = getattr(self, name)
+            new = np.zeros((*frame.shape, old.shape[2]), np.float32)
+            new[below : below + ny, left : left + nx] = old
+            setattr(self, name, new)
+        self.frame = frame
 
     def add(
         self,
@@ -46,25 +48,30 @@ class SurfaceGrid:
         """Enter points (x, y) [m] with unit normals; a weight of 1 counts as one observation."""
         iy, ix = self.frame.index(points)
         inside = self.frame.inside(iy, ix)
-        iy, ix, points, normals, weights = (
-            iy[inside],
-            ix[inside],
-            points[inside],
-            normals[inside],
-            weights[inside],
-        )
+        iy, ix, points, normals, weights = (a[inside] for a in (iy, ix, points, normals, weights))
         offset = points - self.frame.to_points(np.column_stack([ix, iy]) + 0.5)
-        terms = np.column_stack([np.ones(len(points)), offset, normals]) * weights[:, None]
-        np.add.at(self.sums.reshape(-1, 5), iy * self.frame.shape[1] + ix, terms.astype(np.float32))
+        squares = np.column_stack([offset[:, 0] ** 2, offset[:, 0] * offset[:, 1], offset[:, 1] ** 2])
+        terms = np.column_stack([np.ones(len(points)), offset, normals, squares]) * weights[:, None]
+        cell = iy * self.frame.shape[1] + ix
+        np.add.at(self.sums.reshape(-1, 8), cell, terms.astype(np.float32))
+        self._find_front(np.unique(cell))
 
-    def offsets(self, rows: slice, columns: slice) -> Float[np.ndarray, "ny nx 2"]:
-        """Mean point of each cell of a window, from the centre of the cell [m]; 0 where nothing was seen."""
-        sums = self.sums[rows, columns]
-        return sums[..., 1:3] / np.maximum(sums[..., :1], 1e-6)
+    def _find_front(self, cell: Int[np.ndarray, "n"]) -> None:
+        sums = self.sums.reshape(-1, 8)[cell].astype(float)
+        weight = np.maximum(sums[:, :1], 1e-6)
+        mean = sums[:, 1:3] / weight
+        unit = sums[:, 3:5] / np.maximum(np.hypot(sums[:, 3], sums[:, 4]), 1e-6)[:, None]
+        xx, xy, yy = (sums[:, 5:] / weight).T
+        along = unit[:, 0] ** 2 * xx + 2 * unit[:, 0] * unit[:, 1] * xy + unit[:, 1] ** 2 * yy
+        spread = np.sqrt(np.maximum(along - (unit * mean).sum(axis=1) ** 2, 0))
+        half = 0.5 * self.frame.resolution_m
+        front = np.clip(mean + unit * spread[:, None], -half, half)
+        self.front_m.reshape(-1, 2)[cell] = front
 
     def clear(self, rows: slice, columns: slice, mask: Bool[np.ndarray, "ny nx"]) -> None:
         """Forget the surfaces of the cells of a window where `mask` holds."""
         self.sums[rows, columns][mask] = 0.0
+        self.front_m[rows, columns][mask] = 0.0
 
     def nearest(
         self,
@@ -86,11 +93,11 @@ class SurfaceGrid:
         ix, iy = cells[..., 0], cells[..., 1]
         inside = (ix >= 0) & (ix < nx) & (iy >= 0) & (iy < ny)
         flat = np.where(inside, iy * nx + ix, 0)
-        sums = self.sums.reshape(-1, 5)[flat]
+        sums = self.sums.reshape(-1, 8)[flat]
         weight = np.maximum(sums[..., 0], 1e-6)
         length = np.hypot(sums[..., 3], sums[..., 4])
         facing = np.maximum(length, 1e-6)
-        unit = sums[..., 3:] / facing[..., None]
+        unit = sums[..., 3:5] / facing[..., None]
         usable = inside & (sums[..., 0] >= MIN_WEIGHT) & (length >= MIN_AGREEMENT * weight)
         usable &= (unit * normals[:, None, :]).sum(axis=-1) > 0.7
         mean = self.frame.to_points(cells + 0.5) + sums[..., 1:3] / weight[..., None]
