@@ -14,8 +14,10 @@ import numpy as np
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
+from tyro.conf import Positional
 
-Positional = tyro.conf.Positional
+from robosim.floorplan import FloorPlan
+
 _console = Console()
 
 
@@ -284,7 +286,9 @@ def bench_navigation(
     from robosim.bench import navigation
 
     folder = _folder(out, "bench-navigation")
-    table = navigation.run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=_console)
+    table = navigation.run(
+        plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=_console
+    )
     _console.print(table)
     _console.print(f"Wrote navigation.json and one folder an episode in {folder}")
 
@@ -317,8 +321,12 @@ def figures_plans(
     _console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
 
 
-_BENCH = {"render": bench_render, "physics": bench_physics, "navigation": bench_navigation}
-_FIGURES = {"plans": figures_plans}
+_BENCH: dict[str, Callable[..., None]] = {
+    "render": bench_render,
+    "physics": bench_physics,
+    "navigation": bench_navigation,
+}
+_FIGURES: dict[str, Callable[..., None]] = {"plans": figures_plans}
 _GROUPS: dict[str, tuple[str, dict[str, Callable[..., None]]]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),
@@ -343,7 +351,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     else:
         groups = {name: _as_command(text) for name, (text, _) in _GROUPS.items()}
         commands, prog = {**_COMMANDS, **groups}, "robosim"
-        description = "Robots that see and hear in buildings made from floor plans. Each command has its own --help."
+        description = (
+            "Robots that see and hear in buildings made from floor plans. Each command has its own --help."
+        )
     try:
         tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=words)
     except (ValueError, OSError) as error:
@@ -362,7 +372,7 @@ def _as_command(text: str) -> Callable[..., None]:
     return group
 
 
-def _read(plan: str, resolution_m: float | None = None, floor_height_m: float | None = None):  # noqa: ANN202
+def _read(plan: str, resolution_m: float | None = None, floor_height_m: float | None = None) -> FloorPlan:
     from robosim.planfiles import read_plan
 
     return read_plan(plan, resolution_m=resolution_m, floor_height_m=floor_height_m)

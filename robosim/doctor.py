@@ -8,10 +8,14 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Literal
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+
+from robosim.building import Building, make_building
+from robosim.floorplan import FloorPlan
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,7 @@ def _embree() -> str:
     return f"{_version('embreex')}, {rate / 1e6:.1f} million rays/s"
 
 
-def _camera(kind: str) -> Callable[[], str]:
+def _camera(kind: Literal["osmesa", "egl"]) -> Callable[[], str]:
     def probe() -> str:
         from robosim.camera import CameraConfig, camera_pose, make_camera
         from robosim.shading import shaded_mesh
@@ -175,9 +179,6 @@ def _torch() -> str:
     return f"torch {torch.__version__}, {torch.get_num_threads()} threads"
 
 
-def _room():  # noqa: ANN202
+def _room() -> Building:
     """A room of 4 m by 3 m, for probes."""
-    from robosim.building import make_building
-    from robosim.floorplan import FloorPlan
-
     return make_building(FloorPlan(occupancy=np.zeros((60, 80), np.uint8), resolution_m=0.05, name="room"))

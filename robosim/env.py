@@ -42,13 +42,13 @@ class TargetSearch(gymnasium.Env):
     [-1, 1] as a fraction of 90 degrees/s, held for 0.5 s.
 
     ## Observation space
-    Dict:
+    Dict, all in the robot's own frame:
 
     | key | shape, type | meaning | min | max |
     |---|---|---|---|---|
     | rgb | (h, w, 3) uint8 | camera picture | 0 | 255 |
     | depth | (h, w, 1) float32 | metres along the camera's axis, 0 nothing hit | 0 | 10 |
-    | odometry | (3,) float32 | measured motion since the last observation, in the robot's frame: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
+    | odometry | (3,) float32 | measured motion since then: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
 
     ## Reward
     Metres by which the shortest drive to the target became shorter, minus 0.01 a step, plus 10 on arrival.
@@ -120,7 +120,9 @@ class TargetSearch(gymnasium.Env):
         unknown = set(given) - {"start", "target"}
         if unknown:
             raise ValueError(f"Unknown reset options {sorted(unknown)}. Known: start, target.")
-        self._task = make_task(self._reach, self.np_random, **given)
+        self._task = make_task(
+            self._reach, self.np_random, start=given.get("start"), target=given.get("target")
+        )
         self._travel = self._reach.travel_m(self._task.target)
         self._view = self._simulator.reset(self._task, self.np_random)
         self._picture = Picture(self._simulator.building, self._task)
@@ -134,7 +136,10 @@ class TargetSearch(gymnasium.Env):
             self._view, motion = self._simulator.drive(float(v), float(w), STEP_S)
         else:
             self._view, motion = self._simulator.step(Action(int(action)))
-        before, self._distance = self._distance, self._reach.remaining_m(self._travel, self._simulator.pose[:2])
+        before, self._distance = (
+            self._distance,
+            self._reach.remaining_m(self._travel, self._simulator.pose[:2]),
+        )
         gap = np.hypot(*(self._simulator.pose[:2] - self._task.target))
         arrived = bool(gap <= ARRIVAL_M)
         reward = before - self._distance - _STEP_COST + _ARRIVAL_REWARD * arrived

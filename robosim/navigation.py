@@ -29,9 +29,10 @@ class Navigator(NamedTuple):
 def make_navigator(config: SimulatorConfig) -> Navigator:
     """The navigator of the robot that is simulated."""
     radius_m = config.robot.radius_m
-    bias = {action: tuple(map(float, config.noise.sensor_bias(action))) for action in Action}
     odometry = OdometryConfig(
-        forward_bias=bias[Action.FORWARD], left_bias=bias[Action.LEFT], right_bias=bias[Action.RIGHT]
+        forward_bias=_bias(config, Action.FORWARD),
+        left_bias=_bias(config, Action.LEFT),
+        right_bias=_bias(config, Action.RIGHT),
     )
     cost = CostConfig(radius_m=radius_m)
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
@@ -41,3 +42,8 @@ def make_navigator(config: SimulatorConfig) -> Navigator:
         Controller(ControlConfig(radius_m=radius_m)),
         FrontierExplorer(ExplorerConfig(cost=cost)),
     )
+
+
+def _bias(config: SimulatorConfig, action: Action) -> tuple[float, float, float]:
+    dx, dy, dyaw = config.noise.sensor_bias(action).tolist()
+    return dx, dy, dyaw

@@ -5,6 +5,7 @@ Drawn by OpenCV straight into an array, since a video needs one for every decisi
 
 import cv2
 import numpy as np
+import shapely
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
@@ -127,8 +128,8 @@ class Picture:
         )
         flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
         size = (self._map_width, HEIGHT)
-        kind = cv2.warpAffine(kind, affine, size, flags=flags, borderValue=0)
-        return cv2.LUT(cv2.cvtColor(kind, cv2.COLOR_GRAY2RGB), _PALETTE)
+        base = cv2.warpAffine(kind, affine, size, flags=flags, borderValue=0)
+        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), _PALETTE)
 
     def _pixels(self, points: np.ndarray) -> np.ndarray:
         """Continuous canvas pixels (column, row) of points of `map`."""
@@ -144,5 +145,5 @@ class Picture:
         return int(column), int(row)
 
 
-def _rings(polygon) -> list:  # noqa: ANN001
+def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:
     return [polygon.exterior, *polygon.interiors]

@@ -66,7 +66,7 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
     _draw_walls(axes, building)
     parts = places.plan.centres(places.parts > 0)
     number = places.parts[places.parts > 0]
-    axes.scatter(*parts.T, c=(number - 1) % 10, cmap="tab10", vmin=0, vmax=9, s=1.5, lw=0)
+    axes.scatter(parts[:, 0], parts[:, 1], c=(number - 1) % 10, cmap="tab10", vmin=0, vmax=9, s=1.5, lw=0)
     axes.set_title(
         f"{building.plan.name}: {building.free.area:.1f} m2 of free floor; places of a hull of radius "
         f"{places.radius_m} m in {places.n_parts} part(s)",
@@ -87,4 +87,4 @@ def _plan_axes(building: Building) -> tuple[Figure, Axes]:
 
 
 def _draw_walls(axes: Axes, building: Building) -> None:
-    axes.add_collection(LineCollection(building.walls_2d, colors=WALL, linewidths=0.9))
+    axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9))

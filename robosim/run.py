@@ -17,8 +17,8 @@ from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.picture import Picture
 from robosim.planfiles import write_ros
 from robosim.plots import plot_episode
-from robosim.record import EpisodeLog
 from robosim.reach import Reach, reach
+from robosim.record import EpisodeLog
 from robosim.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import make_task
 from robosim.video import VideoWriter
@@ -73,7 +73,13 @@ def record_episode(
             progress.update(bar, completed=decision.log.steps, note=text)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(_draw(picture, decision, f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}"))
+                    writer.add(
+                        _draw(
+                            picture,
+                            decision,
+                            f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}",
+                        )
+                    )
 
         try:
             log, estimate = run_episode(building, places, task, config, look, watch)
@@ -96,7 +102,10 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
     occupancy[estimate.obstacle | estimate.blocked] = OCCUPIED
     x, y = estimate.frame.origin_xy
     return FloorPlan(
-        occupancy=occupancy, resolution_m=estimate.frame.resolution_m, origin=(float(x), float(y), 0.0), name=name
+        occupancy=occupancy,
+        resolution_m=estimate.frame.resolution_m,
+        origin=(float(x), float(y), 0.0),
+        name=name,
     )
 
 

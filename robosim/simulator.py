@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
-from robosim.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera import Camera, CameraConfig, camera_pose, make_camera
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
 from robosim.robot import RobotConfig
@@ -68,7 +68,7 @@ class Simulator:
             kind = World if self.config.physics == "dynamic" else KinematicWorld
             self.world = kind(building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
-        self._camera = None
+        self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
         self._rng = np.random.default_rng()
 
@@ -113,6 +113,8 @@ class Simulator:
             self._camera = None
 
     def _observe(self, odometry: np.ndarray) -> Observation:
+        if self._camera is None:
+            raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
             frame = self._camera.render(camera_pose(self.pose, self.config.image))
         return Observation(frame.rgb, frame.depth, odometry)

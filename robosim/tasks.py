@@ -118,7 +118,9 @@ def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | N
             continue
         centres = reach.plan.centres(reach.parts > 0)
         nearest = centres[np.argmin(np.hypot(*(centres - point[:2]).T))]
-        problem = f"does not fit at the {what}" if not near_m else f"cannot come within {near_m} m of the {what}"
+        problem = (
+            f"does not fit at the {what}" if not near_m else f"cannot come within {near_m} m of the {what}"
+        )
         raise MapError(
             f"{reach.plan.name}: the robot's hull (radius {reach.radius_m} m) {problem} ({point[0]:g}, "
             f"{point[1]:g}) m. The nearest place where it can be is ({nearest[0]:.2f}, {nearest[1]:.2f}) m."

@@ -45,7 +45,7 @@ class VideoWriter:
         """Append an RGB frame."""
         self._empty = False
         # OpenCV converts five times faster than ffmpeg's scaler does.
-        planes = cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420)
+        planes = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420), np.uint8)
         for packet in self._stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")):
             self._file.mux(packet)
 

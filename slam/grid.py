@@ -55,8 +55,8 @@ class GridFrame:
         return self.to_points(np.column_stack([ix, iy]) + 0.5)
 
     def inside(
-        self, iy: Int[np.ndarray, "*batch"], ix: Int[np.ndarray, "*batch"]
-    ) -> Bool[np.ndarray, "*batch"]:
+        self, iy: Int[np.ndarray, "*batch"] | int, ix: Int[np.ndarray, "*batch"] | int
+    ) -> Bool[np.ndarray, "*batch"] | np.bool_ | bool:
         """Whether rows and columns belong to the grid."""
         return (iy >= 0) & (iy < self.shape[0]) & (ix >= 0) & (ix < self.shape[1])
 

@@ -1,5 +1,4 @@
-"""Navigation over many plans: does the robot arrive, what does it touch, how much does it see, how well does it
-know where it is.
+"""Navigation over many plans: arrival, what is touched, what is seen, and how well the robot knows where it is.
 
 One task a plan and goal policy, drawn from the seed and the plan's name, so that a plan's result does not depend
 on which others are run beside it, nor on the number of workers. Penetration is judged twice: by the contacts of

@@ -85,7 +85,9 @@ def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, 
         out = tmp_path / f"w{workers}"
         main(f"bench navigation {plan_file} --goals oracle --workers {workers} --out {out}".split())
         episodes = json.loads((out / "navigation.json").read_text())["episodes"]
-        kept.append([{k: v for k, v in row.items() if k not in ("seconds", "decisions_per_s")} for row in episodes])
+        kept.append(
+            [{k: v for k, v in row.items() if k not in ("seconds", "decisions_per_s")} for row in episodes]
+        )
     assert kept[0] == kept[1]
     assert "1 of 1 arrived" in re.sub(r"\s+", " ", capsys.readouterr().out)
 
@@ -110,7 +112,9 @@ def test_mistakes_end_in_one_sentence(arguments, message, capsys):
 
 def test_the_doctor_finds_this_machine_fit():
     """In a process of its own, as a user runs it: both exit status and text say that all is well."""
-    done = subprocess.run([sys.executable, "-m", "robosim", "doctor"], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-m", "robosim", "doctor"], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "All that the main job needs is here" in re.sub(r"\s+", " ", done.stdout)
     for part in ("mujoco", "embree", "OSMesa", "torch"):

@@ -8,7 +8,9 @@ from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 def room(width_m: float = 4.0, depth_m: float = 3.0, resolution_m: float = 0.05, **kwargs) -> FloorPlan:
     """One empty rectangular room with its lower-left inner corner at (0, 0)."""
     shape = (round(depth_m / resolution_m), round(width_m / resolution_m))
-    return FloorPlan(occupancy=np.full(shape, FREE, np.uint8), resolution_m=resolution_m, **{"name": "room", **kwargs})
+    return FloorPlan(
+        occupancy=np.full(shape, FREE, np.uint8), resolution_m=resolution_m, **{"name": "room", **kwargs}
+    )
 
 
 def two_rooms(door_m: float, wall_m: float = 0.2) -> FloorPlan:

@@ -6,6 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
+from robosim.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from tests.robosim.plans import two_rooms
 
@@ -67,11 +68,10 @@ def test_dynamic_physics_is_reproducible_too():
 
 
 def test_driving_onto_the_target_ends_with_the_reward_of_arrival():
-    """1.2 m ahead without noise: four steps of 0.25 m bring it within 0.3 m; rewards sum to the drive
-    saved, 1.0 m, less 4 steps' cost, plus 10.
-    """
-    from robosim.odometry import NoiseModel
+    """1.2 m ahead without noise: four steps of 0.25 m bring it within 0.3 m.
 
+    Rewards sum to the drive saved, 1.0 m, less the cost of 4 steps, plus 10.
+    """
     config = SimulatorConfig(physics="kinematic", noise=NoiseModel(level=0))
     env = gymnasium.make("robosim/TargetSearch-v0", plan=two_rooms(0.8), config=config)
     env.reset(seed=0, options={"start": [1.0, 1.5, 0.0], "target": [2.2, 1.5]})

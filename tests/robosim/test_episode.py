@@ -95,7 +95,17 @@ def test_results_do_not_depend_on_the_run(tmp_path):
 
 def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
     """SIGINT in the middle: exit status 130, `ended` is interrupted, and the video plays."""
-    command = [sys.executable, "-m", "robosim", "episode", "office", "--goal", "explore", "--out", str(tmp_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "robosim",
+        "episode",
+        "office",
+        "--goal",
+        "explore",
+        "--out",
+        str(tmp_path),
+    ]
     process = subprocess.Popen([*command, "--physics", "kinematic"], stdout=subprocess.PIPE, text=True)
     video = threading.Event()
     while process.poll() is None and not video.wait(0.1):

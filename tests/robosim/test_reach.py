@@ -53,8 +53,8 @@ def test_travel_round_a_corner_is_the_taut_string():
     """Through the door of two rooms: two straight legs and an arc of the hull's radius about the jambs.
 
     The string from (0.5, 0.5) to (5.7, 0.5) runs over the disks of radius 0.18 m at the lower jamb corners
-    (3, 1.25) and (3.2, 1.25): its length from the tangents, 5.64 m. Bound two cells, since the raster lets the hull no nearer to a jamb than
-    the next cell centre; measured 0.06 m long.
+    (3, 1.25) and (3.2, 1.25): its length from the tangents, 5.47 m. Bound two cells, since the raster lets the
+    hull no nearer to a jamb than the next cell centre; measured 0.06 m long.
     """
     places = reach(make_building(two_rooms(0.5)), 0.18)
     travel = places.travel_m(np.array([0.525, 0.525]))

@@ -90,7 +90,9 @@ def test_an_interrupt_between_action_and_look_leaves_a_valid_log(tmp_path):
 
 
 def test_json_takes_arrays_and_has_no_nan(tmp_path):
-    write_json(tmp_path / "a.json", {"x": np.arange(2), "nan": float("nan"), "deep": [{"y": np.float32(0.5)}]})
+    write_json(
+        tmp_path / "a.json", {"x": np.arange(2), "nan": float("nan"), "deep": [{"y": np.float32(0.5)}]}
+    )
     assert json.loads((tmp_path / "a.json").read_text()) == {"x": [0, 1], "nan": None, "deep": [{"y": 0.5}]}
 
 
