@@ -18,7 +18,8 @@ from tyro.conf import Positional
 
 from robosim.floorplan import FloorPlan
 
-_console = Console()
+#: A pipe has no width; tables should not be cut for it.
+_console = Console(width=None if sys.stdout.isatty() else 150)
 
 
 def _numbers(count: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:

@@ -1,21 +1,25 @@
-"""A look at the machine: what works, how fast, and what to install where something does not."""
+"""A look at the machine: what works, how fast, and what to install where something does not.
+
+Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash.
+"""
 
 import importlib
 import importlib.metadata
 import os
 import platform
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from robosim.building import Building, make_building
-from robosim.floorplan import FloorPlan
+if TYPE_CHECKING:
+    from robosim.building import Building
 
 
 @dataclass(frozen=True)
@@ -129,23 +133,34 @@ def _embree() -> str:
 
 
 def _camera(kind: Literal["osmesa", "egl"]) -> Callable[[], str]:
-    def probe() -> str:
-        from robosim.camera import CameraConfig, camera_pose, make_camera
-        from robosim.shading import shaded_mesh
+    # A process of its own: OpenGL serves one platform a process, and a broken driver may take it down.
+    program = f"from robosim.doctor import measure_camera; measure_camera({kind!r})"
 
-        config = CameraConfig()
-        camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=kind)
-        try:
-            pose = camera_pose(np.array([1.0, 1.0, 0.0]), config)
-            depth = camera.render(pose).depth[config.height // 2, config.width // 2]
-            if abs(depth - 3.0) > 0.01:
-                raise RuntimeError(f"a wall 3 m away is drawn at {depth:.3f} m")
-            rate = _rate(lambda: camera.render(pose))
-        finally:
-            camera.close()
-        return f"{rate:,.0f} RGB-D frames/s at {config.width} x {config.height}"
+    def probe() -> str:
+        command = [sys.executable, "-c", program]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
+        if done.returncode or not lines:
+            raise RuntimeError(lines[-1] if lines else f"the probe ended with status {done.returncode}")
+        return lines[-1]
 
     return probe
+
+
+def measure_camera(kind: Literal["osmesa", "egl"]) -> None:
+    """Draw a room on one OpenGL platform, check a depth, and write the frame rate to standard output."""
+    from robosim.camera import CameraConfig, camera_pose, make_camera
+    from robosim.shading import shaded_mesh
+
+    config = CameraConfig()
+    camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=kind)
+    pose = camera_pose(np.array([1.0, 1.0, 0.0]), config)
+    depth = float(camera.render(pose).depth[config.height // 2, config.width // 2])
+    if abs(depth - 3.0) > 0.01:
+        raise RuntimeError(f"a wall 3 m away is drawn at {depth:.3f} m")
+    rate = _rate(lambda: camera.render(pose))
+    camera.close()
+    sys.stdout.write(f"{rate:,.0f} RGB-D frames/s at {config.width} x {config.height}\n")
 
 
 def _aruco() -> str:
@@ -179,6 +194,9 @@ def _torch() -> str:
     return f"torch {torch.__version__}, {torch.get_num_threads()} threads"
 
 
-def _room() -> Building:
+def _room() -> "Building":
     """A room of 4 m by 3 m, for probes."""
+    from robosim.building import make_building
+    from robosim.floorplan import FloorPlan
+
     return make_building(FloorPlan(occupancy=np.zeros((60, 80), np.uint8), resolution_m=0.05, name="room"))
