@@ -44,7 +44,7 @@ class TravelTime:
             cost = cell + (slope * (points - centre)).sum(axis=-1)
         return np.where(inside & np.isfinite(cell), np.maximum(cost, 0.0), np.inf)
 
-    def direction(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
+    def direction(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"] | np.floating:
         """Azimuth [rad] in which the cost falls fastest; 0 where it does not fall."""
         iy, ix, _ = self._cell(points)
         slope = self._slopes(iy, ix)
@@ -62,7 +62,7 @@ class TravelTime:
         per_m = np.where(inside, self.cost_per_m[iy, ix], np.inf)
         return per_m.mean(axis=1) * length
 
-    def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray | np.bool_]:
         iy, ix = self.frame.index(points)
         inside = self.frame.inside(iy, ix)
         return np.where(inside, iy, 0), np.where(inside, ix, 0), inside
