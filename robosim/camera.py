@@ -49,7 +49,9 @@ class CameraConfig:
             if not 1 <= size <= 4096:
                 raise ValueError(f"{name} is {size}, expected 1 to 4096 pixels.")
         if not 1.0 <= self.hfov_deg <= 170.0:
-            raise ValueError(f"hfov_deg is {self.hfov_deg}, expected 1 to 170 degrees. Angles here are no radians.")
+            raise ValueError(
+                f"hfov_deg is {self.hfov_deg}, expected 1 to 170 degrees. Angles here are no radians."
+            )
         if not np.isfinite(self.height_m):
             raise ValueError(f"height_m is {self.height_m}, expected a finite height in metres.")
         if not 0 < self.near_m < self.far_m < np.inf:
@@ -112,7 +114,9 @@ def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Flo
     """
     x, y, yaw = robot_pose
     c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[s, 0.0, c, x], [-c, 0.0, s, y], [0.0, -1.0, 0.0, config.height_m], [0.0, 0.0, 0.0, 1.0]])
+    return np.array(
+        [[s, 0.0, c, x], [-c, 0.0, s, y], [0.0, -1.0, 0.0, config.height_m], [0.0, 0.0, 0.0, 1.0]]
+    )
 
 
 def make_camera(

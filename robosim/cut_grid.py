@@ -38,13 +38,17 @@ class CutGrid:
             edge: Which edge it is a piece of.
         """
         start, end = self.xy[edges[:, 0]], self.xy[edges[:, 1]]
-        owners, shares, places = [], [], []
+        owners: list[np.ndarray] = []
+        shares: list[np.ndarray] = []
+        places: list[np.ndarray] = []
         for axis in (0, 1):
             edge, line = _whole_between(start[:, axis], end[:, axis])
             share = (line - start[edge, axis]) / (end - start)[edge, axis]
             place = start[edge] + share[:, None] * (end - start)[edge]
             place[:, axis] = line
-            owners.append(edge), shares.append(share), places.append(place)
+            owners.append(edge)
+            shares.append(share)
+            places.append(place)
         edge, share = np.concatenate(owners), np.concatenate(shares)
         a, b = self.map_xy[edges[edge, 0]], self.map_xy[edges[edge, 1]]
         new = self._add(np.concatenate(places), a + share[:, None] * (b - a))
@@ -83,15 +87,20 @@ class CutGrid:
         """Pieces of the grid's lines inside of a border, cut where lines cross."""
         points = np.unique(border)
         points = points[points >= self._n_corners]
-        spans, owners, places = [], [], []
+        spans: list[np.ndarray] = []
+        owners: list[np.ndarray] = []
+        places: list[np.ndarray] = []
         for axis in (0, 1):
             at, along = self.xy[points, axis], self.xy[points, 1 - axis]
             on_line = np.flatnonzero(at == np.round(at))
-            ends = points[on_line[np.lexsort([along[on_line], at[on_line]])]].reshape(-1, 2)  # in and out in turns
+            # Along a line, the border is crossed inwards and outwards in turns.
+            ends = points[on_line[np.lexsort([along[on_line], at[on_line]])]].reshape(-1, 2)
             span, other = _whole_between(*self.xy[ends, 1 - axis].T)
             place = np.empty((len(span), 2))
             place[:, axis], place[:, 1 - axis] = self.xy[ends[span, 0], axis], other
-            owners.append(span + sum(len(s) for s in spans)), spans.append(ends), places.append(place)
+            owners.append(span + sum(len(other_axis) for other_axis in spans))
+            spans.append(ends)
+            places.append(place)
         ends, span, place = np.concatenate(spans), np.concatenate(owners), np.concatenate(places)
         distinct, which = np.unique(place, axis=0, return_inverse=True)
         crossings = self._add(distinct, self.step_m * distinct @ self._R.T + self._origin)[which.ravel()]

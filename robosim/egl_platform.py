@@ -8,6 +8,7 @@ Import only after `robosim.gl_binding.bind_opengl("egl")`.
 """
 
 import os
+from typing import Any
 
 import numpy as np
 from jaxtyping import Integer, UInt8
@@ -25,6 +26,7 @@ class EGLPlatform(egl.EGLPlatform):
     def __init__(self, viewport_width: int, viewport_height: int) -> None:
         device = egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
         super().__init__(viewport_width, viewport_height, device=device)
+        self._egl_context: Any = None
 
     def init_context(self) -> None:
         """Create the context and its frame buffer, and make them current."""

@@ -14,7 +14,7 @@ import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Float32, Int32
+from jaxtyping import Float, Float32
 
 from robosim.camera import RGBD, CameraConfig
 from robosim.scenery import merge
@@ -32,7 +32,7 @@ class EmbreeCamera:
         self._triangles = TriangleMesh(self._scene, self._scenery.vertices[self._scenery.faces])
         a, b, c = np.moveaxis(self._scenery.colours[self._scenery.faces].astype(np.float32), 1, 0)
         self._colour, self._along_u, self._along_v = a + np.float32(0.5), b - a, c - a
-        self._directions = config.directions().reshape(-1, 3)
+        self._x, self._y = config.directions()[0, :, :1], config.directions()[:, :1, 1:2]
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose.
@@ -73,7 +73,8 @@ class EmbreeCamera:
         if self._scene is None:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
         R, t = self._scenery.to_local(T_map_camera)
-        directions = (self._directions @ R.T).astype(np.float32)
+        # Not one product of matrices: that size would wake the threads of the linear algebra library.
+        directions = (self._x * R[:, 0] + (self._y * R[:, 1] + R[:, 2])).astype(np.float32).reshape(-1, 3)
         near = np.float32(self.config.near_m)
         origins = t.astype(np.float32) + near * directions
         hits = self._scene.run(origins, directions, output=True)

@@ -23,7 +23,6 @@ from pyrender.constants import GLTF, BufFlags, RenderFlags
 from robosim import gl_calls as gl
 from robosim.gl_calls import GLCalls
 
-
 _VERTEX = """
 #version 330 core
 layout(location = 0) in vec3 position;  // locations as pyrender gives them to positions and colours
@@ -68,7 +67,9 @@ class FlatPass:
         renderer._update_context(scene, RenderFlags.FLAT)
         self._vertex_array = int(primitive._vaid)
         self._programs = {True: _compile(_VERTEX, _COLOUR), False: _compile(_VERTEX, _DEPTH)}
-        self._P_V = {key: calls.get_uniform_location(program, b"P_V") for key, program in self._programs.items()}
+        self._P_V = {
+            key: calls.get_uniform_location(program, b"P_V") for key, program in self._programs.items()
+        }
         self.set_state(True)
 
     def draw(
@@ -125,7 +126,9 @@ def _compile(vertex: str, fragment: str) -> int:
         GL.glAttachShader(program, shader)
     GL.glLinkProgram(program)
     if not GL.glGetProgramiv(program, GL.GL_LINK_STATUS):
-        raise RuntimeError(f"The OpenGL driver cannot link the flat shaders: {GL.glGetProgramInfoLog(program)}")
+        raise RuntimeError(
+            f"The OpenGL driver cannot link the flat shaders: {GL.glGetProgramInfoLog(program)}"
+        )
     for shader in compiled:
         GL.glDeleteShader(shader)
     return int(program)

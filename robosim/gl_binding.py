@@ -139,8 +139,10 @@ def _bound_system() -> GLSystem | None:
 
 def _default_system() -> GLSystem:
     wanted = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    if wanted == "osmesa" or wanted == "egl":
-        return wanted
+    if wanted == "egl":
+        return "egl"
+    if wanted == "osmesa":
+        return "osmesa"
     try:
         load_osmesa()
     except OSError:

@@ -103,7 +103,7 @@ class OSMesaPlatform:
         if address != self._depth_address:
             self._depth_address = address
             memory = (ctypes.c_uint32 * (self._width * self.viewport_height)).from_address(address)
-            self._depth = np.frombuffer(memory, np.uint32).reshape(self.viewport_height, self._width)
+            self._depth = np.ctypeslib.as_array(memory).reshape(self.viewport_height, self._width)
         return self._depth
 
     def _depth_lies_plain(self) -> bool:

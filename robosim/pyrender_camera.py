@@ -17,6 +17,7 @@ import numpy as np
 import pyrender
 import trimesh
 from jaxtyping import Float, Float32, Int32
+from OpenGL import contextdata
 
 from robosim.camera import RGBD, CameraConfig
 from robosim.flat_pass import FlatPass
@@ -24,6 +25,7 @@ from robosim.gl_binding import GLSystem
 from robosim.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
 from robosim.scenery import Scenery, merge
 from robosim.visibility import Parts, Visibility
+
 
 class PyrenderCamera:
     """Draws pictures with OpenGL.
@@ -39,8 +41,8 @@ class PyrenderCamera:
         triangles = self._scenery.vertices[self._scenery.faces]
         parts = Parts.of(triangles)
         self._visibility = Visibility(triangles, parts, config)
-        self._count = (3 * parts.count).astype(np.int32)
-        self._offset = (12 * parts.start).astype(np.uint64)  # three indices of four bytes for each triangle
+        self._count = (3 * parts.counts).astype(np.int32)
+        self._offset = (12 * parts.starts).astype(np.uint64)  # three indices of four bytes for each triangle
         self.scene = _make_scene(self._scenery, self._scenery.faces[parts.order], config)
         self._P = _projection(config)
         self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
@@ -101,7 +103,8 @@ class PyrenderCamera:
 
     def _metres(self, code: np.ndarray) -> tuple[Float32[np.ndarray, "h w"], bool]:
         """Depth of a frame [m], and whether something is seen in all of its pixels."""
-        nearness = np.bitwise_xor(code, MAX_DEPTH_CODE, out=self._nearness)  # MAX - code: all its bits are ones
+        # This is MAX_DEPTH_CODE - code, as all bits of the former are ones.
+        nearness = np.bitwise_xor(code, MAX_DEPTH_CODE, out=self._nearness)
         depth = nearness.astype(np.float32)
         if nearness.min() > self._far:
             return np.divide(self._unit, depth, out=depth), True
@@ -118,9 +121,7 @@ def _projection(config: CameraConfig) -> Float[np.ndarray, "4 4"]:
     return P
 
 
-def _make_scene(
-    scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig
-) -> pyrender.Scene:
+def _make_scene(scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig) -> pyrender.Scene:
     """A pyrender scene with all meshes as one, and a camera for what pyrender itself draws."""
     opaque = np.full((len(scenery.colours), 1), 255, np.uint8)
     primitive = pyrender.Primitive(
@@ -146,6 +147,7 @@ def _make_scene(
 def _free(platform: Any, renderer: pyrender.Renderer) -> None:
     platform.make_current()
     renderer.delete()
+    contextdata.cleanupContext()  # what PyOpenGL remembers about this context, which it would keep for ever
     platform.make_uncurrent()
     platform.delete_context()
 

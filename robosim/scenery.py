@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import trimesh
@@ -59,5 +60,7 @@ def merge(meshes: Sequence[trimesh.Trimesh]) -> Scenery:
 
 
 def _colours(mesh: trimesh.Trimesh) -> UInt8[np.ndarray, "n 3"]:
-    visual = mesh.visual.to_color() if mesh.visual.kind == "texture" else mesh.visual
+    visual: Any = mesh.visual
+    if visual.kind == "texture":
+        visual = visual.to_color()
     return np.asarray(visual.vertex_colors, np.uint8)[:, :3]

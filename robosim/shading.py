@@ -40,6 +40,8 @@ _FLOOR = np.array([164, 128, 92], float)
 _CEILING = np.array([236, 236, 230], float)
 # Golden angle: hues, and directions of a spiral, that never come near an earlier one.
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
+# Multipliers of a hash; large odd numbers without a pattern.
+_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -178,7 +180,7 @@ def _albedo(building: Building, patches: Patches) -> Float[np.ndarray, "n 3"]:
 
 def _tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
     """A number from -1 to 1 for each square of a grid, with no pattern that one sees."""
-    mixed = (cell.astype(np.uint64) * np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)).sum(axis=1)
+    mixed = (cell.astype(np.uint64) * _ODD).sum(axis=1)
     mixed ^= mixed >> np.uint64(29)
     mixed *= np.uint64(0xBF58476D1CE4E5B9)
     return (mixed >> np.uint64(40)) / 2.0**23 - 1.0
@@ -203,9 +205,8 @@ def _hues(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     """A colour for each face, the same on one piece of furniture and different on the next."""
     mesh = building.mesh
     faces = mesh.faces[building.face_kind == FURNITURE]
-    links = coo_array(
-        (np.ones(2 * len(faces)), (faces[:, [0, 0]].ravel(), faces[:, [1, 2]].ravel())), shape=[len(mesh.vertices)] * 2
-    )
+    one, other = faces[:, [0, 0]].ravel(), faces[:, [1, 2]].ravel()
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(mesh.vertices), len(mesh.vertices)))
     _, label = connected_components(links, directed=False)
     hue = _GOLDEN * label[mesh.faces[:, 0]]
     return 142.0 + 56.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))

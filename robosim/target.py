@@ -88,13 +88,13 @@ def target_mesh(
     for quarter in range(4):
         quads.append(_turned(cells, quarter * np.pi / 2))
         colours.append(shades)
-    corners = _turned(np.concatenate(quads), yaw) + (*position_xy, 0.0)
+    corners = _turned(np.concatenate(quads), yaw) + np.array([*position_xy, 0.0])
     shade = np.concatenate(colours)
-    first = 4 * np.arange(len(corners))[:, None, None]
+    faces = 4 * np.arange(len(corners))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     rgba = np.column_stack([shade, np.full(len(shade), 255, np.uint8)]).repeat(4, axis=0)
     return trimesh.Trimesh(
         corners.reshape(-1, 3),
-        (first + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3),
+        faces.reshape(-1, 3),
         vertex_colors=rgba,
         process=False,
     )
@@ -109,8 +109,9 @@ def marker_corners(
     one clockwise.
     """
     across_up = config.marker_m / 2 * _SQUARE[[3, 2, 1, 0]]
-    side = np.column_stack([np.full(4, config.box_m / 2), across_up]) + (0.0, 0.0, config.marker_height_m)
-    return np.stack([_turned(side, yaw + quarter * np.pi / 2) for quarter in range(4)]) + (*position_xy, 0.0)
+    side = np.column_stack([np.full(4, config.box_m / 2), across_up])
+    sides = np.stack([_turned(side, yaw + quarter * np.pi / 2) for quarter in range(4)])
+    return sides + np.array([*position_xy, config.marker_height_m])
 
 
 def _marker(config: TargetConfig) -> tuple[Float[np.ndarray, "64 4 3"], UInt8[np.ndarray, "64 3"]]:

@@ -66,10 +66,12 @@ def tessellate(building: Building, *, step_m: float, heights_m: Sequence[float])
     level = np.ptp(z, axis=1) == 0
     walls = np.flatnonzero(~level & ((z == 0).sum(axis=1) == 2))  # one of the two triangles of each
     top = np.argmax(z[walls], axis=1)
-    foot = np.column_stack([corner[walls, (top + step) % 3] for step in (1, 2)])  # left and right, from inside
+    # The other two corners are the left and the right end of the wall's foot, seen from free space.
+    foot = np.column_stack([corner[walls, (top + step) % 3] for step in (1, 2)])
 
     up = mesh.face_normals[:, 2] > 0
-    groups, group = np.unique(np.column_stack([building.face_kind, z[:, 0], up])[level], axis=0, return_inverse=True)
+    group_of = np.column_stack([building.face_kind, z[:, 0], up])[level]
+    groups, group = np.unique(group_of, axis=0, return_inverse=True)
     regions = [np.flatnonzero(level)[group.ravel() == number] for number in range(len(groups))]
     borders = [_border(corner[region]) for region in regions]
 
@@ -133,7 +135,8 @@ def _walls(
     strips = []
     for top in np.unique(tops):
         levels = np.array([0.0, *(z for z in heights_m if z < top), top])
-        piece, row = np.meshgrid(np.flatnonzero(tops[piece_of] == top), np.arange(len(levels) - 1), indexing="ij")
+        here = np.flatnonzero(tops[piece_of] == top)
+        piece, row = np.meshgrid(here, np.arange(len(levels) - 1), indexing="ij")
         strips.append((piece.ravel(), row.ravel(), levels[row.ravel()], levels[row.ravel() + 1]))
     piece, row, low, high = (np.concatenate(column) for column in zip(*strips, strict=True))
     feet = cuts.grid.map_xy[pieces[piece]]

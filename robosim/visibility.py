@@ -33,9 +33,9 @@ class Parts(NamedTuple):
 
     order: Int[np.ndarray, "m"]
     """All triangles, part by part."""
-    start: Int[np.ndarray, "n"]
+    starts: Int[np.ndarray, "n"]
     """Where the parts start in that order."""
-    count: Int[np.ndarray, "n"]
+    counts: Int[np.ndarray, "n"]
     """How many triangles they have."""
 
     @classmethod
@@ -51,8 +51,8 @@ class Visibility:
     """Tells which parts of a scene are seen from a pose."""
 
     def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
-        low = np.minimum.reduceat(triangles.min(axis=1)[parts.order], parts.start).astype(float)
-        high = np.maximum.reduceat(triangles.max(axis=1)[parts.order], parts.start).astype(float)
+        low = np.minimum.reduceat(triangles.min(axis=1)[parts.order], parts.starts).astype(float)
+        high = np.maximum.reduceat(triangles.max(axis=1)[parts.order], parts.starts).astype(float)
         middle, half = (low + high)[:, :2] / 2, (high - low)[:, :2] / 2
         self._boxes = np.ascontiguousarray(np.column_stack([middle, half, np.ones(len(low))]).T)
         self._floor, self._top = float(low[:, 2].min()), float(high[:, 2].max())
@@ -87,7 +87,7 @@ class Visibility:
         np.minimum(columns, width, out=columns)
         columns = columns.astype(np.intp)
         inside = np.flatnonzero((columns[0] < columns[1]) & (farthest > near))
-        reach = np.maximum.reduceat(self._look(R, t), columns[:, inside].T.ravel())[::2]
+        reach = np.maximum.reduceat(self._look(R, t), columns[:, inside].T.ravel())[::2]  # type: ignore[arg-type]
         return inside[reach > nearest[inside] - _MARGIN_M]
 
     def _extents(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 n"]:
@@ -120,7 +120,7 @@ def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]
     spot, number = np.unique(triangles[..., 0].astype(float) + 1j * triangles[..., 1], return_inverse=True)
     number, z = number.reshape(-1, 3), triangles[..., 2]
     a, b = number.min(axis=1), number.max(axis=1)
-    third = np.where((number == a[:, None]).sum(axis=1) == 1, a, b)  # the other two corners are above each other
+    third = np.where((number == a[:, None]).sum(axis=1) == 1, a, b)  # the other two lie above each other
     upright = (a < b) & ((number == a[:, None]) | (number == b[:, None])).all(axis=1)
     z_third = np.where(number == third[:, None], z, -np.inf).max(axis=1)
     strip, group = np.unique(

@@ -146,9 +146,7 @@ def _mujoco_renderer(mesh: trimesh.Trimesh, config: CameraConfig) -> tuple[Any, 
         userface=mesh.faces.ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH, meshname="building", contype=0, conaffinity=0
-    )
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="building", contype=0, conaffinity=0)
     half = 0.5 * config.height / config.focal_px
     spec.worldbody.add_camera(name="robot", fovy=2 * np.degrees(np.arctan(half)))
     model = spec.compile()

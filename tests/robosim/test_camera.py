@@ -1,0 +1,526 @@
+"""RGB-D cameras: pinhole geometry, both engines against exact depth, and OpenGL that behaves as a guest."""
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from robosim import gl_binding
+from robosim.bench.true_depth import DepthJudge, plain_depth
+from robosim.building import Building, make_building
+from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
+from robosim.floorplan import FloorPlan
+from robosim.planfiles import read_plan
+from robosim.shading import shaded_mesh
+
+ENGINES = ("pyrender", "embree")
+ROOM = (4.0, 3.0, 2.5)
+#: What the camera promises, away from silhouettes.
+ABSOLUTE_M, RELATIVE = 1e-3, 1e-3
+
+
+def room(size: tuple[float, float, float] = ROOM) -> trimesh.Trimesh:
+    """An empty room about the origin, floor at z = 0, with normals into it and a colour for each corner."""
+    mesh = trimesh.creation.box(size)
+    mesh.invert()
+    mesh.apply_translation((0.0, 0.0, size[2] / 2))
+    rgb = np.arange(24).reshape(8, 3) * 10
+    mesh.visual.vertex_colors = np.column_stack([rgb, np.full(8, 255)]).astype(np.uint8)
+    return mesh
+
+
+def flat() -> Building:
+    """Two rooms with a door between them, a column and a slanted wall of steps."""
+    occupancy = np.zeros((90, 120), np.uint8)
+    occupancy[:, 60:62] = 1
+    occupancy[40:58, 60:62] = 0
+    occupancy[20:28, 25:33] = 1
+    for i in range(40):
+        occupancy[i, 120 - 40 + i :] = 1
+    return make_building(FloorPlan(occupancy=occupancy, resolution_m=0.05, name="two rooms"))
+
+
+def poses(building: Building, config: CameraConfig, count: int, seed: int = 0) -> list[np.ndarray]:
+    """Camera poses at random places 0.2 m or more from walls."""
+    rng = np.random.default_rng(seed)
+    inside = building.free.buffer(-0.2)
+    x0, y0, x1, y1 = inside.bounds
+    found: list[np.ndarray] = []
+    while len(found) < count:
+        x, y, yaw = rng.uniform((x0, y0, -np.pi), (x1, y1, np.pi))
+        if inside.contains(shapely.Point(x, y)):
+            found.append(camera_pose(np.array([x, y, yaw]), config))
+    return found
+
+
+def test_camera_pose_is_a_right_handed_frame_that_looks_ahead():
+    """Axes: x right, y down, z forward: at yaw 90 deg that is +x, -z, +y of `map`. A swapped sign mirrors pictures."""
+    T = camera_pose(np.array([1.0, 2.0, np.pi / 2]), CameraConfig(height_m=0.8))
+    assert np.allclose(T[:3, :3], [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=1e-15)
+    assert np.array_equal(T[:, 3], [1.0, 2.0, 0.8, 1.0])
+    assert np.linalg.det(T[:3, :3]) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+@pytest.mark.parametrize(("width", "height", "hfov"), [(128, 128, 90.0), (200, 75, 60.0), (33, 130, 100.0)])
+def test_depth_of_an_empty_room_is_exact(backend, width, height, hfov):
+    """Along z, a ray leaves a box where it meets the first of six planes: a closed form for each pixel.
+
+    Bound 0.1 mm + 0.01 %, ten times below the promise (measured 0.04 mm). Odd sizes are there for rows that a
+    driver pads, and for half a pixel of shift, which would be off by 10 mm at these walls.
+    """
+    config = CameraConfig(width=width, height=height, hfov_deg=hfov)
+    T = camera_pose(np.array([0.3, -0.4, 0.7]), config)
+    rays = config.directions() @ T[:3, :3].T
+    low, high = np.array([-ROOM[0] / 2, -ROOM[1] / 2, 0.0]), np.array([ROOM[0] / 2, ROOM[1] / 2, ROOM[2]])
+    to_wall = np.abs(np.where(rays > 0, high, low) - T[:3, 3])
+    expected = np.divide(to_wall, np.abs(rays), out=np.full(rays.shape, np.inf), where=rays != 0)
+    with make_camera([room()], config, backend=backend) as camera:
+        depth = camera.render(T).depth
+        only_depth = camera.render_depth(T)
+    assert depth.shape == (height, width)
+    assert depth.dtype == np.float32
+    assert np.abs(depth / expected.min(axis=-1) - 1).max() < 1e-4
+    assert np.array_equal(depth, only_depth)
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_a_point_appears_where_the_intrinsics_say(backend):
+    """A square of 0.8 by 0.8 pixels about the centre of one pixel colours that pixel and no other."""
+    config = CameraConfig(width=97, height=64, hfov_deg=75.0)
+    T = camera_pose(np.array([5.0, -2.0, 2.1]), config)
+    for row, column in [(0, 0), (63, 96), (31, 48), (10, 80)]:
+        corners = np.array([[-0.4, -0.4], [0.4, -0.4], [0.4, 0.4], [-0.4, 0.4]]) + np.array(
+            [column + 0.5, row + 0.5]
+        )
+        rays = np.column_stack([corners, np.ones(4)]) @ np.linalg.inv(config.K).T
+        points = 3.0 * rays @ T[:3, :3].T + T[:3, 3]
+        red = np.tile(np.array([255, 0, 0, 255], np.uint8), (4, 1))
+        square = trimesh.Trimesh(points, [[0, 2, 1], [0, 3, 2]], vertex_colors=red, process=False)
+        with make_camera([square], config, backend=backend) as camera:
+            rgb, depth = camera.render(T)
+        assert np.argwhere(depth > 0).tolist() == [[row, column]]
+        assert depth[row, column] == pytest.approx(3.0, abs=1e-4)
+        assert rgb[row, column].tolist() == [255, 0, 0]
+        assert np.count_nonzero(rgb) == 1
+
+
+def test_directions_and_intrinsics_agree():
+    """K times the direction of a pixel is its centre, (column + 0.5, row + 0.5)."""
+    config = CameraConfig(width=40, height=30, hfov_deg=80.0)
+    at = config.directions() @ config.K.T
+    column, row = np.meshgrid(np.arange(40) + 0.5, np.arange(30) + 0.5)
+    assert np.allclose(at[..., 0], column, atol=1e-12)
+    assert np.allclose(at[..., 1], row, atol=1e-12)
+
+
+def test_the_judge_of_depth_agrees_with_trying_all_triangles():
+    """Embree's choice of the first triangle against a plain loop in double precision; 1e-6 m, measured 2e-12."""
+    building, config = flat(), CameraConfig(width=24, height=24)
+    judge = DepthJudge(building.mesh, config)
+    for T in poses(building, config, 4):
+        rays = (config.directions() @ T[:3, :3].T).reshape(-1, 3)
+        expected = plain_depth(building.mesh, T[:3, 3], rays).reshape(24, 24)
+        view = judge.look(T)
+        assert np.abs(view.depth - expected)[view.sure].max() < 1e-6
+        assert view.sure.mean() > 0.98
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_depth_in_a_building_equals_the_ray_cast(backend):
+    """Every pixel but those at silhouettes (0.1 %) is within 1 mm + 0.1 %; measured at most 0.2 mm.
+
+    The shaded mesh is drawn, the plain one judged: a crack between patches would show as a pixel that sees
+    through a wall.
+    """
+    building, config = flat(), CameraConfig()
+    judge = DepthJudge(building.mesh, config)
+    with make_camera([shaded_mesh(building)], config, backend=backend) as camera:
+        views = [(camera.render(T), judge.look(T)) for T in poses(building, config, 12)]
+    for frame, truth in views:
+        error = np.abs(frame.depth - truth.depth)[truth.sure]
+        assert (error <= ABSOLUTE_M + RELATIVE * truth.depth[truth.sure]).all()
+        assert truth.sure.mean() > 0.99
+        assert frame.rgb.min() > 0  # a building is closed: no background shows
+
+
+@pytest.mark.parametrize(
+    "name", ["gibson/dev/Roxboro.glb_topdownmap.out", "gibson/train/Colebrook.glb_topdownmap.out"]
+)
+def test_depth_in_a_real_building_equals_the_ray_cast(shared: Path, name: str):
+    """As in the building above, on floor plans that were measured; 0.03 % of the pixels are silhouettes."""
+    building, config = make_building(read_plan(shared / "maps" / name)), CameraConfig()
+    judge = DepthJudge(building.mesh, config)
+    with make_camera([shaded_mesh(building)], config) as camera:
+        for T in poses(building, config, 20):
+            depth, truth = camera.render(T).depth, judge.look(T)
+            error = np.abs(depth - truth.depth)[truth.sure]
+            assert (error <= ABSOLUTE_M + RELATIVE * truth.depth[truth.sure]).all()
+            assert truth.sure.mean() > 0.99
+
+
+def test_both_engines_see_the_same_colours():
+    """Interpolated colours differ by 1 of 255 at most, silhouettes apart; measured 1."""
+    building, config = flat(), CameraConfig()
+    mesh, judge = shaded_mesh(building), DepthJudge(building.mesh, config)
+    with make_camera([mesh], config) as drawn, make_camera([mesh], config, backend="embree") as cast:
+        for T in poses(building, config, 6):
+            inner = judge.look(T).sure
+            difference = np.abs(drawn.render(T).rgb.astype(int) - cast.render(T).rgb)[inner]
+            assert np.quantile(difference, 0.999) <= 1
+
+
+def test_culling_changes_no_bit():
+    """What a level camera cannot see is not drawn, and the pictures are the same as with all of it.
+
+    Judge: the same camera told to draw every part. In these 40 views it leaves out more than half of them.
+    """
+    building, config = flat(), CameraConfig(width=100, height=80)
+    with make_camera([shaded_mesh(building)], config) as camera:
+        views = poses(building, config, 40, seed=5)
+        culled = [camera.render(T) for T in views]
+        seen = [len(camera._visibility.parts(*camera._scenery.to_local(T))) for T in views]
+        everything = np.arange(len(camera._count))
+        camera._visibility.parts = lambda R, t: everything
+        whole = [camera.render(T) for T in views]
+    assert np.mean(seen) < 0.5 * len(everything)
+    assert all(same(a, b) for a, b in zip(culled, whole, strict=True))
+
+
+def test_a_tilted_camera_sees_all():
+    """Pitched by 30 deg and rolled, depth still equals the ray cast; culling is for level cameras only."""
+    building, config = flat(), CameraConfig()
+    judge = DepthJudge(building.mesh, config)
+    with make_camera([shaded_mesh(building)], config) as camera:
+        for T in poses(building, config, 4):
+            T[:3, :3] = T[:3, :3] @ Rotation.from_euler("xz", [-30.0, 20.0], degrees=True).as_matrix()
+            truth = judge.look(T)
+            error = np.abs(camera.render(T).depth - truth.depth)[truth.sure]
+            assert (error <= ABSOLUTE_M + RELATIVE * truth.depth[truth.sure]).all()
+
+
+def test_the_flat_pass_draws_what_pyrender_draws():
+    """The forward pass of pyrender over the same scene and context gives the same colours, within rounding.
+
+    It compiles its shaders once for its three frames. Stock pyrender on OSMesa does so for every frame.
+    """
+    import pyrender
+
+    building, config = flat(), CameraConfig()
+    with make_camera([shaded_mesh(building)], config) as camera:
+        T = poses(building, config, 1)[0]
+        ours = camera.render(T)
+        R, t = camera._scenery.to_local(T)
+        T_gl = np.eye(4)
+        T_gl[:3, :3], T_gl[:3, 3] = R * (1.0, -1.0, -1.0), t
+        camera.scene.set_pose(camera.scene.main_camera_node, T_gl)
+        camera.platform.make_current()
+        for _ in range(3):
+            camera.renderer.render(camera.scene, pyrender.RenderFlags.FLAT)
+        camera._pass._calls.finish()
+        programs = camera.renderer._program_cache._program_cache
+        theirs = camera.platform.read_rgb()
+        camera.platform.make_uncurrent()
+    difference = np.abs(ours.rgb.astype(int) - theirs)
+    assert np.quantile(difference, 0.999) <= 1
+    assert theirs.std() > 10
+    assert len(programs) == 1
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_ten_kilometres_from_the_origin_nothing_changes(backend):
+    """In single precision a vertex 10 km away would be off by 1 mm, and depth by more; here by 1e-6 at most."""
+    config, far = CameraConfig(), np.array([8192.0, -6144.0, 0.0])
+    T = camera_pose(np.array([0.3, -0.4, 0.7]), config)
+    moved = room()
+    moved.apply_translation(far)
+    T_far = T.copy()
+    T_far[:3, 3] += far
+    with make_camera([room()], config, backend=backend) as near_camera:
+        expected = near_camera.render(T)
+    with make_camera([moved], config, backend=backend) as camera:
+        got = camera.render(T_far)
+    assert np.abs(got.depth - expected.depth).max() < 1e-6
+    assert np.abs(got.rgb.astype(int) - expected.rgb).max() <= 1
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_beyond_the_far_plane_nothing_is_seen(backend):
+    """Depth 0 and black beyond far_m; nearer pixels as before. One wall is 2.3 m away, others nearer."""
+    T = camera_pose(np.array([0.3, 0.0, np.pi]), CameraConfig())
+    with make_camera([room()], CameraConfig(), backend=backend) as camera:
+        whole = camera.render(T)
+    with make_camera([room()], CameraConfig(far_m=2.0), backend=backend) as camera:
+        cut = camera.render(T)
+    beyond = whole.depth > 2.0
+    assert 0.1 < beyond.mean() < 0.9
+    assert not cut.depth[beyond].any()
+    assert not cut.rgb[beyond].any()
+    assert np.array_equal(cut.depth[~beyond], whole.depth[~beyond])
+
+
+def same(a: RGBD, b: RGBD) -> bool:
+    """Whether two pictures are equal bit for bit."""
+    return np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
+
+
+@pytest.fixture
+def view() -> np.ndarray:
+    """A pose in the empty room."""
+    return camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
+
+
+def test_cameras_of_different_sizes_take_turns(view):
+    """Two contexts used in turns, and again after a third came and went, give what each gives alone."""
+    small, wide = CameraConfig(width=48, height=48), CameraConfig(width=100, height=37, hfov_deg=60.0)
+    with make_camera([room()], small) as one, make_camera([room((9.0, 9.0, 2.5))], wide) as other:
+        first, second = one.render(view), other.render(view)
+        for _ in range(3):
+            with make_camera([room()], wide) as third:
+                assert not same(third.render(view), second)
+            assert same(one.render(view), first)
+            assert same(other.render(view), second)
+
+
+def test_depth_is_the_same_if_the_driver_does_not_show_its_memory(view):
+    """Read by glReadPixels, where the memory is laid out otherwise than this project knows it; odd width."""
+    with make_camera([room()], CameraConfig(width=33, height=50)) as camera:
+        direct = camera.render(view)
+        assert camera.platform._depth_is_plain
+        camera.platform._depth_is_plain = False
+        assert same(camera.render(view), direct)
+
+
+def test_frames_are_the_callers_own(view):
+    """A frame that was kept does not change when the next one is taken."""
+    with make_camera([room()], CameraConfig()) as camera:
+        kept = camera.render(view)
+        copy = RGBD(kept.rgb.copy(), kept.depth.copy())
+        view[0, 3] += 0.5
+        assert not same(camera.render(view), copy)
+    assert same(kept, copy)
+
+
+def resident_kib() -> int:
+    """Memory of this process [KiB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux to measure memory")
+def test_memory_does_not_grow_with_frames_or_cameras(view):
+    """2000 frames and 30 cameras: less than 2 and 6 MiB (measured 0 and 1).
+
+    Stock pyrender on OSMesa keeps the shaders of each frame, 0.5 MiB of them.
+    """
+    config = CameraConfig(width=32, height=32)
+    with make_camera([room()], config) as camera:
+        for _ in range(50):
+            camera.render(view)
+        before = resident_kib()
+        for _ in range(2000):
+            camera.render(view)
+        assert resident_kib() - before < 2048
+    for count in range(40):
+        if count == 10:
+            before = resident_kib()
+        with make_camera([room()], config) as camera:
+            camera.render(view)
+    assert resident_kib() - before < 6144
+
+
+def shoot(queue: multiprocessing.Queue, T: np.ndarray) -> None:
+    """Take a picture of the empty room with a new camera, and send it."""
+    with make_camera([room()], CameraConfig()) as camera:
+        queue.put(tuple(camera.render(T)))
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_worker_processes_take_the_same_picture(method, view, monkeypatch):
+    """Also where the parent has drawn before it forks: llvmpipe's threads would not be there in the child."""
+    with make_camera([room()], CameraConfig()) as camera:
+        expected = camera.render(view)
+        context = multiprocessing.get_context(method)
+        queue = context.Queue()
+        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+        worker = context.Process(target=shoot, args=(queue, view))
+        worker.start()
+        got = RGBD(*queue.get(timeout=60))
+        worker.join(60)
+        assert worker.exitcode == 0
+        assert same(got, expected)
+        assert same(camera.render(view), expected)
+
+
+def test_threads_with_a_camera_each_do_not_disturb_each_other(view):
+    """Three threads of 50 frames; and a camera made in one thread works in another."""
+    results: list[bool] = []
+    with make_camera([room()], CameraConfig()) as made_here:
+        expected = made_here.render(view)
+
+        def work() -> None:
+            with make_camera([room()], CameraConfig()) as own:
+                results.append(all(same(own.render(view), expected) for _ in range(50)))
+
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        threads.append(
+            threading.Thread(target=lambda: results.append(same(made_here.render(view), expected)))
+        )
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert results == [True] * 4
+
+
+def run_alone(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run Python code in a process of its own, which has imported nothing yet."""
+    unset = {"PYOPENGL_PLATFORM", "MUJOCO_GL", "LP_NUM_THREADS"}
+    clean = {name: value for name, value in os.environ.items() if name not in unset}
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=clean | environment
+    )
+
+
+ROOM_FROM_TRIMESH = """
+import numpy as np, trimesh
+room = trimesh.creation.box((4.0, 3.0, 2.5)); room.invert(); room.apply_translation((0, 0, 1.25))
+room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
+"""
+
+
+def test_mujocos_renderer_works_in_the_same_process():
+    """MUJOCO_GL=osmesa, frames in turns, both closed: a wall 2 m ahead is at 2 m for both, every time."""
+    result = run_alone(
+        ROOM_FROM_TRIMESH
+        + """
+from robosim.camera import CameraConfig, camera_pose, make_camera
+camera = make_camera([room], CameraConfig())
+T = camera_pose(np.zeros(3), CameraConfig())
+depths = [camera.render(T).depth[64, 64]]
+import mujoco
+model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+<geom type="box" size=".1 9 9" pos="2.1 0 0"/><camera name="c" xyaxes="0 -1 0 0 0 1"/></worldbody></mujoco>''')
+data = mujoco.MjData(model); mujoco.mj_forward(model, data)
+renderer = mujoco.Renderer(model, 64, 64); renderer.enable_depth_rendering()
+for _ in range(3):
+    renderer.update_scene(data, "c")
+    depths += [renderer.render()[32, 32], camera.render(T).depth[64, 64]]
+renderer.render(); renderer.close()  # closed while it is the current one, it asks PyOpenGL which one is
+depths.append(camera.render(T).depth[64, 64]); camera.close()
+assert np.abs(np.array(depths) - 2).max() < 1e-3, depths
+""",
+        MUJOCO_GL="osmesa",
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_egl_draws_the_same_picture(view, tmp_path):
+    """On a machine with EGL its depth and colours are those of OSMesa, with two cameras, one closed early."""
+    with make_camera([room()], CameraConfig()) as camera:
+        expected = camera.render(view)
+    np.savez(tmp_path / "room.npz", view=view, colours=room().visual.vertex_colors)
+    result = run_alone(
+        ROOM_FROM_TRIMESH
+        + f"""
+from robosim.camera import CameraConfig, make_camera
+saved = np.load({str(tmp_path / "room.npz")!r})
+room.visual.vertex_colors = saved["colours"]
+try:
+    first, second = (make_camera([room], CameraConfig(), platform="egl") for _ in range(2))
+except Exception as error:
+    raise SystemExit(f"no EGL here: {{type(error).__name__}} {{error}}")
+first.render(saved["view"]); first.close()
+rgb, depth = second.render(saved["view"])
+np.savez({str(tmp_path / "egl.npz")!r}, rgb=rgb, depth=depth); second.close()
+"""
+    )
+    if "no EGL here" in result.stderr:
+        pytest.skip(result.stderr.strip().splitlines()[-1])
+    assert result.returncode == 0, result.stderr
+    got = np.load(tmp_path / "egl.npz")
+    assert np.abs(got["depth"] - expected.depth).max() < 1e-3
+    assert np.abs(got["rgb"].astype(int) - expected.rgb).max() <= 1
+
+
+def test_a_process_can_use_one_opengl_only():
+    """After OSMesa, EGL is refused by name instead of drawing nothing."""
+    with (
+        make_camera([room()], CameraConfig()),
+        pytest.raises(RuntimeError, match="'egl', but this process already uses 'osmesa'"),
+    ):
+        make_camera([room()], CameraConfig(), platform="egl")
+
+
+def test_pyopengl_for_a_display_is_reported():
+    """Where something bound PyOpenGL to a display first, the message says what to do."""
+    result = run_alone(
+        """
+import sys, types
+class GLXPlatform: pass
+sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
+from robosim.gl_binding import bind_opengl
+bind_opengl()
+"""
+    )
+    assert "set PYOPENGL_PLATFORM=osmesa before Python starts" in result.stderr
+
+
+def test_a_missing_osmesa_is_named_with_its_package(monkeypatch):
+    """The message names the package to install, and the way out that needs none."""
+    monkeypatch.setattr(gl_binding, "_OSMESA_LIBRARIES", ("libOSMesa.so.none",))
+    gl_binding.load_osmesa.cache_clear()
+    try:
+        with pytest.raises(OSError, match=r"apt-get install libosmesa6.*backend=.embree"):
+            gl_binding.load_osmesa()
+    finally:
+        gl_binding.load_osmesa.cache_clear()
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_a_closed_camera_says_so(backend, view):
+    """Closing twice is allowed; taking pictures afterwards is not."""
+    camera = make_camera([room()], CameraConfig(), backend=backend)
+    camera.close()
+    camera.close()
+    with pytest.raises(RuntimeError, match="closed"):
+        camera.render(view)
+
+
+@pytest.mark.parametrize("backend", ENGINES)
+def test_bad_arguments_are_refused(backend, view):
+    """Nothing to see, corners that are not numbers, poses that are not poses."""
+    with pytest.raises(ValueError, match="no triangles"):
+        make_camera([], CameraConfig(), backend=backend)
+    broken = room()
+    broken.vertices[0] = np.nan
+    with pytest.raises(ValueError, match="not finite"):
+        make_camera([broken], CameraConfig(), backend=backend)
+    with make_camera([room()], CameraConfig(), backend=backend) as camera:
+        view[0, 0] = np.nan
+        with pytest.raises(ValueError, match="finite numbers"):
+            camera.render(view)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"width": 0}, "width is 0"),
+        ({"hfov_deg": 180.0}, "hfov_deg is 180"),
+        ({"near_m": 0.0}, "near_m is 0"),
+        ({"near_m": 2.0, "far_m": 1.0}, "near_m is 2"),
+        ({"far_m": np.inf}, "far_m is inf"),
+        ({"height_m": np.nan}, "height_m is nan"),
+    ],
+)
+def test_impossible_cameras_are_refused(arguments, message):
+    """Each message names the field and its value."""
+    with pytest.raises(ValueError, match=message):
+        CameraConfig(**arguments)
