@@ -14,7 +14,7 @@ from slam.exploration import ExplorerConfig, FrontierExplorer
 from slam.mapping import ClassicalMapper, MapperConfig
 from slam.odometry import OdometryConfig
 from slam.planning import Planner, PlannerConfig
-from slam.projection import CameraModel
+from slam.projection import Band, CameraModel
 
 
 class Navigator(NamedTuple):
@@ -35,9 +35,13 @@ def make_navigator(config: SimulatorConfig) -> Navigator:
         right_bias=_bias(config, Action.RIGHT),
     )
     cost = CostConfig(radius_m=radius_m)
+    # What hangs higher than the mast and the camera on it does not stop the robot.
+    top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
     return Navigator(
-        ClassicalMapper(MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry)),
+        ClassicalMapper(
+            MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry, band=Band(high_m=top_m))
+        ),
         Planner(PlannerConfig(cost=cost)),
         Controller(ControlConfig(radius_m=radius_m)),
         FrontierExplorer(ExplorerConfig(cost=cost)),

@@ -122,7 +122,7 @@ class Simulator:
     def _place_target(self, target: np.ndarray) -> None:
         self.close()
         with self.watch.stage("scene"):
-            meshes = [self._shaded, target_mesh(target)]
+            meshes = [self._shaded, target_mesh(target, ceiling_m=self.building.height_m)]
             self._camera = make_camera(meshes, self.config.image, backend=self.config.camera)
         self._target = tuple(target)
 

@@ -1,11 +1,11 @@
-"""A transmitter that a camera can recognise: a slim post with an ArUco marker on each side, and the radio on top.
+"""A transmitter that a camera can recognise: it hangs from the ceiling, with an ArUco marker on each side.
 
 Each cell of a marker is a square of plain black or white, so that no texture is needed and the pattern is exact
 at any distance. Around the marker lies a white margin, without which it is not found. Colours are meant to be
 drawn as they are, without light.
 
-The target is for cameras only: it stops neither robots nor radio waves. A robot that arrives at 0.3 m from the
-middle still has it in front of its camera.
+The target is for cameras only: it stops neither robots, which pass below, nor radio waves. A post on the floor
+would be a pillar to the mapper of a robot, and shut the narrow passages that targets happen to be in.
 
 Reference: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
 occlusion", Pattern Recognition 47 (2014).
@@ -32,31 +32,30 @@ class TargetConfig:
 
     marker_id: int = 7
     """Which of the 50 markers of OpenCV's DICT_4X4_50 it carries."""
-    marker_m: float = 0.15
+    marker_m: float = 0.24
     """Side of a marker, without its margin [m]."""
-    margin_m: float = 0.025
+    margin_m: float = 0.04
     """White margin around a marker [m]; a cell of the marker is a sixth of its side."""
-    marker_height_m: float = 1.25
-    """Height of the markers' middle above the floor; best at that of the camera [m]."""
+    marker_height_m: float = 1.72
+    """Height of the markers' middle above the floor [m]."""
     radio_height_m: float = 1.5
     """Height of the radio's middle above the floor [m]."""
-    post_m: float = 0.06
-    """Width of the post [m]."""
+    radio_m: float = 0.12
+    """Width and height of the radio, which hangs below the markers [m]."""
+    rod_m: float = 0.03
+    """Width of the rod up to the ceiling [m]."""
 
     def __post_init__(self) -> None:
         if not 0 <= self.marker_id < 50:
             raise ValueError(f"marker_id is {self.marker_id}, expected 0 to 49: DICT_4X4_50 has 50 markers.")
-        for name in ("marker_m", "margin_m", "post_m"):
+        for name in ("marker_m", "margin_m", "radio_m", "rod_m"):
             if not 0 < getattr(self, name) <= 1:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0 and up to 1 metre.")
-        if not self.marker_height_m > self.box_m / 2:
+        lowest = self.radio_height_m + self.radio_m / 2 + self.box_m / 2
+        if not (self.radio_height_m > self.radio_m / 2 and self.marker_height_m >= lowest):
             raise ValueError(
-                f"marker_height_m is {self.marker_height_m}, expected more than {self.box_m / 2:g} m, half the box."
-            )
-        if not self.radio_height_m >= self.marker_height_m + self.box_m / 2 + self.post_m:
-            raise ValueError(
-                f"radio_height_m is {self.radio_height_m}, expected to be above the box with the markers, at "
-                f"{self.marker_height_m + self.box_m / 2 + self.post_m:g} m or more."
+                f"radio_height_m is {self.radio_height_m} and marker_height_m {self.marker_height_m}, expected the "
+                f"radio above the floor and the markers above it, here at {lowest:g} m or more."
             )
 
     @property
@@ -66,22 +65,26 @@ class TargetConfig:
 
 
 def target_mesh(
-    position_xy: Float[np.ndarray, "2"], *, config: TargetConfig = TargetConfig(), yaw: float = 0.0
+    position_xy: Float[np.ndarray, "2"],
+    *,
+    config: TargetConfig = TargetConfig(),
+    yaw: float = 0.0,
+    ceiling_m: float = 2.5,
 ) -> trimesh.Trimesh:
-    """The target, standing on the floor, in vertex colours.
+    """The target, hanging from the ceiling, in vertex colours.
 
     Args:
-        position_xy: Where its middle stands, x, y [m] in `map`.
+        position_xy: Where its middle hangs, x, y [m] in `map`.
         config: Its size and marker.
         yaw: Direction that its first side faces [rad].
+        ceiling_m: Height of the ceiling [m]; a ceiling below the markers is touched by them.
     """
-    half, post, middle = config.box_m / 2, config.post_m / 2, config.marker_height_m
-    radio = config.radio_height_m
+    half, middle = config.box_m / 2, config.marker_height_m
+    radio, radio_half = config.radio_height_m, config.radio_m / 2
     boxes = [
-        _box(post, 0.0, middle - half, _BODY),
+        _box(radio_half, radio - radio_half, radio + radio_half, _RADIO),
+        _box(config.rod_m / 2, radio + radio_half, max(ceiling_m, middle + half), _BODY),
         _box(half, middle - half, middle + half, None),
-        _box(post / 2, middle + half, radio - post, _BODY),
-        _box(post, radio - post, radio + post, _RADIO),
     ]
     quads, colours = (list(column) for column in zip(*boxes, strict=True))
     cells, shades = _marker(config)
