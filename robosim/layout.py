@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-Polygon = Float[np.ndarray, "k 2"]
+Polygon = Float[np.ndarray, "_ 2"]
 """Corners (x, y) [m] of a convex polygon, counter-clockwise."""
 
 #: Wall left standing beside a door, at least [m].
@@ -56,7 +56,8 @@ class Rect(NamedTuple):
 
     def polygon(self) -> Polygon:
         """Its corners."""
-        return np.array([[self.x0, self.y0], [self.x1, self.y0], [self.x1, self.y1], [self.x0, self.y1]])
+        x0, y0, x1, y1 = self
+        return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,7 +85,7 @@ class Style:
     slanted: float
     """Chance of a slanted wall, for each room."""
     crowding: float
-    """How many pieces of furniture there are where furniture is the usual, relative to the lists of pieces."""
+    """How many pieces the usual furniture is, relative to the lists of pieces."""
 
 
 HOME = Style(

@@ -28,8 +28,8 @@ SAME_ROOM_RATIO = 0.8
 WIDEST_DOOR_M = 1.8
 #: Smaller basins are alcoves, not rooms [m2].
 SMALLEST_ROOM_M2 = 1.0
-#: Larger islands in the free area are walls or closed rooms, not furniture [m2].
-LARGEST_FURNITURE_M2 = 3.0
+#: Longer islands in the free area are walls or closed rooms, not furniture [m].
+LONGEST_FURNITURE_M = 2.8
 
 _LEVEL_M = 0.025
 
@@ -73,7 +73,7 @@ def clearance(plan: FloorPlan) -> Float[np.ndarray, "ny nx"]:
     along cell edges is exact, so that twice the clearance is the width of a passage of odd or even cells.
     """
     best = cv2.dilate(_distance_m(plan), np.ones((3, 3), np.uint8))[1::2, 1::2]
-    return np.where(plan.free, best, 0.0).astype(float)
+    return np.where(plan.free, best, 0.0)
 
 
 def hull_places(plan: FloorPlan, hull_radius_m: float) -> Bool[np.ndarray, "ny nx"]:
@@ -121,8 +121,8 @@ def find_rooms(plan: FloorPlan, hull_radius_m: float) -> Rooms:
 def _distance_m(plan: FloorPlan) -> np.ndarray:
     """Distance [m] to walls on the lattice of half cells; 0 outside of them."""
     interior = np.pad(_interior(plan), 1)
-    cells = cv2.distanceTransform(interior, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
-    return cells * np.float32(plan.resolution_m / 2)
+    half_cells = cv2.distanceTransform(interior, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    return half_cells.astype(float) * (plan.resolution_m / 2)
 
 
 def _interior(plan: FloorPlan) -> np.ndarray:
@@ -143,12 +143,19 @@ def _interior(plan: FloorPlan) -> np.ndarray:
 
 
 def _without_furniture(plan: FloorPlan) -> np.ndarray:
-    """Free cells, with islands small enough for furniture taken away."""
+    """Free cells, with islands short enough for furniture taken away."""
     solid = np.pad(~plan.free, 1, constant_values=True)
-    _, pieces, stats, _ = cv2.connectedComponentsWithStats(solid.astype(np.uint8), connectivity=8)
-    small = stats[:, cv2.CC_STAT_AREA] * plan.resolution_m**2 <= LARGEST_FURNITURE_M2
-    small[pieces[0, 0]] = False
-    return (~solid | small[pieces])[1:-1, 1:-1]
+    n, pieces, stats, _ = cv2.connectedComponentsWithStats(solid.astype(np.uint8), connectivity=8)
+    for piece in range(1, n):
+        left, top, width, height = stats[piece, : cv2.CC_STAT_AREA]
+        window = np.s_[top : top + height, left : left + width]
+        if piece == pieces[0, 0] or max(width, height) * plan.resolution_m > LONGEST_FURNITURE_M:
+            continue
+        cells = np.argwhere(pieces[window] == piece).astype(np.float32)
+        _, sides, _ = cv2.minAreaRect(cells)  # from centre to centre
+        if (max(sides) + 1) * plan.resolution_m <= LONGEST_FURNITURE_M:
+            solid[window][pieces[window] == piece] = False
+    return ~solid[1:-1, 1:-1]
 
 
 def _flood(clearance_m: np.ndarray, resolution_m: float) -> np.ndarray:
