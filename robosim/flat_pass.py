@@ -13,9 +13,12 @@ Uses internals of pyrender 0.1.45, the version that this project pins. Import on
 `robosim.gl_binding.bind_opengl`.
 """
 
+import ctypes
+from collections.abc import Sequence
+
 import numpy as np
 import pyrender
-from jaxtyping import Float, Int32, UInt64
+from jaxtyping import Int
 from OpenGL import GL
 from OpenGL.GL import shaders
 from pyrender.constants import GLTF, BufFlags, RenderFlags
@@ -47,13 +50,23 @@ void main() {}
 
 
 class FlatPass:
-    """Draws one mesh, which stays as it is, in its vertex colours."""
+    """Draws one mesh, which stays as it is, in its vertex colours.
 
-    def __init__(self, scene: pyrender.Scene, renderer: pyrender.Renderer, calls: GLCalls) -> None:
+    The depth buffer is turned round: 0 is infinitely far, its greatest value at the near plane.
+    """
+
+    def __init__(
+        self,
+        scene: pyrender.Scene,
+        counts: Int[np.ndarray, "n"],
+        renderer: pyrender.Renderer,
+        calls: GLCalls,
+    ) -> None:
         """Bring the scene's mesh to the context, which must be current, and compile the shaders.
 
         Args:
             scene: Its mesh must be one, of opaque indexed triangles with vertex colours, and not moved.
+            counts: How many triangles there are in each run, which can be drawn without the others.
             renderer: Renderer of the context.
             calls: OpenGL functions of the context.
 
@@ -70,43 +83,48 @@ class FlatPass:
         self._P_V = {
             key: calls.get_uniform_location(program, b"P_V") for key, program in self._programs.items()
         }
+        self._counts = (3 * counts).astype(np.int32)  # three indices for a triangle, of four bytes each
+        self._offsets = (12 * (np.cumsum(counts) - counts)).astype(np.uint64)
+        self._some_counts, self._some_offsets = self._counts.copy(), self._offsets.copy()
+        self._count_place, self._offset_place = self._some_counts.ctypes.data, self._some_offsets.ctypes.data
+        self._state_for_colour: bool | None = None
         self.set_state(True)
 
-    def draw(
-        self,
-        P_V: Float[np.ndarray, "4 4"],
-        count: Int32[np.ndarray, "n"],
-        offset: UInt64[np.ndarray, "n"],
-        *,
-        colour: bool = True,
-    ) -> None:
+    def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, "n"], *, colour: bool = True) -> None:
         """Draw one frame to the current context and wait for its end.
 
         Args:
-            P_V: Clip coordinates of points in the scene's frame: projection times view.
-            count: Corners of triangles in each run of triangles to draw.
-            offset: Where the runs start in the buffer of indices [bytes].
+            P_V: Clip coordinates of points in the scene's frame: projection times view, a matrix row by row.
+            runs: Which runs of triangles to draw.
             colour: Whether colours are drawn; depth always is.
         """
         calls = self._calls
         if colour != self._state_for_colour:
             self.set_state(colour)
         calls.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT)
-        # Formed in float64: rounding projection and view one by one would cost half a millimetre at ten metres.
-        matrix = P_V.astype(np.float32)
-        calls.uniform_matrix(self._P_V[colour], 1, 1, matrix.ctypes.data)
-        runs = count.ctypes.data, gl.UNSIGNED_INT, offset.ctypes.data, len(count)
-        calls.multi_draw_elements(gl.TRIANGLES, *runs)
+        calls.uniform_matrix(self._P_V[colour], 1, 1, (ctypes.c_float * 16)(*P_V))
+        self._counts.take(runs, out=self._some_counts[: len(runs)], mode="clip")
+        self._offsets.take(runs, out=self._some_offsets[: len(runs)], mode="clip")
+        places = self._count_place, gl.UNSIGNED_INT, self._offset_place
+        calls.multi_draw_elements(gl.TRIANGLES, *places, len(runs))
         calls.finish()
 
+    def reset_state(self) -> None:
+        """Undo what pyrender does not set for itself, before it draws in the context."""
+        calls = self._calls
+        calls.clear_depth(1.0)
+        calls.color_mask(1, 1, 1, 1)
+        self._state_for_colour = None
+
     def set_state(self, colour: bool) -> None:
-        """Set all that drawing depends on; needed again after something else has drawn in the context."""
+        """Set all that drawing depends on."""
         calls = self._calls
         calls.viewport(0, 0, *self._size)
         calls.enable(gl.DEPTH_TEST)
-        calls.depth_func(gl.LESS)
+        calls.depth_func(gl.GREATER)
         calls.depth_mask(1)
-        calls.depth_range(0.0, 1.0)
+        calls.depth_range(1.0, 0.0)
+        calls.clear_depth(0.0)
         calls.enable(gl.CULL_FACE)
         calls.cull_face(gl.BACK)
         calls.disable(gl.BLEND)
@@ -115,7 +133,7 @@ class FlatPass:
         calls.clear_color(*self._background)
         calls.use_program(self._programs[colour])
         calls.bind_vertex_array(self._vertex_array)
-        self._state_for_colour: bool | None = colour
+        self._state_for_colour = colour
 
 
 def _compile(vertex: str, fragment: str) -> int:

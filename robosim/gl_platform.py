@@ -17,7 +17,7 @@ from robosim import gl_calls as gl
 from robosim.gl_binding import load_osmesa
 from robosim.gl_calls import GLCalls
 
-#: Depth buffers have 24 bits: code 0 at the near plane, this one at the far plane and where nothing was drawn.
+#: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1
 
 # Rows of Mesa's depth buffer are padded to cache lines; a width of whole lines leaves no padding.
@@ -43,7 +43,9 @@ class OSMesaPlatform:
         self._context: int | None = None
         self._width = -(-viewport_width // _WIDTH_STEP) * _WIDTH_STEP
         self._rgba = np.zeros((viewport_height, self._width, 4), np.uint8)
+        self._where = self._rgba.ctypes.data, gl.UNSIGNED_BYTE, self._width, viewport_height
         self._answer = ctypes.c_int(), ctypes.c_int(), ctypes.c_int(), ctypes.c_void_p()
+        self._answer_places = tuple(ctypes.byref(place) for place in self._answer)
         self._depth_address: int | None = None
 
     def init_context(self) -> None:
@@ -66,8 +68,7 @@ class OSMesaPlatform:
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls here."""
-        where = self._rgba.ctypes.data, gl.UNSIGNED_BYTE, self._width, self.viewport_height
-        if not self._context or not self._library.OSMesaMakeCurrent(self._context, *where):
+        if not self._context or not self._library.OSMesaMakeCurrent(self._context, *self._where):
             raise RuntimeError("The OSMesa context cannot be made current: it has been closed.")
 
     def make_uncurrent(self) -> None:
@@ -96,7 +97,7 @@ class OSMesaPlatform:
 
     def _depth_memory(self) -> Integer[np.ndarray, "h padded_w"]:
         """The depth buffer where it lies, first row at the bottom; empty if OSMesa does not show it."""
-        shown = self._library.OSMesaGetDepthBuffer(self._context, *map(ctypes.byref, self._answer))
+        shown = self._library.OSMesaGetDepthBuffer(self._context, *self._answer_places)
         size, address = self._answer[2].value, self._answer[3].value
         if not shown or not address or size != 4:
             return np.empty((0, 0), np.uint32)

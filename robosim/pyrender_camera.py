@@ -3,9 +3,8 @@
 pyrender holds the scene, the shaders and the meshes; `robosim.flat_pass` draws them. Made by
 `robosim.camera.make_camera`, which binds PyOpenGL before this module imports pyrender.
 
-Things are drawn as far as infinity, and what is beyond the far plane is left out afterwards. Code c of a depth
-buffer with C = 2^24 - 1 then stands for the depth z = near C / (C - c). C - c is formed of whole numbers: 1 - c / C
-in single precision would lose what is far away.
+Things are drawn as far as infinity, and left out afterwards if they are beyond the far plane. With 0 at infinity
+and C = 2^24 - 1 at the near plane, the depth buffer's code c stands for the depth near C / c.
 """
 
 import weakref
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 import pyrender
 import trimesh
-from jaxtyping import Float, Float32, Int32
+from jaxtyping import Float, Float32, Int32, UInt8
 from OpenGL import contextdata
 
 from robosim.camera import RGBD, CameraConfig
@@ -41,19 +40,15 @@ class PyrenderCamera:
         triangles = self._scenery.vertices[self._scenery.faces]
         parts = Parts.of(triangles)
         self._visibility = Visibility(triangles, parts, config)
-        self._count = (3 * parts.counts).astype(np.int32)
-        self._offset = (12 * parts.starts).astype(np.uint64)  # three indices of four bytes for each triangle
         self.scene = _make_scene(self._scenery, self._scenery.faces[parts.order], config)
-        self._P = _projection(config)
         self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
-        self._far = int(config.near_m * MAX_DEPTH_CODE / config.far_m)
-        self._nearness = np.empty((config.height, config.width), np.uint32)
+        self._least = np.float32(config.near_m * MAX_DEPTH_CODE / config.far_m)
         self.platform = _make_platform(system, config)
         self.platform.init_context()
         self.renderer = pyrender.Renderer(config.width, config.height)
         # Runs at the end of the process too, while the modules that it needs are still there.
         self._free = weakref.finalize(self, _free, self.platform, self.renderer)
-        self._pass = FlatPass(self.scene, self.renderer, self.platform.calls)
+        self._pass = FlatPass(self.scene, parts.counts, self.renderer, self.platform.calls)
         self.platform.make_uncurrent()
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
@@ -78,6 +73,37 @@ class PyrenderCamera:
         self.platform.make_uncurrent()
         return depth
 
+    def render_scene(
+        self, T_map_camera: Float[np.ndarray, "4 4"], flags: int = pyrender.RenderFlags.NONE
+    ) -> UInt8[np.ndarray, "h w 3"]:
+        """The picture that pyrender itself draws of `scene`, with the lights and meshes that were added to it.
+
+        Args:
+            T_map_camera: The camera's pose; everything in `scene` is relative to `origin`.
+            flags: What pyrender shall draw, and how.
+
+        Raises:
+            ValueError: If the pose is not a 4 by 4 matrix of finite numbers.
+            RuntimeError: If the camera is closed.
+        """
+        self._check_open()
+        R, t = self._scenery.to_local(T_map_camera)
+        T_scene_gl = np.eye(4)
+        T_scene_gl[:3, :3], T_scene_gl[:3, 3] = R * (1.0, -1.0, -1.0), t
+        self.scene.set_pose(self.scene.main_camera_node, T_scene_gl)
+        self.platform.make_current()
+        self._pass.reset_state()
+        self.renderer.render(self.scene, flags)
+        self.platform.calls.finish()
+        rgb = self.platform.read_rgb()
+        self.platform.make_uncurrent()
+        return rgb
+
+    @property
+    def origin(self) -> Float[np.ndarray, "3"]:
+        """Origin of `scene` in `map` [m]."""
+        return self._scenery.centre
+
     def close(self) -> None:
         """Free the context and what is in it; nothing happens the second time."""
         self._free()
@@ -91,34 +117,40 @@ class PyrenderCamera:
         self.close()
 
     def _draw(self, T_map_camera: Float[np.ndarray, "4 4"], *, colour: bool) -> None:
+        self._check_open()
+        R, t = self._scenery.to_local(T_map_camera)
+        seen = self._visibility.parts(R, t)
+        self.platform.make_current()
+        self._pass.draw(self._projection_view(R, t), seen, colour=colour)
+
+    def _check_open(self) -> None:
         if not self._free.alive:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
-        R, t = self._scenery.to_local(T_map_camera)
-        P_V = np.empty((4, 4))
-        P_V[:, :3] = self._P[:, :3] @ R.T
-        P_V[:, 3] = self._P[:, 3] - P_V[:, :3] @ t
-        self.platform.make_current()
-        seen = self._visibility.parts(R, t)
-        self._pass.draw(P_V, self._count[seen], self._offset[seen], colour=colour)
+
+    def _projection_view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> list[float]:
+        """Clip coordinates of points in the scene's frame: a matrix row by row, the far plane at infinity.
+
+        Formed in double precision: to round projection and view one by one would cost half a millimetre at ten
+        metres. By hand, since for so few numbers NumPy takes longer than to draw a small building.
+        """
+        config, (x, y, z) = self.config, t.tolist()
+        across, down, ahead = ([u, v, w, -u * x - v * y - w * z] for u, v, w in R.T.tolist())
+        column, row = 2 * config.focal_px / config.width, -2 * config.focal_px / config.height
+        return [
+            *(column * value for value in across),
+            *(row * value for value in down),
+            *ahead[:3],
+            ahead[3] - 2 * config.near_m,
+            *ahead,
+        ]
 
     def _metres(self, code: np.ndarray) -> tuple[Float32[np.ndarray, "h w"], bool]:
         """Depth of a frame [m], and whether something is seen in all of its pixels."""
-        # This is MAX_DEPTH_CODE - code, as all bits of the former are ones.
-        nearness = np.bitwise_xor(code, MAX_DEPTH_CODE, out=self._nearness)
-        depth = nearness.astype(np.float32)
-        if nearness.min() > self._far:
-            return np.divide(self._unit, depth, out=depth), True
-        return np.divide(self._unit, depth, out=np.zeros_like(depth), where=nearness > self._far), False
-
-
-def _projection(config: CameraConfig) -> Float[np.ndarray, "4 4"]:
-    """Clip coordinates of points in the camera frame, with the far plane at infinity."""
-    P = np.zeros((4, 4))
-    P[0, 0] = 2 * config.focal_px / config.width
-    P[1, 1] = -2 * config.focal_px / config.height
-    P[2, 2:] = 1.0, -2 * config.near_m
-    P[3, 2] = 1.0
-    return P
+        nearness = code.astype(np.float32)  # exact, as it has 24 bits
+        if nearness.min() >= self._least:
+            return np.divide(self._unit, nearness, out=nearness), True
+        seen = nearness >= self._least
+        return np.divide(self._unit, nearness, out=np.zeros_like(nearness), where=seen), False
 
 
 def _make_scene(scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig) -> pyrender.Scene:

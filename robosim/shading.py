@@ -76,8 +76,8 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
     """
     patches = tessellate(building, step_m=config.step_m, heights_m=(_SKIRTING_M,))
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
-    facing = _facing(building)[patches.source] @ (0.7, 0.4, 0.15)  # differs between the four walls of a room
-    tint = 1.0 + facing[:, None] * np.array([0.22, 0.19, 0.14])  # and is warmer on the bright side
+    facing = _facing(building)[patches.source] @ (0.75, 0.25, 0.15)  # four even steps around a room
+    tint = 1.0 + facing[:, None] * np.array([0.25, 0.22, 0.17])  # warmer on the bright side
     colours = _albedo(building, patches) * tint * (0.25 + 0.75 * light)[:, None]
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)

@@ -62,6 +62,7 @@ class Visibility:
         self._fan = np.column_stack([across, np.ones_like(across)]).astype(np.float32)
         self._rays, self._origins = np.zeros((2, len(across), 3), np.float32)
         self._reach = np.full(config.width + 1, np.inf, np.float32)
+        self._middle = np.array([[0.5 * config.width - 1.0], [0.5 * config.width + 2.0]])
         walls = screens(triangles)
         self._walls = EmbreeScene(robust=True) if len(walls) else None
         self._faces = TriangleMesh(self._walls, _standing(walls)) if len(walls) else None
@@ -82,7 +83,7 @@ class Visibility:
         columns = np.empty((2, len(left)))
         np.minimum(left * close, left * far, out=columns[0])
         np.maximum(right * close, right * far, out=columns[1])
-        columns += ((0.5 * width - 1.0,), (0.5 * width + 2.0,))
+        columns += self._middle
         np.maximum(columns, 0.0, out=columns)
         np.minimum(columns, width, out=columns)
         columns = columns.astype(np.intp)

@@ -26,7 +26,7 @@ class TrueDepth(NamedTuple):
     depth: Float[np.ndarray, "h w"]
     """Metres along the view at the pixels' centres; 0 where nothing is hit."""
     sure: Bool[np.ndarray, "h w"]
-    """Not at a silhouette: beside the centre depth is the same, within 1 cm + 1 %."""
+    """Not at a silhouette: beside the centre one sees the same plane, within 0.5 mm + 0.05 %."""
 
 
 class DepthJudge:
@@ -43,24 +43,31 @@ class DepthJudge:
 
     def look(self, T_map_camera: Float[np.ndarray, "4 4"]) -> TrueDepth:
         """Depth of the view from a pose."""
-        depth = self._depth(T_map_camera, 0.0, 0.0)
+        face, depth, _ = self._cast(T_map_camera, 0.0, 0.0)
         sure = np.ones(depth.shape, bool)
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            beside = self._depth(T_map_camera, dx * SHAKE_PX, dy * SHAKE_PX)
-            sure &= np.abs(beside - depth) < 0.01 + 0.01 * depth
-        return TrueDepth(depth, sure)
+            _, beside, rays = self._cast(T_map_camera, dx * SHAKE_PX, dy * SHAKE_PX)
+            same_plane = self._to_plane(face, T_map_camera, rays)
+            sure &= np.abs(beside - same_plane) < 5e-4 + 5e-4 * depth
+        shape = self._config.height, self._config.width
+        return TrueDepth(depth.reshape(shape), sure.reshape(shape))
 
-    def _depth(self, T_map_camera: np.ndarray, dx_px: float, dy_px: float) -> Float[np.ndarray, "h w"]:
+    def _cast(self, T_map_camera: np.ndarray, dx_px: float, dy_px: float) -> tuple[np.ndarray, ...]:
+        """Faces hit beside the centres of pixels, their depths [m], and the rays."""
         rays = self._config.directions()
         rays[..., :2] += np.array([dx_px, dy_px]) / self._config.focal_px
-        directions = rays.reshape(-1, 3) @ T_map_camera[:3, :3].T
-        origin = T_map_camera[:3, 3] - self._centre
-        start = origin + self._config.near_m * directions
-        face = self._scene.run(start.astype(np.float32), directions.astype(np.float32), output=True)["primID"]
+        rays = rays.reshape(-1, 3) @ T_map_camera[:3, :3].T
+        start = T_map_camera[:3, 3] - self._centre + self._config.near_m * rays
+        face = self._scene.run(start.astype(np.float32), rays.astype(np.float32), output=True)["primID"]
+        return face, self._to_plane(face, T_map_camera, rays), rays
+
+    def _to_plane(self, face: np.ndarray, T_map_camera: np.ndarray, rays: np.ndarray) -> np.ndarray:
+        """Depth [m] at which rays meet the planes of faces; 0 for no face and beyond the far plane."""
         normal = self._normals[face]
-        depth = (self._offsets[face] - normal @ origin) / (normal * directions).sum(axis=1)
-        depth[(face < 0) | (depth > self._config.far_m)] = 0.0
-        return depth.reshape(self._config.height, self._config.width)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_plane = self._offsets[face] - normal @ (T_map_camera[:3, 3] - self._centre)
+            depth = to_plane / (normal * rays).sum(axis=1)
+        return np.where((face < 0) | ~(depth <= self._config.far_m), 0.0, depth)
 
 
 def plain_depth(

@@ -1,0 +1,82 @@
+"""The camera benchmark, run small: it measures what it says, and reports what does not work."""
+
+import io
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from robosim.bench import render
+from robosim.bench.peers import PEERS
+from robosim.bench.race import Heat, race
+from robosim.bench.true_depth import DepthJudge
+from robosim.building import Building, make_building
+from robosim.camera import CameraConfig
+from robosim.floorplan import FloorPlan
+from robosim.shading import shaded_mesh
+
+SMALL = {"sizes": (48,), "warm_up": 3, "turns": 3, "turn_s": 0.02, "n_poses": 2}
+
+
+@pytest.fixture(scope="module")
+def building() -> Building:
+    """A room with a column."""
+    occupancy = np.zeros((40, 50), np.uint8)
+    occupancy[15:20, 20:26] = 1
+    return make_building(FloorPlan(occupancy=occupancy, resolution_m=0.1, name="room"))
+
+
+def test_cameras_are_compared_on_one_scene(building, tmp_path):
+    """Ours, Embree, stock pyrender and MuJoCo: depth right to 1 mm + 0.1 %, rates and ratios that fit together.
+
+    No camera is timed against a clock here; that the ratio of two rates is the ratio reported is arithmetic, up
+    to medians over three turns of a busy machine.
+    """
+    names = ["pyrender", "pyrender-depth", "embree", "stock", "mujoco"]
+    table = render.run(building, out=tmp_path, peers=names, **SMALL)
+    report = json.loads((tmp_path / "render.json").read_text())
+    rows = {(row["camera"], row["images"]): row for row in report["rows"]}
+    assert set(rows) == {(PEERS[name].label, PEERS[name].images) for name in names}
+    assert report["judge_error_m"] < 1e-6
+    for row in rows.values():
+        assert row["trouble"] == ""
+        assert row["size_px"] == 48
+        assert row["frames_per_s"] > 0
+        assert row["ours_faster"] > 0
+        assert 0 < row["mean_error_mm"] <= row["max_error_mm"] < 10
+        assert row["beyond"] == 0
+    assert rows[PEERS["pyrender"].label, "rgb+depth"]["ours_faster"] == 1
+    assert rows[PEERS["pyrender"].label, "depth"]["ours_faster"] == 1
+    assert (tmp_path / "render.png").stat().st_size > 10_000
+    console = Console(record=True, width=200, file=io.StringIO())
+    console.print(table)
+    assert "mujoco.Renderer" in console.export_text()
+
+
+def test_a_camera_that_does_not_work_is_reported(building, tmp_path, monkeypatch):
+    """One that cannot start has its reason in the table instead of numbers."""
+    monkeypatch.setenv("EGL_DEVICE_ID", "97")
+    config = CameraConfig(width=16, height=16)
+    heat = Heat(shaded_mesh(building), render.random_views(building, config, 2), config)
+    (result,) = race(heat, ["pyrender-egl"], tmp_path, warm_up=1, turns=1, turn_s=0.01)
+    assert result.seconds is None
+    assert result.trouble
+    (row,) = render._rows([result], heat, DepthJudge(building.mesh, config))
+    assert row.trouble == result.trouble
+    assert np.isnan(row.frames_per_s)
+
+
+def test_an_unknown_camera_is_refused(building, tmp_path):
+    """The message lists the known ones."""
+    with pytest.raises(ValueError, match=r"'pyrendr', expected names among pyrender, "):
+        render.run(building, out=tmp_path, peers=["pyrendr"], **SMALL)
+
+
+def test_views_are_the_same_every_time_and_inside(building):
+    """Ten views from free floor, equal bit for bit on a second call."""
+    views = render.random_views(building, CameraConfig(), 10)
+    assert np.array_equal(views, render.random_views(building, CameraConfig(), 10))
+    x, y = views[:, 0, 3], views[:, 1, 3]
+    assert ((x > 0.2) & (x < 4.8) & (y > 0.2) & (y < 3.8)).all()
+    assert not ((x > 1.9) & (x < 2.7) & (y > 1.4) & (y < 2.1)).any()
