@@ -34,14 +34,12 @@ class ControlConfig:
 
     radius_m: float = 0.10
     """Radius of the hull [m]."""
-    slacks_m: tuple[float, ...] = (-0.01, 0.005, 0.03, 0.06)
+    slacks_m: tuple[float, ...] = (-0.025, -0.01, 0.005, 0.03, 0.06)
     """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
-    slack_prices: tuple[float, ...] = (6.0, 3.0, 1.0, 0.0)
+    slack_prices: tuple[float, ...] = (12.0, 6.0, 3.0, 1.0, 0.0)
     """... and what such a run costs extra [decisions], for the risk of a bump."""
     reach_steps: int = 12
     """Longest run looked at [steps forward]."""
-    turn_weight: float = 0.8
-    """Weight of the turn needed at the end of a run; below 1 because some of it may be saved later."""
     forward_m: float = FORWARD_M
     """Nominal distance of a step forward [m]; what it really does is learned."""
     turn_rad: float = TURN_RAD
@@ -89,8 +87,8 @@ class Controller:
         self.motion = np.array([[self.config.forward_m, 0, 0], [0, 0, turn], [0, 0, -turn]], float)
         self._motions = np.ones(len(Action))
         self._last: Action | None = None
-        self._last_pose: Float[np.ndarray, "3"] | None = None
-        self._bumps: deque[tuple[float, float, float]] = deque(maxlen=12)
+        self._last_pose: Float[np.ndarray, 3] | None = None
+        self._bumps: deque[tuple[float, float, float, float]] = deque(maxlen=12)
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking = False
@@ -102,7 +100,7 @@ class Controller:
             pose: Estimated x [m], y [m], yaw [rad].
             plan: What the planner returned for this pose.
         """
-        self._watch(pose)
+        self._watch(pose, plan.clearance)
         if self._escape_steps:
             action = self._escape(pose, plan)
         elif plan.length_m < self.config.arrived_m:
@@ -113,11 +111,11 @@ class Controller:
         self._last, self._last_pose = action, pose.copy()
         return action
 
-    def _watch(self, pose: Float[np.ndarray, "3"]) -> None:
+    def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
         self._trail.append((float(pose[0]), float(pose[1])))
         if self._last is not None and self._last_pose is not None:
-            self._learn(self._last, self._last_pose, pose)
+            self._learn(self._last, self._last_pose, pose, clearance)
         trail = np.array(self._trail)
         full = len(trail) == self.config.stuck_decisions
         if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
@@ -125,14 +123,19 @@ class Controller:
             self._trail.clear()
 
     def _learn(
-        self, action: Action, before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]
+        self,
+        action: Action,
+        before: Float[np.ndarray, "3"],
+        after: Float[np.ndarray, "3"],
+        clearance: Clearance,
     ) -> None:
         """Take what an action did into the mean of its kind, unless it was stopped."""
         moved = between(before, after)
         nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
         done = moved[0] if action is Action.FORWARD else abs(moved[2])
         if action is Action.FORWARD and done < 0.6 * nominal:
-            self._bumps.append((float(after[0]), float(after[1]), float(before[2])))
+            touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
+            self._bumps.append((float(after[0]), float(after[1]), float(before[2]), touch))
         elif 0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m:
             self._motions[action] = min(self._motions[action] + 1, 50)
             self.motion[action] += (moved - self.motion[action]) / self._motions[action]
@@ -172,10 +175,10 @@ class Controller:
         self, ends: Float[np.ndarray, "k m 2"], headings: Float[np.ndarray, "k"], plan: Plan
     ) -> Float[np.ndarray, "k m"]:
         """Price of the turn needed at the end of each run, which fades away at the goal [decisions]."""
-        config = self.config
         off = np.abs((plan.field.direction(ends) - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
-        left = plan.field.at(ends) / config.forward_m
-        return config.turn_weight * np.minimum(off / config.turn_rad, 4 * left)
+        left = plan.field.at(ends) / self.config.forward_m
+        # Not weighted down: a turn put off must not look cheaper than one made now.
+        return off / self.config.turn_rad * np.minimum(left, 1.0)
 
     def _tightness(
         self,
@@ -185,7 +188,9 @@ class Controller:
     ) -> Float[np.ndarray, "k m"]:
         """Price of passing close to obstacles [decisions]; inf where the hull would meet one."""
         config = self.config
-        space = clearance.at(points).astype(float) - config.radius_m
+        # Where the hull touched although the map left space, the map is off by that much.
+        touched = [t for x, y, _, t in self._bumps if np.hypot(*(points[0, 0] - (x, y))) < 0.3]
+        space = clearance.at(points) - config.radius_m - max(touched, default=0.0)
         least = config.slacks_m[0]
         # Where the hull is already closer than it should be, it may still move away, or turn.
         here = space[0, 0]
@@ -203,7 +208,7 @@ class Controller:
     ) -> Float[np.ndarray, "k"]:
         """Decisions by which past bumps, and a turn just made the other way, make each heading dearer."""
         extra = np.zeros(len(headings))
-        for x, y, yaw in self._bumps:
+        for x, y, yaw, _ in self._bumps:
             if math.hypot(pose[0] - x, pose[1] - y) < 0.15:
                 off = np.abs((headings - yaw + math.pi) % (2 * math.pi) - math.pi)
                 extra += 6.0 * np.maximum(0, 1 - off / (2.5 * self.config.turn_rad))

@@ -17,6 +17,11 @@ from slam.clearance import Clearance
 from slam.grid import GridFrame, MapEstimate
 
 
+#: How strictly the map is taken: as it is; then without the places where the robot was stopped, which may be passable
+#: with a better aim; then with a hull that may touch, because walls on the map are off by a centimetre or two.
+EASES = (0, 1, 2)
+
+
 @dataclass(frozen=True, kw_only=True)
 class CostConfig:
     """What a way costs."""
@@ -25,6 +30,8 @@ class CostConfig:
     """Radius of the hull [m]."""
     slack_m: float = 0.005
     """Space that must be left on each side of the hull [m]."""
+    overlap_m: float = 0.02
+    """How far the hull may reach into obstacles of the map where no other way is left [m]: maps err."""
     comfort_m: float = 0.12
     """Space on each side above which a wall no longer costs anything [m]."""
     wall_weight: float = 3.0
@@ -59,10 +66,45 @@ class CostMap:
     passable: Bool[np.ndarray, "ny nx"]
     """Cells where the hull fits."""
 
+    def reachable_from(self, start: Float[np.ndarray, "2"]) -> "CostMap":
+        """The same costs, with only the cells passable to which a way leads from a point (x, y) [m]."""
+        # Fast marching passes between cells that share an edge, so components do as well.
+        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
+        home = self.cell(start)
+        reach = part == part[home] if self.passable[home] else np.zeros_like(self.passable)
+        reach[home] = True
+        return CostMap(frame=self.frame, cost=self.cost, passable=reach)
+
+    def nearest(self, goal: Float[np.ndarray, "2"]) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
+        """The passable cell nearest to a goal.
+
+        Args:
+            goal: A point (x, y) [m].
+
+        Returns:
+            Row and column, the point meant (the goal itself if its cell is passable, else the cell's centre) [m], and
+            its distance from the goal [m].
+
+        Raises:
+            ValueError: If no cell is passable.
+        """
+        cell = self.cell(goal)
+        iy, ix = self.frame.index(goal)
+        if self.passable[cell] and (iy, ix) == cell:
+            return cell, goal, 0.0
+        ys, xs = np.nonzero(self.passable)
+        if not len(ys):
+            raise ValueError("no cell is passable, expected at least the robot's own: see `reachable_from`.")
+        centres = self.frame.to_points(np.column_stack([xs, ys]) + 0.5)
+        square = ((centres - goal) ** 2).sum(axis=1)
+        k = int(np.argmin(square))
+        return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
+
     def halved(self) -> "CostMap":
         """The same costs on cells twice as large; a large cell is as good as the best of its four.
 
-        No way opens up through walls: inflated by the hull they are thicker than a large cell.
+        No way opens up through walls: inflated by the hull they are thicker than a large cell. Necks too narrow for the
+        hull may be bridged, though, so what cannot be reached has to be taken out before.
         """
         ny, nx = (n + n % 2 for n in self.frame.shape)
         pad = ((0, ny - self.frame.shape[0]), (0, nx - self.frame.shape[1]))
@@ -84,36 +126,6 @@ class CostMap:
         iy, ix = self.frame.index(point)
         ny, nx = self.frame.shape
         return min(max(int(iy), 0), ny - 1), min(max(int(ix), 0), nx - 1)
-
-    def nearest_reachable(
-        self, start: Float[np.ndarray, "2"], goal: Float[np.ndarray, "2"]
-    ) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
-        """The cell nearest to a goal among those to which a way leads from a start.
-
-        Args:
-            start: Where the way begins (x, y) [m].
-            goal: Where it should end (x, y) [m].
-
-        Returns:
-            Row and column, the point meant (the goal itself if its cell is reachable, else the cell's centre) [m], and its
-            distance from the goal [m].
-        """
-        # Fast marching passes between cells that share an edge, so components do as well.
-        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
-        home = self.cell(start)
-        if not self.passable[home]:
-            centre = self.frame.to_points(np.array([home[1], home[0]]) + 0.5)
-            return home, centre, math.hypot(*(centre - goal))
-        reach = part == part[home]
-        cell = self.cell(goal)
-        iy, ix = self.frame.index(goal)
-        if reach[cell] and (iy, ix) == cell:
-            return cell, goal, 0.0
-        ys, xs = np.nonzero(reach)
-        centres = self.frame.to_points(np.column_stack([xs, ys]) + 0.5)
-        square = ((centres - goal) ** 2).sum(axis=1)
-        k = int(np.argmin(square))
-        return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
 
 
 def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
@@ -149,7 +161,7 @@ def cut_box(
     estimate: MapEstimate,
     low_xy: Float[np.ndarray, "2"],
     high_xy: Float[np.ndarray, "2"],
-    bumps: bool = True,
+    ease: int = 0,
 ) -> Box:
     """A copy of what a map says in a box of `map`.
 
@@ -157,7 +169,7 @@ def cut_box(
         estimate: Map and pose.
         low_xy: Lower-left corner of the box [m].
         high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
-        bumps: Whether blocked cells count as obstacles.
+        ease: With 1 and 2, blocked cells are no obstacles.
     """
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
@@ -176,7 +188,7 @@ def cut_box(
     probability, explored = np.full(frame.shape, 0.5, np.float32), np.zeros(frame.shape, bool)
     probability[here], explored[here] = estimate.obstacle_probability[there], estimate.explored[there]
     obstacle = probability > 0.5
-    if bumps:
+    if ease == 0:
         obstacle[here] |= estimate.blocked[there]
     offset = None
     if estimate.surface_offset_m is not None:
@@ -192,15 +204,21 @@ def cut_box(
     )
 
 
-def cost_map(box: Box, config: CostConfig) -> CostMap:
-    """What a metre costs in each cell of a box, for the hull."""
+def cost_map(box: Box, config: CostConfig, ease: int = 0) -> CostMap:
+    """What a metre costs in each cell of a box, for the hull.
+
+    Args:
+        box: What is known.
+        config: Costs.
+        ease: With 2, the hull may reach a little into obstacles.
+    """
     space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
     cost = np.ones(box.frame.shape, np.float32)
     cost[box.probability == 0.5] = config.unknown_cost
     tightness = np.clip(1 - space / config.comfort_m, 0, 1)
     cost += config.wall_weight * tightness * tightness
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
-    passable = space >= config.slack_m
+    passable = space >= (config.slack_m if ease < 2 else -config.overlap_m)
     _let_out(passable, space, box.frame, box.pose)
     return CostMap(frame=box.frame, cost=cost, passable=passable)
 

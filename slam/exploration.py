@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.grid import GridFrame, MapEstimate
-from slam.cost_map import Box, CostConfig, cost_map, cut_box, known_box
+from slam.cost_map import EASES, Box, CostConfig, cost_map, cut_box, known_box
 from slam.paths import downhill, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
@@ -36,10 +36,12 @@ class ExplorerConfig:
     """Range of the camera that counts as seeing [m]."""
     min_cells: int = 3
     """Shorter frontiers are ignored [cells]."""
-    gain_weight: float = 2.0
+    gain_weight: float = 10.0
     """Decisions that a square metre of unseen area is worth."""
-    max_gain_m2: float = 8.0
+    max_gain_m2: float = 5.0
     """More unseen area than this makes a frontier no better [m^2]."""
+    depth_m: float = 1.5
+    """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
     keep: float = 4.0
     """Decisions by which another frontier must be better before the goal is changed."""
     candidates: int = 10
@@ -124,22 +126,24 @@ class FrontierExplorer:
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         low, high = low - margin, high + margin
-        for bumps in (True, False):
-            box = cut_box(estimate, low, high, bumps)
-            window = cost_map(box, self.config.cost)
-            window = replace(window, passable=window.passable & (box.probability < 0.5)).halved()
+        for ease in EASES:
+            box = cut_box(estimate, low, high, ease)
+            window = cost_map(box, self.config.cost, ease)
+            window = replace(window, passable=window.passable & (box.probability < 0.5))
+            window = window.reachable_from(estimate.pose[:2]).halved()
             here = window.cell(estimate.pose[:2])
             way = travel_time(window.frame, window.cost.astype(float), window.passable, here)
             frontiers = self._frontiers(box, way)
-            if frontiers or not estimate.blocked.any():
+            if frontiers:
                 break
         if not frontiers:
             return None
         frontiers.sort(key=lambda f: f.cost_m)
         rated = []
+        frame_m = box.frame.resolution_m
         for f in frontiers[: self.config.candidates]:
             decisions = self._decisions(way, f, estimate.pose)
-            gain = self._gain(box, f)
+            gain = min(self._gain(box, f), self.config.depth_m * len(f.cells) * frame_m)
             rating = decisions
             if self.config.rating == "gain":
                 rating -= self.config.gain_weight * min(gain, self.config.max_gain_m2)

@@ -5,8 +5,8 @@ the goal from everywhere. Near: on the map's own cells, in a box around the firs
 does so again, precisely enough for doors just wider than the hull. What lies behind is taken from the far field, so
 the price of a plan depends little on the size of the building. Both are kept as long as nothing is in the way.
 
-A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But before a goal is given up
-because of bumps alone, they are disregarded: the way that stopped the robot once is tried again.
+A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
+strictly: a way that stopped the robot once is tried again, and one that is a centimetre too narrow is tried at all.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.clearance import Clearance
-from slam.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
+from slam.cost_map import EASES, CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.grid import MapEstimate
 from slam.paths import along, downhill, length, onward, taut
 from slam.travel_time import TravelTime, travel_time
@@ -95,9 +95,9 @@ class Planner:
         """Forget the last plan."""
         self._far: _Far | None = None
         self._plan: Plan | None = None
-        self._hand_over: Float[np.ndarray, "2"] | None = None
+        self._hand_over: Float[np.ndarray, 2] | None = None
         self._space_m = 0.0
-        self._bumps = True
+        self._ease = 0
         self._far_age = self._near_age = 0
 
     def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"]) -> Plan:
@@ -118,14 +118,14 @@ class Planner:
             raise ValueError(f"goal_xy = {asked}, expected two finite coordinates in metres.")
         self._far_age += 1
         self._near_age += 1
-        clearance = Clearance.around(estimate, self.config.look_m, self._bumps)
+        clearance = Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
         moved = self._far is None or math.hypot(*(asked - self._far.asked)) > 0.02
         stopped = not moved and self._in_the_way(estimate, clearance)
         if moved or stopped or self._far_age >= self.config.far_every:
-            heeded = self._bumps
+            ease = self._ease
             self._far, self._far_age = self._solve_far(estimate, asked), 0
-            if self._bumps != heeded:
-                clearance = Clearance.around(estimate, self.config.look_m, self._bumps)
+            if self._ease != ease:
+                clearance = Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
             self._plan = self._solve_near(estimate, clearance)
         elif self._plan is None or self._near_age >= self.config.near_every or self._near_hand_over(estimate):
             self._plan = self._solve_near(estimate, clearance)
@@ -160,13 +160,21 @@ class Planner:
         reach = self.config.max_far_m
         aim = np.clip(asked, low - reach, high + reach)
         low, high = np.minimum(low, aim) - self.config.border_m, np.maximum(high, aim) + self.config.border_m
-        for self._bumps in (True, False):
-            window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost).halved()
-            cell, goal, gap_m = window.nearest_reachable(estimate.pose[:2], aim)
-            if gap_m < 0.3 or not estimate.blocked.any():
+        for self._ease in EASES:
+            costs = self._costs(estimate, low, high)
+            _, goal, gap_m = costs.nearest(aim)
+            if gap_m < 0.3:
                 break
-        far = travel_time(window.frame, window.cost.astype(float), window.passable, cell)
+        window = costs.halved()
+        far = travel_time(window.frame, window.cost.astype(float), window.passable, window.cell(goal))
         return _Far(asked=asked, aim=aim, goal=goal, window=window, field=far)
+
+    def _costs(
+        self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
+    ) -> CostMap:
+        """Costs of a box, of what can be reached in it."""
+        costs = cost_map(cut_box(estimate, low, high, self._ease), self.config.cost, self._ease)
+        return costs.reachable_from(estimate.pose[:2])
 
     def _solve_near(self, estimate: MapEstimate, clearance: Clearance) -> Plan:
         """Field and way on the map's own cells, up to where the far field takes over."""
@@ -180,14 +188,14 @@ class Planner:
         aim = np.clip(far.aim, target - 0.5, target + 0.5) if whole else target
         around = np.vstack([here, target, aim, way[: k + 1]])
         low, high = around.min(axis=0) - 1.2, around.max(axis=0) + 1.2
-        window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost)
-        cell, goal, _ = window.nearest_reachable(here, aim)
+        window = self._costs(estimate, low, high)
+        cell, goal, _ = window.nearest(aim)
         if math.hypot(*(goal - target)) > 0.2 and len(way):
             # The coarse cells have seen a way where the hull does not fit: look at everything closely.
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
-            window = cost_map(cut_box(estimate, low, high, self._bumps), self.config.cost)
+            window = self._costs(estimate, low, high)
             whole = True
-            cell, goal, _ = window.nearest_reachable(here, far.aim)
+            cell, goal, _ = window.nearest(far.aim)
         near = travel_time(window.frame, window.cost.astype(float), window.passable, cell)
         path = _ends(taut(downhill(near, window.cell(here)), near), here, goal)
         self._hand_over = None if whole else goal

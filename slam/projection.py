@@ -17,9 +17,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
-
-from slam.grid import GridFrame
+from jaxtyping import Bool, Float32
 
 
 @dataclass(frozen=True, kw_only=True)
