@@ -1,0 +1,128 @@
+"""The controller turns and drives as a plan asks, the same way each time, and does not bump for ever."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.control import ControlConfig, Controller
+from slam.planning import Planner
+from slam.poses import compose
+from tests.slam.floors import at_pose, divided, floor
+
+MOTION = np.array([[FORWARD_M, 0, 0], [0, 0, TURN_RAD], [0, 0, -TURN_RAD]])
+
+
+def _act(pose, goal, controller=None):
+    estimate = floor(pose)
+    plan = Planner().plan(estimate, np.array(goal))
+    return (controller or Controller()).act(estimate.pose, plan)
+
+
+def _follow(estimate, goal, decisions, blocked=lambda pose, after: False):
+    """Poses and actions of a robot that carries actions out exactly, unless it is stopped."""
+    planner, controller, pose = Planner(), Controller(), estimate.pose
+    poses, actions = [pose], []
+    for _ in range(decisions):
+        plan = planner.plan(at_pose(estimate, pose), np.array(goal))
+        action = controller.act(pose, plan)
+        after = compose(pose, MOTION[action])
+        pose = pose if blocked(pose, after) else after
+        poses.append(pose)
+        actions.append(action)
+    return np.array(poses), actions
+
+
+@pytest.mark.parametrize("yaw", [0.0, math.pi / 2, -math.pi, -1.0])
+def test_facing_the_goal_in_the_open_it_goes_forward(yaw):
+    """1.5 m away, straight ahead."""
+    goal = (1.5 * math.cos(yaw), 1.5 * math.sin(yaw))
+    assert _act((0.0, 0.0, yaw), goal) is Action.FORWARD
+
+
+@pytest.mark.parametrize(
+    ("azimuth_deg", "expected"),
+    [(90, {Action.LEFT}), (-90, {Action.RIGHT}), (180, {Action.LEFT, Action.RIGHT})],
+)
+def test_it_turns_to_the_side_of_the_goal(azimuth_deg, expected):
+    """Left of it left, right of it right; behind, one of the two."""
+    a = math.radians(azimuth_deg)
+    assert _act((0.0, 0.0, 0.0), (1.5 * math.cos(a), 1.5 * math.sin(a))) in expected
+
+
+@pytest.mark.parametrize("goal", [(1.5, 0.0), (-1.5, 0.0), (0.3, -1.4), (-1.0, 1.0)])
+def test_the_same_input_gives_the_same_action(goal):
+    """From fresh controllers, and after a reset."""
+    used = Controller()
+    for _ in range(3):
+        _act((0.2, 0.1, 1.0), (-1.0, 0.5), used)
+    used.reset()
+    assert _act((0.1, 0.0, 0.3), goal) is _act((0.1, 0.0, 0.3), goal) is _act((0.1, 0.0, 0.3), goal, used)
+
+
+def test_a_goal_behind_is_reached_without_turning_to_and_fro():
+    """Half a turn is 18 turns, 1.5 m are 6 steps: at most 30 decisions, and never left then right at once."""
+    poses, actions = _follow(floor((0.5, 0.0, 0.0)), (-1.0, 0.0), 30)
+    assert np.hypot(*(poses[:, :2] - [-1.0, 0.0]).T).min() < 0.2
+    arrived = int(np.argmax(np.hypot(*(poses[:, :2] - [-1.0, 0.0]).T) < 0.2))
+    for a, b in itertools.pairwise(actions[:arrived]):
+        assert {a, b} != {Action.LEFT, Action.RIGHT}
+
+
+def test_it_drives_through_a_door_without_touching_it():
+    """A door 0.45 m wide off the straight line: arrived within 60 decisions, the hull never in an obstacle's centre."""
+    estimate = divided(8, (-1.5, -1.0, 0.5))
+    poses, _ = _follow(estimate, (1.5, -0.5), 60)
+    assert np.hypot(*(poses[:, :2] - [1.5, -0.5]).T).min() < 0.2
+    obstacles = estimate.frame.centres(estimate.obstacle)
+    ways = np.concatenate([np.linspace(a, b, 6)[:, :2] for a, b in itertools.pairwise(poses)])
+    assert np.hypot(*(ways[:, None] - obstacles[None]).transpose(2, 0, 1)).min() > 0.09
+
+
+def test_after_repeated_bumps_it_tries_something_else():
+    """An invisible wall at x = 0.3, 0.6 m wide, that the map never shows: it does not push against it for ever.
+
+    Of 40 decisions fewer than 20 are pushes, and the robot leaves the line on which it was stopped.
+    """
+
+    def invisible(pose, after):
+        return after[0] > 0.3 and pose[0] <= 0.3 and abs(after[1]) < 0.3
+
+    poses, actions = _follow(floor((0.0, 0.0, 0.0)), (2.0, 0.0), 40, invisible)
+    still = np.hypot(*np.diff(poses[:, :2], axis=0).T) < 1e-9
+    pushes = int((still & (np.array(actions) == Action.FORWARD)).sum())
+    assert 1 <= pushes < 20
+    assert len(set(actions)) > 1
+    assert np.abs(poses[:, 1]).max() > 0.05
+
+
+def test_pursuit_drives_straight_ahead_and_turns_on_the_spot_for_what_is_behind():
+    """Ahead: full speed, no turn. Left ahead: turns left. Behind: no speed."""
+    speeds = []
+    for azimuth in (0.0, 0.4, -0.4, 3.0):
+        goal = np.array([1.5 * math.cos(azimuth), 1.5 * math.sin(azimuth)])
+        estimate = floor()
+        speeds.append(Controller().drive(estimate.pose, Planner().plan(estimate, goal)))
+    (v0, w0), (v1, w1), (v2, w2), (v3, w3) = speeds
+    assert v0 == pytest.approx(ControlConfig().speed_mps, rel=0.02)
+    assert w0 == pytest.approx(0.0, abs=0.1)
+    assert v1 > 0 and w1 > 0
+    assert v2 > 0 and w2 < 0
+    assert v3 == 0 and abs(w3) > 0
+
+
+def test_pursuit_reaches_its_goal():
+    """Integrated as a unicycle in steps of 0.1 s: within 0.2 m in 20 s through a door, the hull never in a wall."""
+    estimate, planner, controller = divided(8, (-1.5, -1.0, 0.5)), Planner(), Controller()
+    pose, goal = estimate.pose, np.array([1.5, -0.5])
+    gaps, obstacles = [], estimate.frame.centres(estimate.obstacle)
+    for _ in range(200):
+        speed, turn = controller.drive(pose, planner.plan(at_pose(estimate, pose), goal))
+        pose = compose(pose, np.array([0.1 * speed, 0.0, 0.1 * turn]))
+        gaps.append(np.hypot(*(obstacles - pose[:2]).T).min())
+        if np.hypot(*(pose[:2] - goal)) < 0.2:
+            break
+    assert np.hypot(*(pose[:2] - goal)) < 0.2
+    assert min(gaps) > 0.08
