@@ -130,8 +130,8 @@ class PyrenderCamera:
     def _projection_view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> list[float]:
         """Clip coordinates of points in the scene's frame: a matrix row by row, the far plane at infinity.
 
-        Formed in double precision: to round projection and view one by one would cost half a millimetre at ten
-        metres. By hand, since for so few numbers NumPy takes longer than to draw a small building.
+        Formed in double precision, since rounding projection and view one by one would cost accuracy; and by hand,
+        since calls of NumPy cost more than so few numbers.
         """
         config, (x, y, z) = self.config, t.tolist()
         across, down, ahead = ([u, v, w, -u * x - v * y - w * z] for u, v, w in R.T.tolist())

@@ -1,6 +1,6 @@
 """What a building looks like: light and texture, baked once into the colours of vertices.
 
-Drawn in flat colours, a picture costs a tenth of what it costs with lights, and a building still looks like one:
+Drawn in flat colours a picture costs a fraction of what it costs with lights, and a building still looks like one:
 
 - Ambient occlusion. Light comes from everywhere but from what is near: at a vertex with normal n, the share
 
@@ -78,7 +78,7 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
     facing = _facing(building)[patches.source] @ (0.75, 0.25, 0.15)  # four even steps around a room
     tint = 1.0 + facing[:, None] * np.array([0.25, 0.22, 0.17])  # warmer on the bright side
-    colours = _albedo(building, patches) * tint * (0.25 + 0.75 * light)[:, None]
+    colours = _albedo(building, patches) * tint * (0.35 + 0.75 * light)[:, None]
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)

@@ -5,8 +5,8 @@ fraction of a second, so that whatever else the machine is doing hits all of the
 by turn, and the median of the ratios counts.
 
 What counts is the rate that a camera keeps up. All take some 1200 pictures before, about as many as an episode
-does: stock pyrender on OSMesa compiles its shaders for each one, and slows down by two thirds once llvmpipe has
-its fill of 1024 of them.
+does: stock pyrender on OSMesa compiles its shaders for each one, and takes longer still once llvmpipe holds as many
+as it can (1024), from when on it throws some away for each new one.
 """
 
 import multiprocessing
