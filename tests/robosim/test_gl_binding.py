@@ -1,0 +1,242 @@
+"""OpenGL as a guest: contexts, memory, processes, threads, and others who draw in the same process."""
+
+import multiprocessing
+import os
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from robosim import gl_binding
+from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
+
+
+def room(size: tuple[float, float, float] = (4.0, 3.0, 2.5)) -> trimesh.Trimesh:
+    """An empty room about the origin, floor at z = 0, with normals into it and a colour for each corner."""
+    mesh = trimesh.creation.box(size)
+    mesh.invert()
+    mesh.apply_translation((0.0, 0.0, size[2] / 2))
+    rgb = np.arange(24).reshape(8, 3) * 10
+    mesh.visual.vertex_colors = np.column_stack([rgb, np.full(8, 255)]).astype(np.uint8)
+    return mesh
+
+
+def same(a: RGBD, b: RGBD) -> bool:
+    """Whether two pictures are equal bit for bit."""
+    return np.array_equal(a.rgb, b.rgb) and np.array_equal(a.depth, b.depth)
+
+
+@pytest.fixture
+def view() -> np.ndarray:
+    """A pose in the empty room."""
+    return camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
+
+
+def test_cameras_of_different_sizes_take_turns(view):
+    """Two contexts used in turns, and again after a third came and went, give what each gives alone."""
+    small, wide = CameraConfig(width=48, height=48), CameraConfig(width=100, height=37, hfov_deg=60.0)
+    with make_camera([room()], small) as one, make_camera([room((9.0, 9.0, 2.5))], wide) as other:
+        first, second = one.render(view), other.render(view)
+        for _ in range(3):
+            with make_camera([room()], wide) as third:
+                assert not same(third.render(view), second)
+            assert same(one.render(view), first)
+            assert same(other.render(view), second)
+
+
+def test_depth_is_the_same_if_the_driver_does_not_show_its_memory(view):
+    """Read by glReadPixels, where the memory is laid out otherwise than this project knows it; odd width."""
+    with make_camera([room()], CameraConfig(width=33, height=50)) as camera:
+        direct = camera.render(view)
+        assert camera.platform._depth_is_plain
+        camera.platform._depth_is_plain = False
+        assert same(camera.render(view), direct)
+
+
+def test_frames_are_the_callers_own(view):
+    """A frame that was kept does not change when the next one is taken."""
+    with make_camera([room()], CameraConfig()) as camera:
+        kept = camera.render(view)
+        copy = RGBD(kept.rgb.copy(), kept.depth.copy())
+        view[0, 3] += 0.5
+        assert not same(camera.render(view), copy)
+    assert same(kept, copy)
+
+
+def resident_kib() -> int:
+    """Memory of this process [KiB]."""
+    return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") // 1024
+
+
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs Linux to measure memory")
+def test_memory_does_not_grow_with_frames_or_cameras(view):
+    """2000 frames and 30 cameras: less than 2 and 6 MiB (measured 0 and 1).
+
+    Stock pyrender on OSMesa keeps the shaders of each frame, 0.5 MiB of them.
+    """
+    config = CameraConfig(width=32, height=32)
+    with make_camera([room()], config) as camera:
+        for _ in range(50):
+            camera.render(view)
+        before = resident_kib()
+        for _ in range(2000):
+            camera.render(view)
+        assert resident_kib() - before < 2048
+    for count in range(40):
+        if count == 10:
+            before = resident_kib()
+        with make_camera([room()], config) as camera:
+            camera.render(view)
+    assert resident_kib() - before < 6144
+
+
+def shoot(queue: multiprocessing.Queue, T: np.ndarray) -> None:
+    """Take a picture of the empty room with a new camera, and send it."""
+    with make_camera([room()], CameraConfig()) as camera:
+        queue.put(tuple(camera.render(T)))
+
+
+@pytest.mark.parametrize("method", ["fork", "spawn"])
+def test_worker_processes_take_the_same_picture(method, view, monkeypatch):
+    """Also where the parent has drawn before it forks: llvmpipe's threads would not be there in the child."""
+    with make_camera([room()], CameraConfig()) as camera:
+        expected = camera.render(view)
+        context = multiprocessing.get_context(method)
+        queue = context.Queue()
+        monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
+        worker = context.Process(target=shoot, args=(queue, view))
+        worker.start()
+        got = RGBD(*queue.get(timeout=60))
+        worker.join(60)
+        assert worker.exitcode == 0
+        assert same(got, expected)
+        assert same(camera.render(view), expected)
+
+
+def test_threads_with_a_camera_each_do_not_disturb_each_other(view):
+    """Three threads of 50 frames; and a camera made in one thread works in another."""
+    results: list[bool] = []
+    with make_camera([room()], CameraConfig()) as made_here:
+        expected = made_here.render(view)
+
+        def work() -> None:
+            with make_camera([room()], CameraConfig()) as own:
+                results.append(all(same(own.render(view), expected) for _ in range(50)))
+
+        threads = [threading.Thread(target=work) for _ in range(3)]
+        threads.append(
+            threading.Thread(target=lambda: results.append(same(made_here.render(view), expected)))
+        )
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    assert results == [True] * 4
+
+
+def run_alone(code: str, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run Python code in a process of its own, which has imported nothing yet."""
+    unset = {"PYOPENGL_PLATFORM", "MUJOCO_GL", "LP_NUM_THREADS"}
+    clean = {name: value for name, value in os.environ.items() if name not in unset}
+    return subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=clean | environment
+    )
+
+
+ROOM_FROM_TRIMESH = """
+import numpy as np, trimesh
+room = trimesh.creation.box((4.0, 3.0, 2.5)); room.invert(); room.apply_translation((0, 0, 1.25))
+room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
+"""
+
+
+def test_mujocos_renderer_works_in_the_same_process():
+    """MUJOCO_GL=osmesa, frames in turns, both closed: a wall 2 m ahead is at 2 m for both, every time."""
+    result = run_alone(
+        ROOM_FROM_TRIMESH
+        + """
+from robosim.camera import CameraConfig, camera_pose, make_camera
+camera = make_camera([room], CameraConfig())
+T = camera_pose(np.zeros(3), CameraConfig())
+depths = [camera.render(T).depth[64, 64]]
+import mujoco
+model = mujoco.MjModel.from_xml_string('''<mujoco><worldbody>
+<geom type="box" size=".1 9 9" pos="2.1 0 0"/><camera name="c" xyaxes="0 -1 0 0 0 1"/></worldbody></mujoco>''')
+data = mujoco.MjData(model); mujoco.mj_forward(model, data)
+renderer = mujoco.Renderer(model, 64, 64); renderer.enable_depth_rendering()
+for _ in range(3):
+    renderer.update_scene(data, "c")
+    depths += [renderer.render()[32, 32], camera.render(T).depth[64, 64]]
+renderer.render(); renderer.close()  # closed while it is the current one, it asks PyOpenGL which one is
+depths.append(camera.render(T).depth[64, 64]); camera.close()
+assert np.abs(np.array(depths) - 2).max() < 1e-3, depths
+""",
+        MUJOCO_GL="osmesa",
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_egl_draws_the_same_picture(view, tmp_path):
+    """On a machine with EGL its depth and colours are those of OSMesa, with two cameras, one closed early."""
+    with make_camera([room()], CameraConfig()) as camera:
+        expected = camera.render(view)
+    np.savez(tmp_path / "room.npz", view=view, colours=room().visual.vertex_colors)
+    result = run_alone(
+        ROOM_FROM_TRIMESH
+        + f"""
+from robosim.camera import CameraConfig, make_camera
+saved = np.load({str(tmp_path / "room.npz")!r})
+room.visual.vertex_colors = saved["colours"]
+try:
+    first, second = (make_camera([room], CameraConfig(), platform="egl") for _ in range(2))
+except Exception as error:
+    raise SystemExit(f"no EGL here: {{type(error).__name__}} {{error}}")
+first.render(saved["view"]); first.close()
+rgb, depth = second.render(saved["view"])
+np.savez({str(tmp_path / "egl.npz")!r}, rgb=rgb, depth=depth); second.close()
+"""
+    )
+    if "no EGL here" in result.stderr:
+        pytest.skip(result.stderr.strip().splitlines()[-1])
+    assert result.returncode == 0, result.stderr
+    got = np.load(tmp_path / "egl.npz")
+    assert np.abs(got["depth"] - expected.depth).max() < 1e-3
+    assert np.abs(got["rgb"].astype(int) - expected.rgb).max() <= 1
+
+
+def test_a_process_can_use_one_opengl_only():
+    """After OSMesa, EGL is refused by name instead of drawing nothing."""
+    with (
+        make_camera([room()], CameraConfig()),
+        pytest.raises(RuntimeError, match="'egl', but this process already uses 'osmesa'"),
+    ):
+        make_camera([room()], CameraConfig(), platform="egl")
+
+
+def test_pyopengl_for_a_display_is_reported():
+    """Where something bound PyOpenGL to a display first, the message says what to do."""
+    result = run_alone(
+        """
+import sys, types
+class GLXPlatform: pass
+sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
+from robosim.gl_binding import bind_opengl
+bind_opengl()
+"""
+    )
+    assert "set PYOPENGL_PLATFORM=osmesa before Python starts" in result.stderr
+
+
+def test_a_missing_osmesa_is_named_with_its_package(monkeypatch):
+    """The message names the package to install, and the way out that needs none."""
+    monkeypatch.setattr(gl_binding, "_OSMESA_LIBRARIES", ("libOSMesa.so.none",))
+    gl_binding.load_osmesa.cache_clear()
+    try:
+        with pytest.raises(OSError, match=r"apt-get install libosmesa6.*backend=.embree"):
+            gl_binding.load_osmesa()
+    finally:
+        gl_binding.load_osmesa.cache_clear()
