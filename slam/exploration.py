@@ -89,6 +89,8 @@ class FrontierExplorer:
         self._age = 0
         self._waited = 0
         self._budget = 0.0
+        self._spin = 0
+        self._looked_around: list[Float[np.ndarray, "2"]] = []
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to and look at, in `map` [m]; None when nothing is left to see.
@@ -96,13 +98,30 @@ class FrontierExplorer:
         Args:
             estimate: Map and pose.
         """
+        if self._spin:
+            self._spin -= 1
+            return estimate.pose[:2]
         self._age += 1
         self._budget -= 1
         if self._goal is not None and self._age < self.config.every and self._still_there(estimate):
             return self._goal
         self._goal = self._choose(estimate)
         self._age = 0
+        if self._goal is None and self._look_around(estimate.pose[:2]):
+            return estimate.pose[:2]
         return self._goal
+
+    def _look_around(self, here: Float[np.ndarray, "2"]) -> bool:
+        """Before all is taken to be seen: turn once, unless that was done here, and give frontiers another chance.
+
+        A robot that begins in a niche has all that is left to see behind its back.
+        """
+        if any(np.hypot(*(here - place)) < 0.5 for place in self._looked_around):
+            return False
+        self._looked_around.append(here.copy())
+        self._given_up.clear()
+        self._spin = round(2 * math.pi / TURN_RAD)
+        return True
 
     def _still_there(self, estimate: MapEstimate) -> bool:
         """Whether the spot to look at is unseen yet; gives it up when looking does not help."""

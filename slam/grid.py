@@ -56,8 +56,9 @@ class GridFrame:
 
     def inside(
         self, iy: Int[np.ndarray, "*batch"] | int, ix: Int[np.ndarray, "*batch"] | int
-    ) -> Bool[np.ndarray, "*batch"] | np.bool_ | bool:
+    ) -> Bool[np.ndarray, "*batch"] | np.bool_:
         """Whether rows and columns belong to the grid."""
+        iy, ix = np.asarray(iy), np.asarray(ix)
         return (iy >= 0) & (iy < self.shape[0]) & (ix >= 0) & (ix < self.shape[1])
 
     def window(
