@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.compiled import compiled
+from wireless.plan import Plan
 
 #: Targets out of view by less than this [m] are seen.
 NEAR_M = 1e-9
@@ -44,14 +45,7 @@ def _within(
 
 @compiled
 def cast(
-    vertex: Float[np.ndarray, "v 2"],
-    tri_vertex: Int[np.ndarray, "t 3"],
-    tri_next: Int[np.ndarray, "t 3"],
-    tri_wall: Int[np.ndarray, "t 3"],
-    tri_corner: Int[np.ndarray, "t 3"],
-    wall_point: Float[np.ndarray, "n 2"],
-    wall_along: Float[np.ndarray, "n 2"],
-    n_corners: int,
+    plan: Plan,
     start: Int[np.ndarray, "s"],
     source: Float[np.ndarray, "2"],
     target: Float[np.ndarray, "r 2"],
@@ -65,8 +59,7 @@ def cast(
     """All views of one source, with the targets and corners in each.
 
     Args:
-        vertex, tri_vertex, tri_next, tri_wall, tri_corner, wall_point, wall_along: Of a `wireless.plan.Plan`.
-        n_corners: How many corners the plan has.
+        plan: Walls, corners and triangles.
         start: Triangles around the source.
         source: Position of the source [m].
         target: Positions of targets [m].
@@ -81,12 +74,14 @@ def cast(
         hit: Pairs of target and view.
         corner_hit: Pairs of corner and view.
     """
+    vertex, tri_vertex, tri_next, tri_wall = plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall
+    tri_corner, wall_point, wall_along = plan.tri_corner, plan.wall_point, plan.wall_along
     image, view = np.empty((64, 2)), np.empty((64, 3), np.int64)
     begin, sector = np.empty((64, 2), np.int64), np.empty((64, 4))
     stack, stack_sector = np.empty((256, 2), np.int64), np.empty((256, 4))
     hit, corner_hit = np.empty((256, 2), np.int64), np.empty((256, 2), np.int64)
     n_views, n_hits, n_corner_hits = 1, 0, 0
-    stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(n_corners, -1, np.int64)
+    stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
     sight = np.empty(4)
     max_order = max(target_order, corner_order)
     image[0], view[0, 0], view[0, 1], view[0, 2] = source, -1, -1, 0

@@ -8,7 +8,7 @@ A corner is where walls leave a gap of more than 180 degrees: this is the outsid
 An end of a single sheet leaves 360 degrees.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -22,8 +22,7 @@ REACH_M = 20e3
 FLAT_RAD = 1e-4
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Plan:
+class Plan(NamedTuple):
     """Walls, corners and the triangles between them, around an origin of their own."""
 
     origin: Float[np.ndarray, "2"]
@@ -190,30 +189,40 @@ def _in_gap(
     return corner
 
 
-def locate(plan: Plan, points: Float[np.ndarray, "n 2"], near_m: float) -> tuple[np.ndarray, np.ndarray]:
-    """Triangles that points lie in; on a border, all that touch it.
+class Locator:
+    """Finds the triangles that points lie in; on a border, all that touch it.
 
     Args:
         plan: Where to look.
-        points: Positions around the plan's origin [m].
         near_m: Points this close to a triangle lie in it.
-
-    Returns:
-        point, triangle: Pairs of indices, in order of points.
-
-    Raises:
-        ValueError: If a point is too far away, or not finite.
     """
-    if not np.all(np.abs(points) < REACH_M):
-        raise ValueError(f"A point is {np.abs(points).max():g} m from the walls, expected under {REACH_M:g} m.")
-    corners = plan.vertex[plan.tri_vertex]
-    boxes = shapely.box(*(corners.min(axis=1) - near_m).T, *(corners.max(axis=1) + near_m).T)
-    point, triangle = shapely.STRtree(boxes).query(shapely.points(points))
-    start = corners[triangle]
-    way = np.roll(start, -1, axis=1) - start
-    off = points[point][:, None] - start
-    left = (way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]) / np.linalg.norm(way, axis=2)
-    inside = np.all(left >= -near_m, axis=1)
-    return point[inside], triangle[inside]
 
+    def __init__(self, plan: Plan, near_m: float):
+        self._near_m = near_m
+        self._corners = plan.vertex[plan.tri_vertex]
+        low, high = self._corners.min(axis=1) - near_m, self._corners.max(axis=1) + near_m
+        self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
 
+    def __call__(
+        self, points: Float[np.ndarray, "n 2"]
+    ) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "m"]]:
+        """Where each point's triangles begin (and an end), and these triangles.
+
+        Args:
+            points: Positions around the plan's origin [m].
+
+        Raises:
+            ValueError: If a point is too far away, or not finite.
+        """
+        far = np.abs(points).max(initial=0.0)
+        if not far < REACH_M:
+            raise ValueError(f"A point is {far:g} m from the walls, expected finite and under {REACH_M:g} m.")
+        point, triangle = self._tree.query(shapely.points(points))
+        start = self._corners[triangle]
+        way = np.roll(start, -1, axis=1) - start
+        off = points[point][:, None] - start
+        left = (way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]) / np.linalg.norm(way, axis=2)
+        inside = np.all(left >= -self._near_m, axis=1)
+        point, triangle = point[inside], triangle[inside]
+        order = np.lexsort((triangle, point))
+        return np.searchsorted(point[order], np.arange(len(points) + 1)), triangle[order]
