@@ -3,7 +3,7 @@
 A path is its points. The field starts as one of the two unit vectors theta (downwards at the horizon) and phi
 (counter-clockwise) of the departure direction, is turned and weakened at each point, and is read along theta
 and phi of the arrival direction, which points from the receiver back along the path: so a free path has gain
-+1 for theta to theta and -1 for phi to phi. All is times lambda / (4 pi r) e^(-j k r) between isotropic
++1 for theta to theta and -1 for phi to phi (straight up and down, where azimuth is 0, the reverse). All is times lambda / (4 pi r) e^(-j k r) between isotropic
 antennas, r the unfolded length, and behind an edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
 
 Walls are half-spaces. At an edge the field splits along and around it (b0 and phi of UTD); the two faces
@@ -20,7 +20,7 @@ from wireless.compiled import compiled
 from wireless.diffraction import wedge_terms
 
 REFLECTION, DIFFRACTION = 1, 2
-#: Ways shorter than this [m] are none: paths that have one are dropped.
+#: Ways shorter than this [m] are none, and have no direction.
 NOWHERE_M = 1e-9
 
 
@@ -217,7 +217,7 @@ def path_gain(
         field: Room for two fields.
 
     Returns:
-        Unfolded length [m]; -1, with no gain set, if two points follow at no distance.
+        Unfolded length [m]; -1, with no gain set, for a path that starts, ends or diffracts at no distance.
     """
     total, before = 0.0, -1.0
     for j in range(count + 1):
@@ -225,7 +225,10 @@ def path_gain(
         for i in range(3):
             step += (points[j + 1, i] - points[j, i]) ** 2
         step = np.sqrt(step)
-        if step < NOWHERE_M:
+        # Two reflections in one point, in a corner of the room, are fine.
+        if step < NOWHERE_M and (
+            j == 0 or j == count or kinds[j - 1] == DIFFRACTION or kinds[j] == DIFFRACTION
+        ):
             return -1.0
         total += step
         if j < count and kinds[j] == DIFFRACTION:
@@ -236,10 +239,13 @@ def path_gain(
     for i in range(3):
         field[0, i], field[1, i] = work[6, i], work[7, i]
     for j in range(count):
-        _unit(points, j + 1, out)
         if kinds[j] == REFLECTION:
             reflect(field, way, normals[j], eps[j])
+            c = 2 * _dot(way, normals[j])
+            for i in range(3):
+                out[i] = way[i] - c * normals[j, i]
         else:
+            _unit(points, j + 1, out)
             diffract(field, way, out, wedge, wedge_n, wedge_eps, wavenumber, before, total - before, work[:4])
         for i in range(3):
             way[i] = out[i]

@@ -11,7 +11,6 @@ has no interaction, first order if any has exactly one, higher order if all have
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from os import PathLike
-from typing import Self
 
 import numpy as np
 import pyarrow as pa
@@ -94,15 +93,15 @@ class Paths:
         with np.errstate(divide="ignore"):
             return 10 * np.log10(self.power)
 
-    def select(self, mask: Bool[np.ndarray, "n"]) -> Self:
+    def select(self, mask: Bool[np.ndarray, "n"]) -> "Paths":
         """Some of the paths, of the same links."""
-        return type(self)(**{f.name: self._part(f.name, mask) for f in fields(self)})
+        return Paths(**{f.name: self._part(f.name, mask) for f in fields(self)})
 
-    def strongest(self, most: int = 1) -> Self:
+    def strongest(self, most: int = 1) -> "Paths":
         """At most so many paths of each link."""
         return self.select(self.rank < most)
 
-    def between(self, tx: int, rx: int) -> Self:
+    def between(self, tx: int, rx: int) -> "Paths":
         """Paths of one link."""
         return self.select((self.tx == tx) & (self.rx == rx))
 
@@ -154,7 +153,7 @@ class Paths:
         pq.write_table(self.to_table(), path, compression="zstd")
 
     @classmethod
-    def read_parquet(cls, path: str | PathLike[str]) -> Self:
+    def read_parquet(cls, path: str | PathLike[str]) -> "Paths":
         """What `write_parquet` wrote.
 
         Raises:
