@@ -53,9 +53,7 @@ def cast(
     target_list: Int[np.ndarray, "tr"],
     target_order: int,
     corner_order: int,
-) -> tuple[
-    Float[np.ndarray, "b 2"], Int[np.ndarray, "b 3"], Int[np.ndarray, "h 2"], Int[np.ndarray, "c 2"]
-]:
+) -> tuple[Float[np.ndarray, "b 2"], Int[np.ndarray, "b 3"], Int[np.ndarray, "h 2"], Int[np.ndarray, "c 2"]]:
     """All views of one source, with the targets and corners in each.
 
     Args:

@@ -22,7 +22,9 @@ from wireless.compiled import compiled
 
 #: F(t^2) / t is tabled for t up to here, in these steps; four-point interpolation errs by 3e-9 at most.
 _END, _STEP = 8.0, 0.01
-_TABLE = np.sqrt(np.pi) * np.exp(0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * np.arange(-1, 803) * _STEP)
+_TABLE = (
+    np.sqrt(np.pi) * np.exp(0.25j * np.pi) * wofz(1j * np.exp(0.25j * np.pi) * np.arange(-1, 803) * _STEP)
+)
 
 
 @compiled

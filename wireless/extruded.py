@@ -108,7 +108,9 @@ def _walls(
         spans = _union(s.min(axis=1), s.max(axis=1), snap_m)
         unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
         solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
-        if abs(solid - np.diff(spans, axis=1).sum() * (high - low)) > len(s) * snap_m * 4 * (high - low + s.max()):
+        if abs(solid - np.diff(spans, axis=1).sum() * (high - low)) > len(s) * snap_m * 4 * (
+            high - low + s.max()
+        ):
             return None
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])

@@ -177,7 +177,9 @@ def diffract(
 
 
 @compiled
-def _spherical(way: Float[np.ndarray, "3"], theta: Float[np.ndarray, "3"], phi: Float[np.ndarray, "3"]) -> None:
+def _spherical(
+    way: Float[np.ndarray, "3"], theta: Float[np.ndarray, "3"], phi: Float[np.ndarray, "3"]
+) -> None:
     """Unit vectors of polar angle and azimuth at a direction; azimuth 0 straight up and down."""
     level = np.sqrt(way[0] * way[0] + way[1] * way[1])
     c, s = (way[0] / level, way[1] / level) if level > 1e-15 else (1.0, 0.0)

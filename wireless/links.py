@@ -212,9 +212,7 @@ def _lay_flat(
 
 
 @compiled
-def _raise(
-    plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: _Room
-) -> int:
+def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: _Room) -> int:
     """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
 
     Args:
@@ -267,7 +265,11 @@ def _raise(
         level -= folds * height
         if folds % 2 != 0:
             level = height - level
-        point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[j + 1, 0], flat[j + 1, 1], setting.low_m + level
+        point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = (
+            flat[j + 1, 0],
+            flat[j + 1, 1],
+            setting.low_m + level,
+        )
         room.kind[m], room.thing[m] = room.flat_kind[j], room.flat_thing[j]
         if room.kind[m] == REFLECTION:
             wall = room.thing[m]
@@ -315,12 +317,12 @@ def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: _Room) -> tu
 
 @compiled
 def _enter(
-    rank: Float[np.ndarray, "k 4"], who: Int[np.ndarray, "k 4"], count: int, new: Float[np.ndarray, "4"]
+    rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k 4"], count: int, new: Float[np.ndarray, "5"]
 ) -> tuple[int, int]:
     """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
 
-    Rows of rank are power, length and directions at both ends: what agrees in all is one path, found twice
-    because it passes an end of a wall.
+    Rows of rank are power, length, directions at both ends and a number for the sequence of interactions: what
+    agrees in all is one path, found twice because it passes an end of a wall.
     """
     place = count
     while place > 0 and rank[place - 1, 0] < new[0]:
@@ -328,7 +330,7 @@ def _enter(
     for step in (-1, 1):
         j = place - 1 if step < 0 else place
         while 0 <= j < count and abs(rank[j, 0] - new[0]) <= 1e-6 * new[0]:
-            same = abs(rank[j, 1] - new[1]) < 1e-8
+            same = abs(rank[j, 1] - new[1]) < 1e-8 and rank[j, 4] == new[4]
             for i in (2, 3):
                 off = abs(rank[j, i] - new[i])
                 same = same and min(off, 2 * np.pi - off) < 1e-6
@@ -358,7 +360,7 @@ def _try_bounces(
     far_view: Int[np.ndarray, "d 3"],
     far_node: int,
     room: _Room,
-    rank: Float[np.ndarray, "k 4"],
+    rank: Float[np.ndarray, "k 5"],
     who: Int[np.ndarray, "k 4"],
     count: int,
 ) -> int:
@@ -367,7 +369,7 @@ def _try_bounces(
     most = setting.max_reflections - n if corner < 0 else setting.edge_reflections - (n - 1)
     up = min(most, 1 if not setting.has_floor else most) if setting.has_ceiling else 0
     down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
-    new = np.empty(4)
+    new = np.empty(5)
     for bounce in range(-down, up + 1):
         m = _raise(plan, setting, tx[2], rx[2], n, bounce, room)
         length, power = _weigh(plan, setting, corner, m, room)
@@ -377,8 +379,7 @@ def _try_bounces(
         p = room.point
         new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0])
         new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0])
-        if bounce != 0:  # floor and ceiling may be alike: tell them apart
-            new[1] += 1e-7 * bounce
+        new[4] = 1000 * m + bounce + (500 if corner >= 0 else 0)
         count, place = _enter(rank, who, count, new)
         if place >= 0:
             who[place, 0], who[place, 1], who[place, 2], who[place, 3] = node, corner, far_node, bounce
@@ -386,9 +387,7 @@ def _try_bounces(
 
 
 @compiled
-def _corner_sight(
-    plan: Plan, corner: int, x: float, y: float
-) -> tuple[float, float]:
+def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, float]:
     """Distance of a point from a corner, and its angle from the first wall."""
     v = plan.corner_vertex[corner]
     dx, dy = x - plan.vertex[v, 0], y - plan.vertex[v, 1]
@@ -479,7 +478,7 @@ def trace_links(
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
             near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
-    room, rank, who = _room(most), np.empty((keep, 4)), np.empty((keep, 4), np.int64)
+    room, rank, who = _room(most), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]

@@ -162,7 +162,9 @@ class Paths:
         table = pq.read_table(path)
         scene = table.schema.metadata or {}
         if b"frequency_hz" not in scene:
-            raise ValueError(f"{path} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}.")
+            raise ValueError(
+                f"{path} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}."
+            )
         column = {name: table[name].combine_chunks() for name in table.column_names}
         gain = np.empty((len(table), 2, 2), complex)
         for p, at_rx in enumerate(("theta", "phi")):

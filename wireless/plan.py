@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from jaxtyping import Float, Int
+from scipy.spatial import cKDTree
 
 from wireless.triangulation import Triangulation
 
@@ -68,6 +69,8 @@ def make_plan(walls: Float[np.ndarray, "n 2 2"], snap_m: float) -> Plan:
     for a, b in pieces:
         mesh.constrain(int(a), int(b))
     triangles, vertex = mesh.triangles(), np.array(mesh.points) * snap_m
+    off, nearest = cKDTree(ends.reshape(-1, 2)).query(vertex, distance_upper_bound=snap_m)
+    vertex[off < snap_m] = ends.reshape(-1, 2)[nearest[off < snap_m]]  # as given again, topology settled
     tri_next, tri_wall = _sides(triangles, pieces, piece_wall)
     corners = _corners(vertex, pieces, piece_wall, along)
     corner_vertex = np.array([c[0] for c in corners], np.int64)
@@ -128,9 +131,7 @@ def _sides(
 ) -> tuple[Int[np.ndarray, "t 3"], Int[np.ndarray, "t 3"]]:
     """Neighbour and wall on the side opposite to each point of each triangle."""
     wall_of = {(int(a), int(b)): int(wall) for (a, b), wall in zip(pieces, piece_wall, strict=True)}
-    side = {
-        (int(t[(k + 1) % 3]), int(t[(k + 2) % 3])): i for i, t in enumerate(triangles) for k in range(3)
-    }
+    side = {(int(t[(k + 1) % 3]), int(t[(k + 2) % 3])): i for i, t in enumerate(triangles) for k in range(3)}
     tri_next, tri_wall = np.full(triangles.shape, -1, np.int64), np.full(triangles.shape, -1, np.int64)
     for i, t in enumerate(triangles):
         for k in range(3):

@@ -64,7 +64,9 @@ class TracerConfig:
                 f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
             )
         if not 1e-9 <= self.snap_m <= 1e-2:
-            raise ValueError(f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length.")
+            raise ValueError(
+                f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
+            )
 
 
 class Tracer:
@@ -96,7 +98,9 @@ class Tracer:
         n_faces = len(mesh.faces)
         if n_faces == 0 or not np.isfinite(mesh.vertices).all():
             raise SceneError(f"The mesh has {n_faces} faces and must have some, with finite vertices.")
-        of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material, np.int64)
+        of_face = (
+            np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material, np.int64)
+        )
         if of_face.shape != (n_faces,) or of_face.min() < 0 or of_face.max() >= len(materials):
             raise ValueError(
                 f"face_material has shape {of_face.shape} and values {of_face.min()} to {of_face.max()}, "
@@ -105,12 +109,19 @@ class Tracer:
         eps = np.array([permittivity(name, self.frequency_hz) for name in materials])
         scene = find_extruded(mesh, of_face, self.config.snap_m)
         if scene is None:
-            raise SceneError("The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling.")
+            raise SceneError(
+                "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling."
+            )
         self.scene = scene
         self.plan = make_plan(scene.walls, self.config.snap_m)
         self._locate = Locator(self.plan, 2 * self.config.snap_m)
         self._setting = self._make_setting(eps[of_face])
-        logger.info("%d walls, %d corners, %d triangles", len(scene.walls), len(self.plan.corner_vertex), len(self.plan.tri_vertex))
+        logger.info(
+            "%d walls, %d corners, %d triangles",
+            len(scene.walls),
+            len(self.plan.corner_vertex),
+            len(self.plan.tri_vertex),
+        )
 
     def trace(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Paths:
         """Paths of all links between transmitters and receivers.
@@ -143,7 +154,9 @@ class Tracer:
             target_start, target_list = _by_triangle(start, triangle, len(self.plan.tri_vertex))
             for i, one in enumerate(tx - origin):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                table = trace_links(self.plan, self._setting, one, around, some, target_start, target_list, views)
+                table = trace_links(
+                    self.plan, self._setting, one, around, some, target_start, target_list, views
+                )
                 rows[i].append((_packed(table), first))
         return self._paths(tx, rx, rows)
 

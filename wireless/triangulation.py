@@ -70,9 +70,7 @@ class Triangulation:
 
     def _cross(self, a: int, b: int, c: int, d: int) -> bool:
         """Whether two ways cross between their ends."""
-        return (
-            self._side(a, b, c) * self._side(a, b, d) < 0 and self._side(c, d, a) * self._side(c, d, b) < 0
-        )
+        return self._side(a, b, c) * self._side(a, b, d) < 0 and self._side(c, d, a) * self._side(c, d, b) < 0
 
     def _add(self, a: int, b: int, c: int) -> None:
         self.third[a, b], self.third[b, c], self.third[c, a] = c, a, b

@@ -155,7 +155,10 @@ def test_ends_can_be_swapped(extruded, ring):
     config = TracerConfig(diffraction_reflections=2, floor_ceiling=True, max_paths=60, polarisation="both")
     tracer = Tracer(mesh, config=config)
     rng = np.random.default_rng(5)
-    a, b = rng.uniform((0.1, 0.1, 0.1), (2.2, 3.9, 2.9), (4, 3)), rng.uniform((3.6, 0.1, 0.1), (5.9, 3.9, 2.9), (4, 3))
+    a, b = (
+        rng.uniform((0.1, 0.1, 0.1), (2.2, 3.9, 2.9), (4, 3)),
+        rng.uniform((3.6, 0.1, 0.1), (5.9, 3.9, 2.9), (4, 3)),
+    )
     there, back = tracer.trace(a, b), tracer.trace(b, a)
     for i, j in np.ndindex(4, 4):
         one, other = there.between(i, j), back.between(j, i)
@@ -163,7 +166,9 @@ def test_ends_can_be_swapped(extruded, ring):
         np.testing.assert_allclose(one.power, other.power, rtol=1e-9)
         clear = np.append(np.diff(one.power) < -1e-6 * one.power[1:], True)
         clear &= np.append(True, clear[:-1])  # order among equals is free
-        np.testing.assert_allclose(one.gain[clear], other.gain[clear].transpose(0, 2, 1), rtol=1e-6, atol=1e-14)
+        np.testing.assert_allclose(
+            one.gain[clear], other.gain[clear].transpose(0, 2, 1), rtol=1e-6, atol=1e-14
+        )
         np.testing.assert_allclose(one.aoa_az[clear], other.aod_az[clear], atol=1e-9)
         np.testing.assert_allclose(one.delay_s[clear], other.delay_s[clear], rtol=1e-12)
 
