@@ -1,10 +1,11 @@
 """What a point sees of a floor plan, directly and over mirrors: views walked through a triangulation.
 
-A view starts in the triangle around its source and goes on through the sides that are no walls, narrowed to what
-is seen through each (triangular expansion). Where it meets a wall, the window that is seen becomes the view of
-the mirrored source through that window. So nothing has to be tested for being hidden: what a view reaches is a
-path, and whatever it does not reach is none, in each order. There is no sampling, and each decision errs by
-rounding only: a target counts as seen if it is out of view by less than `NEAR_M`, so touching is seeing.
+A view starts in the triangle around its source and goes on through the sides that are no walls, narrowed to
+what is seen through each (triangular expansion). Where it meets a wall, the window that is seen becomes the
+view of the mirrored source through that window. So nothing has to be tested for being hidden: what a view
+reaches is a path, and whatever it does not reach is none, in each order. There is no sampling, and each
+decision errs by rounding only: a target counts as seen if it is out of view by less than `NEAR_M`, so
+touching is seeing.
 
 Reference: F. Bungiu et al., Efficient computation of visibility polygons, EuroCG 2014.
 """
@@ -35,7 +36,7 @@ def _longer(a: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
 def _within(
     sector: Float[np.ndarray, "4"], x: float, y: float, px: float, py: float
 ) -> tuple[bool, float, float]:
-    """Whether a point is in view, and how far left of the right bound and right of the left one (cross products)."""
+    """Whether a point is in view; cross products with the right and left bound, positive inside."""
     rx, ry, lx, ly = sector[0] - x, sector[1] - y, sector[2] - x, sector[3] - y
     dx, dy = px - x, py - y
     right, left = rx * dy - ry * dx, dx * ly - dy * lx

@@ -7,7 +7,7 @@ They let go of the interpreter lock, so that threads may trace side by side. Typ
 
 import inspect
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numba
 
@@ -16,4 +16,4 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def compiled(function: F) -> F:
     """The same function, compiled to machine code; its annotations are for the reader."""
-    return numba.njit(cache=True, nogil=True, error_model="numpy")(inspect.unwrap(function))
+    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(inspect.unwrap(function)))

@@ -5,9 +5,9 @@ A wedge leaves open an angle n pi; angles phi' of the source and phi of the obse
     T(y) = cot(y / 2n) F(2 k L sin^2(u / 2)),  y = pi +- b,  u = y modulo 2 pi n, the nearest to 0,
     D = -e^(-j pi/4) / (2 n sqrt(2 pi k) sin b0) [T(pi+b-) + T(pi-b-) + R_n T(pi+b+) + R_0 T(pi-b+)],
 where F is the transition function and L the distance parameter. Each u is the angle to one shadow boundary,
-positive on its lit side; there cot diverges while F vanishes, and the product jumps by what geometrical optics
-loses. R_0 and R_n are the reflection ratios of the two faces (Luebbers), so that the sum is continuous across
-reflection boundaries too. They are taken at the smaller of the two angles to the face, which on the
+positive on its lit side; there cot diverges while F vanishes, and the product jumps by what geometrical
+optics loses. R_0 and R_n are the reflection ratios of the two faces (Luebbers), so that the sum is
+continuous across reflection boundaries too. They are taken at the smaller of the two angles to the face, which on the
 boundaries is the angle of incidence and makes the whole reciprocal, as Luebbers' own choice is not.
 
 Left out: second-order diffraction, slope diffraction, creeping and surface waves, rough edges.

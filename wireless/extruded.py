@@ -87,7 +87,7 @@ def _walls(
     high: float,
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, "k"]] | None:
-    """Segments of upright triangles, one for all that lie side by side or on each other; None if one has gaps."""
+    """Segments of upright triangles, one for all side by side or on each other; None if one has gaps."""
     triangles = corners[faces]
     origin = triangles[:, :, :2].mean(axis=(0, 1))  # far from zero, offsets would be noise
     xy = triangles[:, :, :2] - origin

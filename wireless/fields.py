@@ -1,10 +1,11 @@
 """What a radio path does to the field: two polarisations carried through reflections and an edge.
 
-A path is its points. The field starts as one of the two unit vectors theta (downwards at the horizon) and phi
-(counter-clockwise) of the departure direction, is turned and weakened at each point, and is read along theta
-and phi of the arrival direction, which points from the receiver back along the path: so a free path has gain
-+1 for theta to theta and -1 for phi to phi (straight up and down, where azimuth is 0, the reverse). All is times lambda / (4 pi r) e^(-j k r) between isotropic
-antennas, r the unfolded length, and behind an edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
+A path is its points. The field starts as one of the two unit vectors theta (downwards at the horizon) and
+phi (counter-clockwise) of the departure direction, is turned and weakened at each point, and is read along
+theta and phi of the arrival direction, which points from the receiver back along the path: so a free path
+has gain +1 for theta to theta and -1 for phi to phi (straight up and down, where azimuth is 0, the reverse).
+All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfolded length, and behind an
+edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
 
 Walls are half-spaces. At an edge the field splits along and around it (b0 and phi of UTD); the two faces
 reflect as whole walls would, with their plane of incidence, also when the ray meets the edge at a slant.
@@ -102,9 +103,9 @@ def _face_ratios(
 ) -> tuple[complex, complex, complex]:
     """Reflection of a face in the coordinates of its edge, angles counted from that face.
 
-    With r_te and r_tm at the face's angle of incidence and (a, b) the direction of TE in (b0, phi), the dyad is
-    (b0 from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) =
-    -(phi from b0) = a b (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
+    With r_te and r_tm at the face's angle of incidence and (a, b) the direction of TE in (b0, phi), the dyad
+    is (b0 from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) = -(phi
+    from b0) = a b (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
 
     Returns:
         (b0 from b0), (phi from phi), (b0 from phi).
@@ -139,7 +140,7 @@ def diffract(
         field: Electric fields of the incoming wave.
         way: Unit direction of the incoming wave.
         out: Unit direction of the outgoing wave, at the same angle to the edge.
-        wedge: Unit vectors along the edge, along the 0-face away from the edge, and normal to it into the open.
+        wedge: Unit vectors along the edge, along the 0-face away from it, and normal to that face.
         n: Open angle over pi.
         eps: Relative permittivities of 0-face and n-face.
         wavenumber: 2 pi over the wavelength [1/m].

@@ -1,9 +1,10 @@
-"""The strongest paths of links in a floor plan: views of both ends, joined at corners, weighed by their fields.
+"""The strongest paths of links in a floor plan: views of both ends, joined at corners, weighed.
 
-Reflections come from the views of the transmitter. Diffracted paths are joined where a view of the transmitter
-and a view of the receiver share a corner. Seen from above a path is unfolded into a straight line, along which
-the height changes evenly; floor and ceiling fold the height only. What cannot enter a link's list is not
-computed: a reflection by its length, a diffraction by a bound on cot(u / 2n) F (`wireless.diffraction`).
+Reflections come from the views of the transmitter. Diffracted paths are joined where a view of the
+transmitter and a view of the receiver share a corner. Seen from above a path is unfolded into a straight
+line, along which the height changes evenly; floor and ceiling fold the height only. What cannot enter a
+link's list is not computed: a reflection by its length, a diffraction by a bound on cot(u / 2n) F
+(`wireless.diffraction`).
 """
 
 from typing import NamedTuple
@@ -64,7 +65,7 @@ class Views(NamedTuple):
 class Table(NamedTuple):
     """Paths of links, `keep` rows for each receiver, strongest first."""
 
-    count: Int[np.ndarray, "r"]
+    found: Int[np.ndarray, "r"]
     """Paths of each receiver."""
     power: Float[np.ndarray, "q"]
     """Power gain by the setting's weights."""
@@ -321,8 +322,8 @@ def _enter(
 ) -> tuple[int, int]:
     """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
 
-    Rows of rank are power, length, directions at both ends and a number for the sequence of interactions: what
-    agrees in all is one path, found twice because it passes an end of a wall.
+    Rows of rank are power, length, directions at both ends and a number for the sequence of interactions:
+    what agrees in all is one path, found twice because it passes an end of a wall.
     """
     place = count
     while place > 0 and rank[place - 1, 0] < new[0]:
@@ -400,7 +401,7 @@ def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, f
 def _edge_bound(
     phi: float, phi_source: float, gap: float, wavenumber: float, before_m: float, after_m: float
 ) -> float:
-    """What the power behind an edge cannot exceed: |F| <= 1, |R| <= 1 and each term at most at its boundary."""
+    """What the power behind an edge cannot exceed: |F| <= 1, |R| <= 1, terms as on their boundaries."""
     n = gap / np.pi
     most = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
     total = 0.0
@@ -525,7 +526,7 @@ def trace_links(
                     who,
                     count,
                 )
-        table.count[i] = count
+        table.found[i] = count
         for j in range(count):
             node, corner, far_node, bounce = who[j]
             n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, room)

@@ -1,14 +1,16 @@
 """Radio paths of many links as columns: one row per path, the strongest of each link first.
 
-Angles are radians in the frame of the scene: azimuth counter-clockwise from +x, elevation up from the horizon.
-Departure directions leave the transmitter; arrival directions point from the receiver back along the path. Gains
-are between isotropic antennas, [theta, phi at the receiver, theta, phi at the transmitter] (`wireless.fields`).
+Angles are radians in the frame of the scene: azimuth counter-clockwise from +x, elevation up from the
+horizon. Departure directions leave the transmitter; arrival directions point from the receiver back along
+the path. Gains are between isotropic antennas, [theta, phi at the receiver, theta, phi at the transmitter]
+(`wireless.fields`).
 
-Link states are those of the reference data: of the paths above a power threshold, line of sight if the strongest
-has no interaction, first order if any has exactly one, higher order if all have more, outage if there are none.
+Link states are those of the reference data: of the paths above a power threshold, line of sight if the
+strongest has no interaction, first order if any has exactly one, higher order if all have more, outage if
+there are none.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from os import PathLike
 
@@ -95,7 +97,7 @@ class Paths:
 
     def select(self, mask: Bool[np.ndarray, "n"]) -> "Paths":
         """Some of the paths, of the same links."""
-        return Paths(**{f.name: self._part(f.name, mask) for f in fields(self)})
+        return replace(self, **{f.name: getattr(self, f.name)[mask] for f in fields(self)[3:]})
 
     def strongest(self, most: int = 1) -> "Paths":
         """At most so many paths of each link."""
@@ -187,10 +189,6 @@ class Paths:
             point=lists["point_m"].reshape(-1, width, 3),
             **plain,
         )
-
-    def _part(self, name: str, mask: Bool[np.ndarray, "n"]) -> object:
-        value = getattr(self, name)
-        return value if name in ("tx_position", "rx_position", "frequency_hz") else value[mask]
 
 
 def _lists(values: np.ndarray, width: int) -> pa.Array:

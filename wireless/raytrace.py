@@ -2,9 +2,9 @@
 
     paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
 
-A mesh that was extruded from a floor plan is traced as one: views through its exact outline in double precision
-(`wireless.beams`), joined and weighed per link (`wireless.links`). All of the building's own work (outline,
-corners, triangulation) is done once, when the tracer is made. Any other mesh is refused so far.
+A mesh that was extruded from a floor plan is traced as one: views through its exact outline in double
+precision (`wireless.beams`), joined and weighed per link (`wireless.links`). All of the building's own work
+(outline, corners, triangulation) is done once, when the tracer is made. Any other mesh is refused so far.
 
 Left out: transmission through walls, more than one diffraction on a path, scattering by rough walls.
 """
@@ -191,7 +191,7 @@ class Tracer:
         rows: list[list[tuple[Table, int]]],
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
-        owner = [np.repeat(np.arange(len(t.count)) + first, t.count) for row in rows for t, first in row]
+        owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
         sender = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
 
         def column(name: str) -> np.ndarray:
@@ -233,6 +233,6 @@ def _by_triangle(
 
 def _packed(table: Table) -> Table:
     """The same without the rows that no path fills."""
-    keep = len(table.power) // max(1, len(table.count))
-    used = (np.arange(keep) < table.count[:, None]).ravel()
-    return Table(table.count, *(column[used] for column in table[1:]))
+    keep = len(table.power) // max(1, len(table.found))
+    used = (np.arange(keep) < table.found[:, None]).ravel()
+    return Table(table.found, *(column[used] for column in table[1:]))

@@ -1,4 +1,4 @@
-"""Constrained triangulation of the plane: every wall is an edge, so that a view can be walked from wall to wall.
+"""Constrained triangulation of the plane: every wall is an edge, so that views can be walked.
 
 Points are inserted one by one into a Delaunay triangulation (Lawson's flips); then each wall that is not an
 edge yet is made one by flipping the edges that cross it (Sloan). Coordinates are integers of unlimited

@@ -6,7 +6,6 @@ from scipy.constants import speed_of_light
 from scipy.special import fresnel, jv, modfresnelm
 
 from wireless.diffraction import transition_over_root, wedge_terms
-from wireless.materials import permittivity
 from wireless.raytrace import Tracer, TracerConfig
 
 CARRIER_HZ = 28e9
@@ -69,7 +68,8 @@ def test_transition_function_is_its_integral():
 def test_half_plane_is_exact(soft, phi_source):
     """For a half-plane UTD of a plane wave is Sommerfeld's solution: equal to 1e-8 at any distance and angle.
 
-    Distances from a twentieth of a wavelength (measured 1.4e-9, the table's error); a wrong sign, factor or boundary is off by 1e-1.
+    Distances from a twentieth of a wavelength (measured 1.4e-9, the table's error); a wrong sign, factor or
+    boundary is off by 1e-1.
     """
     for rho in (0.0005, 0.01, 0.3, 20.0):
         for phi in np.linspace(0.01, 2 * np.pi - 0.01, 61):
@@ -102,7 +102,8 @@ def at_edge(tracer, tx, rx):
 def test_traced_half_plane_is_sommerfeld(extruded):
     """A metal sheet, a transmitter 900 m away: paths add up to the exact field of a plane wave, to 0.2 %.
 
-    Lit, reflecting and shadow side, 3 cm from the edge, where the wave is plane to k rho^2 / 2 s' = 3e-4 rad; measured 0.11 %.
+    Lit, reflecting and shadow side, 3 cm from the edge, where the wave is plane to k rho^2 / 2 s' = 3e-4
+    rad; measured 0.11 %.
     """
     tracer = Tracer(
         extruded([[(0.0, 0.0), (8.0, 0.0)]]), materials=("metal",), config=TracerConfig(max_reflections=1)
@@ -121,9 +122,9 @@ def test_traced_half_plane_is_sommerfeld(extruded):
 def test_field_is_continuous_across_shadow_and_reflection_boundaries(extruded, material, rise_m):
     """Paths appear and vanish where a receiver crosses a boundary, their sum does not jump: below 0.1 dB.
 
-    A wedge of 90 degrees with long faces. All boundaries (shadow, and reflection at either face) are crossed with
-    a step of a micrometre; each polarimetric sum moves by less than 0.1 dB of the strongest, also when rays meet
-    the edge at a slant. Measured 0.01 dB. Without diffraction the shadow boundary alone is 100 dB.
+    A wedge of 90 degrees with long faces. All boundaries (shadow, and reflection at either face) are crossed
+    with a step of a micrometre; each polarimetric sum moves by less than 0.1 dB of the strongest, also when
+    rays meet the edge at a slant. Measured 0.01 dB. Without diffraction the shadow boundary alone is 100 dB.
     """
     mesh = extruded([[(0.0, 0.0), (50.0, 0.0)], [(0.0, 0.0), (0.0, -50.0)]], high=4.0)
     tracer = Tracer(mesh, materials=(material,), config=TracerConfig(diffraction_reflections=0))

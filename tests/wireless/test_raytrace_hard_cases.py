@@ -94,7 +94,7 @@ def chain_length(walls, lines, tx, rx, chain):
         points.append(target := image + along * (target - image))
     points.append(tx)
     for k in range(len(points) - 1):
-        own = {wall for wall in (chain[::-1] + (-1,))[max(0, k - 1) : k + 1]}
+        own = set((*chain[::-1], -1)[max(0, k - 1) : k + 1])
         others = [line for i, line in enumerate(lines) if i not in own]
         if shapely.intersects(shapely.linestrings([points[k], points[k + 1]]), others).any():
             return None
@@ -198,7 +198,7 @@ def test_walls_a_millimetre_apart_are_two(extruded):
 
 
 def test_millimetre_legs_are_kept(extruded):
-    """A receiver half a millimetre off the wall gets its reflection, also at 28 GHz, a twentieth of a wave away."""
+    """A receiver half a millimetre off the wall gets its reflection, a twentieth of a wave away."""
     paths = trace(
         extruded([[(-5, 0), (5, 0)]]),
         np.array([[0, 2.0, 1.5]]),
@@ -210,14 +210,14 @@ def test_millimetre_legs_are_kept(extruded):
 
 
 def test_way_through_a_corner_of_the_room_counts_once(extruded, ring):
-    """Where an image's ray meets two walls in one point, either order is the same path: 4 k of order k still."""
+    """Where an image's ray meets two walls in one point, either order is one path: 4 k of order k still."""
     tx, rx = np.array([[5.2, 0.7, 1.5]]), np.array([[0.4, 0.4, 1.5]])
     paths = trace(extruded(ring(*ROOM)), tx, rx, **only_reflections(max_reflections=5))
     assert np.bincount(paths.order).tolist() == [1, 4, 8, 12, 16, 20]
 
 
 def test_staircase_of_cells_sees_what_geos_sees(extruded):
-    """A ring of 5 cm cells, 1000 walls as outlines of cells have them: line of sight as GEOS has it, 4000 pairs."""
+    """A ring of 5 cm cells, outlined by 1000 walls: line of sight as GEOS has it, for 4000 pairs."""
     cells = (np.arange(-90, 90) + 0.5) * 0.05
     radius = np.hypot(*np.meshgrid(cells, cells))
     free = (radius > 2) & (radius < 4)
