@@ -7,8 +7,9 @@ A wedge leaves open an angle n pi; angles phi' of the source and phi of the obse
 where F is the transition function and L the distance parameter. Each u is the angle to one shadow boundary,
 positive on its lit side; there cot diverges while F vanishes, and the product jumps by what geometrical
 optics loses. R_0 and R_n are the reflection ratios of the two faces (Luebbers), so that the sum is
-continuous across reflection boundaries too. They are taken at the smaller of the two angles to the face, which on the
-boundaries is the angle of incidence and makes the whole reciprocal, as Luebbers' own choice is not.
+continuous across reflection boundaries too. They are taken at the smaller of the two angles to the face,
+which on the boundaries is the angle of incidence and makes the whole reciprocal, as Luebbers' own choice is
+not.
 
 Left out: second-order diffraction, slope diffraction, creeping and surface waves, rough edges.
 References: R. G. Kouyoumjian and P. H. Pathak, Proc. IEEE 62 (1974), equations 25 to 29; R. J. Luebbers, IEEE

@@ -15,8 +15,8 @@ import shapely
 import trimesh
 from jaxtyping import Float, Int
 
-#: Triangles thinner than this [m] are dropped: they hide nothing, and their plane is anybody's guess.
-SLIVER_M = 1e-9
+from wireless.geometry import SLIVER_M, clusters
+
 #: How far from vertical or level a face may lean, as the sine of the angle.
 LEAN = 1e-6
 
@@ -98,9 +98,9 @@ def _walls(
     along *= np.where((along[:, 1] < -1e-9) | ((along[:, 1] < 1e-9) & (along[:, 0] < 0)), -1, 1)[:, None]
     normal = np.column_stack([-along[:, 1], along[:, 0]])
     place = xy[np.arange(len(xy)), longest]
-    group = _clusters(np.arctan2(along[:, 1], along[:, 0]), 1e-7)
-    group = _clusters(np.einsum("ij,ij->i", normal, place), snap_m, group)
-    group = _clusters(face_material[faces].astype(float), 0.5, group)
+    group = clusters(np.arctan2(along[:, 1], along[:, 0]), 1e-7)
+    group = clusters(np.einsum("ij,ij->i", normal, place), snap_m, group)
+    group = clusters(face_material[faces].astype(float), 0.5, group)
     walls, wall_face = [], []
     for members in np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1]):
         one = members[0]
@@ -116,19 +116,6 @@ def _walls(
             walls.append(origin + place[one] + span[:, None] * along[one])
             wall_face.append(faces[members[np.argmax(s.min(axis=1) >= span[0] - snap_m)]])
     return np.array(walls), np.array(wall_face)
-
-
-def _clusters(
-    value: Float[np.ndarray, "n"], gap: float, group: Int[np.ndarray, "n"] | None = None
-) -> Int[np.ndarray, "n"]:
-    """Number for each run of values, within each group, that has no gap between neighbours."""
-    if group is None:
-        group = np.zeros(len(value), int)
-    order = np.lexsort((value, group))
-    new = (np.diff(value[order], prepend=value[order[0]]) > gap) | (np.diff(group[order], prepend=0) != 0)
-    number = np.empty(len(value), int)
-    number[order] = np.cumsum(new)
-    return number - number.min()
 
 
 def _union(

@@ -83,7 +83,7 @@ class Table(NamedTuple):
     """Transmitter, interactions, receiver, around the plan's origin [m]; zeros beyond."""
 
 
-class _Room(NamedTuple):
+class Room(NamedTuple):
     """Arrays to work in."""
 
     flat: Float[np.ndarray, "m2 2"]
@@ -102,8 +102,8 @@ class _Room(NamedTuple):
 
 
 @compiled
-def _room(most: int) -> _Room:
-    return _Room(
+def make_room(most: int) -> Room:
+    return Room(
         np.zeros((most + 2, 2)),
         np.zeros(most, np.int64),
         np.zeros(most, np.int64),
@@ -182,7 +182,7 @@ def _lay_flat(
     far_image: Float[np.ndarray, "d 2"],
     far_view: Int[np.ndarray, "d 3"],
     far_node: int,
-    room: _Room,
+    room: Room,
 ) -> int:
     """Points of a path seen from above; its number of interactions."""
     flat, kind, thing = room.flat, room.flat_kind, room.flat_thing
@@ -213,7 +213,7 @@ def _lay_flat(
 
 
 @compiled
-def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: _Room) -> int:
+def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: Room) -> int:
     """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
 
     Args:
@@ -283,7 +283,7 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
 
 
 @compiled
-def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: _Room) -> tuple[float, float]:
+def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tuple[float, float]:
     """Length and power of the path in `room`, gain set; length -1 if it is none."""
     n = 1.0
     if corner >= 0:
@@ -317,7 +317,7 @@ def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: _Room) -> tu
 
 
 @compiled
-def _enter(
+def enter(
     rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k 4"], count: int, new: Float[np.ndarray, "5"]
 ) -> tuple[int, int]:
     """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
@@ -360,7 +360,7 @@ def _try_bounces(
     far_image: Float[np.ndarray, "d 2"],
     far_view: Int[np.ndarray, "d 3"],
     far_node: int,
-    room: _Room,
+    room: Room,
     rank: Float[np.ndarray, "k 5"],
     who: Int[np.ndarray, "k 4"],
     count: int,
@@ -381,7 +381,7 @@ def _try_bounces(
         new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0])
         new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0])
         new[4] = 1000 * m + bounce + (500 if corner >= 0 else 0)
-        count, place = _enter(rank, who, count, new)
+        count, place = enter(rank, who, count, new)
         if place >= 0:
             who[place, 0], who[place, 1], who[place, 2], who[place, 3] = node, corner, far_node, bounce
     return count
@@ -479,7 +479,7 @@ def trace_links(
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
             near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
-    room, rank, who = _room(most), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    room, rank, who = make_room(most), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]

@@ -2,27 +2,31 @@
 
     paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
 
-A mesh that was extruded from a floor plan is traced as one: views through its exact outline in double
-precision (`wireless.beams`), joined and weighed per link (`wireless.links`). All of the building's own work
-(outline, corners, triangulation) is done once, when the tracer is made. Any other mesh is refused so far.
+A mesh that was extruded from a floor plan is traced as one: views through its exact outline
+(`wireless.beams`), joined and weighed per link (`wireless.links`). Any other mesh is traced in space
+(`wireless.space`), slower, to the same paths. All decide in double precision. The building's own work
+(outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
 Left out: transmission through walls, more than one diffraction on a path, scattering by rough walls.
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Complex, Float, Int
 from scipy.constants import speed_of_light
 
-from wireless.extruded import find_extruded
-from wireless.links import Setting, Table, Views, trace_links, views_of
+from wireless.extruded import LEAN, Extruded, find_extruded
+from wireless.geometry import find_surfaces
+from wireless.links import Setting, Table, trace_links, views_of
 from wireless.materials import permittivity
 from wireless.paths import Paths
 from wireless.plan import Locator, make_plan
+from wireless.space import make_space, trace_space
 
 logger = logging.getLogger(__name__)
 
@@ -30,6 +34,10 @@ logger = logging.getLogger(__name__)
 CHUNK = 2048
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
+
+
+#: For each transmitter, tables of receivers in a row and the first one's number.
+Rows = list[list[tuple[Table, int]]]
 
 
 class SceneError(ValueError):
@@ -52,10 +60,14 @@ class TracerConfig:
     """Most paths of a link; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
+    scene: Literal["auto", "plan", "space"] = "auto"
+    """Trace as floor plan, in space, or as floor plan if it is one."""
     snap_m: float = 1e-6
     """Ends of walls closer than this are one [m]."""
 
     def __post_init__(self) -> None:
+        if self.scene not in ("auto", "plan", "space"):
+            raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
         for name, low in (("max_reflections", 0), ("diffraction_reflections", 0), ("max_paths", 1)):
             if getattr(self, name) < low:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected at least {low}.")
@@ -67,6 +79,89 @@ class TracerConfig:
             raise ValueError(
                 f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
             )
+
+
+class _PlanScene:
+    """A floor plan, and how its links are traced."""
+
+    def __init__(
+        self,
+        extruded: Extruded,
+        face_eps: Complex[np.ndarray, "n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        self.plan = make_plan(extruded.walls, config.snap_m)
+        self.extruded = extruded
+        self.origin = np.append(self.plan.origin, 0.0)
+        self._locate = Locator(self.plan, 2 * config.snap_m)
+        faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
+        self._setting = setting(face_eps[faces])._replace(
+            low_m=extruded.low_m,
+            high_m=extruded.high_m,
+            has_floor=config.floor_ceiling and extruded.floor_face >= 0,
+            has_ceiling=config.floor_ceiling and extruded.ceiling_face >= 0,
+        )
+        logger.info(
+            "Floor plan of %d walls and %d corners", len(extruded.walls), len(self.plan.corner_vertex)
+        )
+
+    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
+        """Paths of each transmitter, to receivers in chunks."""
+        low, high = self.extruded.low_m, self.extruded.high_m
+        for name, points in (("tx", tx), ("rx", rx)):
+            z = points[:, 2]
+            if not np.all((z >= low) & (z <= high)):
+                raise ValueError(
+                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between
+                    floor " "and ceiling. Trace other points with scene='space'."
+                )
+        tx_start, tx_triangle = self._locate(tx[:, :2])
+        rows: Rows = [[] for _ in tx]
+        for first in range(0, len(rx), CHUNK):
+            some = rx[first : first + CHUNK]
+            start, triangle = self._locate(some[:, :2])
+            order = self._setting.edge_reflections
+            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order)
+            targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
+            for i, one in enumerate(tx):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                table = trace_links(self.plan, self._setting, one, around, some, *targets, views)
+                rows[i].append((_packed(table), first))
+        return rows
+
+
+class _SpaceScene:
+    """Any triangles, and how links among them are traced."""
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        face_material: Int[np.ndarray, "n"],
+        face_eps: Complex[np.ndarray, "n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        self.origin = np.round(mesh.bounds.mean(axis=0), 3)
+        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(moved, face_material, config.snap_m)
+        mirrors = np.ones(len(surfaces.facet_face), bool)
+        if not config.floor_ceiling:
+            z = surfaces.facet_point[:, 2]
+            level = np.abs(surfaces.facet_normal[:, 2]) > 1 - LEAN
+            mirrors = ~(level & (np.isclose(z, moved.bounds[0, 2]) | np.isclose(z, moved.bounds[1, 2])))
+        self.space = make_space(surfaces, mirrors)
+        self._setting = setting(face_eps[surfaces.facet_face])
+        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+
+    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
+        """Paths of each transmitter, to receivers in chunks."""
+        rows: Rows = [[] for _ in tx]
+        for i, one in enumerate(tx):
+            for first in range(0, len(rx), CHUNK):
+                table = trace_space(self.space, self._setting, one, rx[first : first + CHUNK])
+                rows[i].append((_packed(table), first))
+        return rows
 
 
 class Tracer:
@@ -106,22 +201,19 @@ class Tracer:
                 f"face_material has shape {of_face.shape} and values {of_face.min()} to {of_face.max()}, "
                 f"expected ({n_faces},) and indices into {len(materials)} materials."
             )
-        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])
-        scene = find_extruded(mesh, of_face, self.config.snap_m)
-        if scene is None:
+        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
+        plan = None
+        if self.config.scene != "space":
+            plan = find_extruded(mesh, of_face, self.config.snap_m)
+        if plan is None and self.config.scene == "plan":
             raise SceneError(
-                "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling."
+                "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
+                "Trace it with scene='space'."
             )
-        self.scene = scene
-        self.plan = make_plan(scene.walls, self.config.snap_m)
-        self._locate = Locator(self.plan, 2 * self.config.snap_m)
-        self._setting = self._make_setting(eps[of_face])
-        logger.info(
-            "%d walls, %d corners, %d triangles",
-            len(scene.walls),
-            len(self.plan.corner_vertex),
-            len(self.plan.tri_vertex),
-        )
+        if plan is not None:
+            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, eps, self._setting, self.config)
+        else:
+            self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
 
     def trace(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Paths:
         """Paths of all links between transmitters and receivers.
@@ -134,47 +226,27 @@ class Tracer:
             Paths by transmitter, receiver and falling power.
 
         Raises:
-            ValueError: If a point is not finite, or neither between floor and ceiling.
+            ValueError: If a point is not finite, or in a floor plan not between floor and ceiling.
         """
-        tx, rx = np.atleast_2d(np.asarray(tx, float)), np.atleast_2d(np.asarray(rx, float))
+        tx, rx = np.asarray(tx, float), np.asarray(rx, float)
         for name, points in (("tx", tx), ("rx", rx)):
-            z = points[:, 2]
-            if not np.all((z >= self.scene.low_m) & (z <= self.scene.high_m)):
+            if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
                 raise ValueError(
-                    f"{name} has heights from {z.min()} to {z.max()} m, expected {self.scene.low_m} to "
-                    f"{self.scene.high_m} m, between floor and ceiling."
+                    f"{name} has shape {points.shape}, expected (n, 3) with finite positions [m]."
                 )
-        origin = np.append(self.plan.origin, 0.0)
-        tx_start, tx_triangle = self._locate((tx - origin)[:, :2])
-        rows: list[list[tuple[Table, int]]] = [[] for _ in tx]
-        for first in range(0, len(rx), CHUNK):
-            some = rx[first : first + CHUNK] - origin
-            start, triangle = self._locate(some[:, :2])
-            views = self._views(some, start, triangle)
-            target_start, target_list = _by_triangle(start, triangle, len(self.plan.tri_vertex))
-            for i, one in enumerate(tx - origin):
-                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                table = trace_links(
-                    self.plan, self._setting, one, around, some, target_start, target_list, views
-                )
-                rows[i].append((_packed(table), first))
-        return self._paths(tx, rx, rows)
+        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin)
+        return self._paths(tx, rx, tables)
 
-    def _views(
-        self, rx: Float[np.ndarray, "r 3"], start: Int[np.ndarray, "r1"], triangle: Int[np.ndarray, "s"]
-    ) -> Views:
-        return views_of(self.plan, rx[:, :2].copy(), start, triangle, self._setting.edge_reflections)
-
-    def _make_setting(self, face_eps: np.ndarray) -> Setting:
-        scene, config = self.scene, self.config
-        faces = np.append(scene.wall_face, [scene.floor_face, scene.ceiling_face])
+    def _setting(self, eps: Complex[np.ndarray, "n"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets of some permittivities."""
+        config = self.config
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         return Setting(
-            wall_eps=face_eps[faces],
-            low_m=scene.low_m,
-            high_m=scene.high_m,
-            has_floor=config.floor_ceiling and scene.floor_face >= 0,
-            has_ceiling=config.floor_ceiling and scene.ceiling_face >= 0,
+            wall_eps=eps,
+            low_m=0.0,
+            high_m=0.0,
+            has_floor=False,
+            has_ceiling=False,
             wavenumber=2 * np.pi * self.frequency_hz / speed_of_light,
             max_reflections=config.max_reflections,
             edge_reflections=config.diffraction_reflections if config.diffraction else -1,
@@ -188,7 +260,7 @@ class Tracer:
         self,
         tx: Float[np.ndarray, "n_tx 3"],
         rx: Float[np.ndarray, "n_rx 3"],
-        rows: list[list[tuple[Table, int]]],
+        rows: Rows,
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
         owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
@@ -200,7 +272,7 @@ class Tracer:
         order, point = column("order"), column("point")
         row = np.arange(len(order))
         out, back = point[row, 1] - point[row, 0], point[row, order] - point[row, order + 1]
-        inner = point[:, 1:-1] + np.append(self.plan.origin, 0.0)
+        inner = point[:, 1:-1] + self.scene.origin
         inner[np.arange(inner.shape[1]) >= order[:, None]] = np.nan
         return Paths(
             tx_position=tx,

@@ -174,9 +174,17 @@ def test_ends_can_be_swapped(extruded, ring):
         np.testing.assert_allclose(one.delay_s[clear], other.delay_s[clear], rtol=1e-12)
 
 
-def test_slanted_mesh_is_refused_by_name(extruded):
-    """A tilted wall is no floor plan; an empty mesh is none either."""
+def test_unusable_input_is_named(extruded):
+    """Empty meshes, materials without faces, points that are no positions or above the ceiling."""
     mesh = extruded([[(0, 0), (1, 0)]])
-    mesh.vertices[2] += (0, 0.5, 0)
-    with pytest.raises(SceneError, match="no extruded floor plan"):
-        Tracer(mesh)
+    with pytest.raises(SceneError, match="0 faces"):
+        Tracer(type(mesh)())
+    with pytest.raises(ValueError, match="indices into 1 materials"):
+        Tracer(mesh, face_material=np.array([0, 1]))
+    with pytest.raises(ValueError, match="did you mean|Did you mean"):
+        Tracer(mesh, materials=("drywal",))
+    tracer = Tracer(mesh)
+    with pytest.raises(ValueError, match="rx has heights from 9"):
+        tracer.trace(np.array([[0.0, 1, 1]]), np.array([[0.0, 1, 9]]))
+    with pytest.raises(ValueError, match="finite positions"):
+        tracer.trace(np.array([[0.0, 1, np.nan]]), np.array([[0.0, 1, 1]]))
