@@ -9,6 +9,7 @@ T-junctions nor walls that stand on a larger floor make edges that are none.
 Left out: triangles that cross each other between their sides.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -131,7 +132,7 @@ def _pieces_of_lines(
         ends = np.sort(np.column_stack([start[members] @ along, stop[members] @ along]), axis=1)
         cuts = np.sort(ends.ravel())
         cuts = cuts[np.append(True, np.diff(cuts) > snap_m)]
-        for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+        for low, high in pairwise(cuts):
             here = members[(ends[:, 0] < (low + high) / 2) & (ends[:, 1] > (low + high) / 2)]
             if len(here):
                 around = [(int(facet[i // 3]), inward[i]) for i in here]

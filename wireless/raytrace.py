@@ -113,8 +113,8 @@ class _PlanScene:
             z = points[:, 2]
             if not np.all((z >= low) & (z <= high)):
                 raise ValueError(
-                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between
-                    floor " "and ceiling. Trace other points with scene='space'."
+                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
+                    "floor and ceiling. Trace other points with scene='space'."
                 )
         tx_start, tx_triangle = self._locate(tx[:, :2])
         rows: Rows = [[] for _ in tx]

@@ -181,7 +181,7 @@ def test_unusable_input_is_named(extruded):
         Tracer(type(mesh)())
     with pytest.raises(ValueError, match="indices into 1 materials"):
         Tracer(mesh, face_material=np.array([0, 1]))
-    with pytest.raises(ValueError, match="did you mean|Did you mean"):
+    with pytest.raises(ValueError, match="Did you mean"):
         Tracer(mesh, materials=("drywal",))
     tracer = Tracer(mesh)
     with pytest.raises(ValueError, match="rx has heights from 9"):

@@ -65,7 +65,7 @@ def test_floor_plan_and_space_find_the_same_paths(extruded, walls, floor_ceiling
 
 
 def test_tilted_scene_keeps_lengths_and_powers(extruded, walls):
-    """Turned about a slanted axis nothing is upright: the same delays, and the same power over all polarisations.
+    """Turned about a slanted axis nothing is upright: same delays, same power over all polarisations.
 
     Only there do reflections and edges mix all field components; a wrong basis changes the sum of squares.
     """
@@ -87,7 +87,7 @@ def test_tilted_scene_keeps_lengths_and_powers(extruded, walls):
 
 
 def test_furniture_is_seen_over_and_bent_around_at_its_top(extruded, ring):
-    """A table-high block in a room: no floor plan. Above it there is sight, behind it four rims carry the field.
+    """A table-high block in a room: no floor plan. Above it there is sight, behind it rims diffract.
 
     Over the near and the far top rim the ways are those unfolded over these edges, by hand.
     """
@@ -107,7 +107,7 @@ def test_furniture_is_seen_over_and_bent_around_at_its_top(extruded, ring):
 
 
 def test_sight_past_random_triangles_is_that_of_brute_force():
-    """400 random triangles, 3000 segments, far from the origin too: hidden exactly where some triangle crosses.
+    """400 random triangles, 3000 segments, far from the origin too: hidden where some triangle crosses.
 
     Judge: signed volumes of the five tetrahedra, all triangles at once, no tree.
     """
@@ -140,7 +140,7 @@ def test_facets_and_edges_of_a_cut_and_doubled_box():
 
 
 def test_wall_on_a_floor_has_no_edge_at_its_foot(extruded):
-    """One sheet on a larger floor, sharing no vertex with it: edges at its top and sides, 360 degrees, not below."""
+    """One sheet on a larger floor, sharing no vertex with it: edges at its top and sides, not below."""
     wall = extruded([[(0, 0), (4, 0)]])
     floor = trimesh.Trimesh(
         [(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)], [(0, 1, 2), (0, 2, 3)], process=False
