@@ -54,7 +54,8 @@ def cast(
     target_list: Int[np.ndarray, "tr"],
     target_order: int,
     corner_order: int,
-) -> tuple[Float[np.ndarray, "b 2"], Int[np.ndarray, "b 3"], Int[np.ndarray, "h 2"], Int[np.ndarray, "c 2"]]:
+    max_through: int,
+) -> tuple[Float[np.ndarray, "b 2"], Int[np.ndarray, "b 5"], Int[np.ndarray, "h 2"], Int[np.ndarray, "c 2"]]:
     """All views of one source, with the targets and corners in each.
 
     Args:
@@ -66,16 +67,18 @@ def cast(
         target_list: Targets by triangle.
         target_order: Most reflections on the way to a target.
         corner_order: Most reflections on the way to a corner.
+        max_through: Most walls to pass on any way.
 
     Returns:
         image: Mirrored source of each view; the first is the source itself.
-        view: Wall it was mirrored at last, the view before it, and its number of reflections.
+        view: Wall that it was mirrored at or passed last, the view before it (-1 for none), its numbers of
+            reflections and of walls passed, and 1 if that wall was passed.
         hit: Pairs of target and view.
         corner_hit: Pairs of corner and view.
     """
     vertex, tri_vertex, tri_next, tri_wall = plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall
     tri_corner, wall_point, wall_along = plan.tri_corner, plan.wall_point, plan.wall_along
-    image, view = np.empty((64, 2)), np.empty((64, 3), np.int64)
+    image, view = np.empty((64, 2)), np.empty((64, 5), np.int64)
     begin, sector = np.empty((64, 2), np.int64), np.empty((64, 4))
     stack, stack_sector = np.empty((256, 2), np.int64), np.empty((256, 4))
     hit, corner_hit = np.empty((256, 2), np.int64), np.empty((256, 2), np.int64)
@@ -83,7 +86,7 @@ def cast(
     stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
     sight = np.empty(4)
     max_order = max(target_order, corner_order)
-    image[0], view[0, 0], view[0, 1], view[0, 2] = source, -1, -1, 0
+    image[0], view[0, :2], view[0, 2:] = source, -1, 0
     now = 0
     while now < n_views:
         x, y, order = image[now, 0], image[now, 1], view[now, 2]
@@ -163,7 +166,22 @@ def cast(
                     stack_sector[depth, 0], stack_sector[depth, 1] = rx, ry
                     stack_sector[depth, 2], stack_sector[depth, 3] = lx, ly
                     depth += 1
-                elif order < max_order:
+                    continue
+                if view[now, 3] < max_through and tri_next[t, i] >= 0:
+                    if n_views == len(image):
+                        image, sector = _longer(image), _longer(sector)
+                        view, begin = _longer_ints(view), _longer_ints(begin)
+                    u, back = tri_next[t, i], 0
+                    while tri_next[u, back] != t:
+                        back += 1
+                    image[n_views], view[n_views] = image[now], view[now]
+                    view[n_views, 0], view[n_views, 1], view[n_views, 4] = w, now, 1
+                    view[n_views, 3] += 1
+                    begin[n_views, 0], begin[n_views, 1] = u, back
+                    sector[n_views, 0], sector[n_views, 1] = rx, ry
+                    sector[n_views, 2], sector[n_views, 3] = lx, ly
+                    n_views += 1
+                if order < max_order:
                     nx, ny = -wall_along[w, 1], wall_along[w, 0]
                     off = (x - wall_point[w, 0]) * nx + (y - wall_point[w, 1]) * ny
                     if abs(off) < NEAR_M:
@@ -173,6 +191,7 @@ def cast(
                         view, begin = _longer_ints(view), _longer_ints(begin)
                     image[n_views, 0], image[n_views, 1] = x - 2 * off * nx, y - 2 * off * ny
                     view[n_views, 0], view[n_views, 1], view[n_views, 2] = w, now, order + 1
+                    view[n_views, 3], view[n_views, 4] = view[now, 3], 0
                     begin[n_views, 0], begin[n_views, 1] = t, i
                     off = (lx - wall_point[w, 0]) * nx + (ly - wall_point[w, 1]) * ny
                     sector[n_views, 0], sector[n_views, 1] = lx - 2 * off * nx, ly - 2 * off * ny

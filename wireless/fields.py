@@ -7,10 +7,11 @@ has gain +1 for theta to theta and -1 for phi to phi (straight up and down, wher
 All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfolded length, and behind an
 edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
 
-Walls are half-spaces. At an edge the field splits along and around it (b0 and phi of UTD); the two faces
-reflect as whole walls would, with their plane of incidence, also when the ray meets the edge at a slant.
+Walls are half-spaces, or layers of one thickness. At an edge the field splits along and around it (b0 and phi
+of UTD); the two faces reflect as whole walls would, with their plane of incidence, also when the ray meets the
+edge at a slant.
 
-Left out: slabs, antennas (`wireless.antenna`), more than one edge per path.
+Left out: walls of several layers, antennas (`wireless.antenna`), more than one edge per path.
 References: ITU-R P.2040-4, equation (37) (see `wireless.fresnel`); `wireless.diffraction`.
 """
 
@@ -20,41 +21,63 @@ from jaxtyping import Complex, Float, Int
 from wireless.compiled import compiled
 from wireless.diffraction import wedge_terms
 
-REFLECTION, DIFFRACTION = 1, 2
+REFLECTION, DIFFRACTION, TRANSMISSION = 1, 2, 4
 #: Ways shorter than this [m] are none, and have no direction.
 NOWHERE_M = 1e-9
 
 
 @compiled
-def fresnel(cos_i: float, eps: complex) -> tuple[complex, complex]:
-    """Reflection ratios r_te, r_tm of a half-space: `wireless.fresnel.reflection` for one ray."""
+def fresnel(
+    cos_i: float, eps: complex, wavenumber: float, thickness_m: float
+) -> tuple[complex, complex, complex, complex]:
+    """Ratios r_te, r_tm, t_te, t_tm of a wall: `wireless.fresnel.slab` for one ray.
+
+    A thickness of 0 stands for a half-space, `wireless.fresnel.reflection`. Transmission ratios are over the
+    field that would be there without the wall.
+    """
     p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)
     if p.imag > 0:
         p = -p
     te, tm = cos_i + p, eps * cos_i + p
+    r_te = (cos_i - p) / te if te != 0 else 0j
+    r_tm = (eps * cos_i - p) / tm if tm != 0 else 0j
+    if thickness_m == 0:
+        return r_te, r_tm, 0j, 0j
+    once, free = np.exp(-1j * wavenumber * thickness_m * p), np.exp(1j * wavenumber * thickness_m * cos_i)
+    many_te, many_tm = 1 - r_te**2 * once**2, 1 - r_tm**2 * once**2
     return (
-        (cos_i - p) / te if te != 0 else 0j,
-        (eps * cos_i - p) / tm if tm != 0 else 0j,
+        r_te * (1 - once**2) / many_te,
+        r_tm * (1 - once**2) / many_tm,
+        (1 - r_te**2) * once * free / many_te,
+        (1 - r_tm**2) * once * free / many_tm,
     )
 
 
 @compiled
-def reflect(
+def meet_wall(
     field: Complex[np.ndarray, "2 3"],
     way: Float[np.ndarray, "3"],
     normal: Float[np.ndarray, "3"],
     eps: complex,
+    wavenumber: float,
+    thickness_m: float,
+    through: bool,
 ) -> None:
-    """Turn two fields into what a wall reflects of them, in place.
+    """Turn two fields into what a wall reflects or lets through, in place.
 
     Args:
         field: Electric fields of the incoming wave.
         way: Unit direction of the incoming wave.
         normal: Unit normal of the wall, of any side.
         eps: Relative permittivity of the wall.
+        wavenumber: 2 pi over the wavelength [1/m].
+        thickness_m: Thickness of the wall, 0 for a half-space.
+        through: Whether the wave goes on rather than being reflected.
     """
     c = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]
-    te, tm = fresnel(min(abs(c), 1.0), eps)
+    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), eps, wavenumber, thickness_m)
+    if through:
+        te, tm, c = t_te, t_tm, 0.0  # straight on: the direction behind is the one before
     sx = way[1] * normal[2] - way[2] * normal[1]
     sy = way[2] * normal[0] - way[0] * normal[2]
     sz = way[0] * normal[1] - way[1] * normal[0]
@@ -99,7 +122,13 @@ def _angle(way: Float[np.ndarray, "3"], wedge: Float[np.ndarray, "3 3"], n: floa
 
 @compiled
 def _face_ratios(
-    phi: float, phi_source: float, cos_b0: float, sin_b0: float, eps: complex
+    phi: float,
+    phi_source: float,
+    cos_b0: float,
+    sin_b0: float,
+    eps: complex,
+    wavenumber: float,
+    thickness_m: float,
 ) -> tuple[complex, complex, complex]:
     """Reflection of a face in the coordinates of its edge, angles counted from that face.
 
@@ -112,7 +141,7 @@ def _face_ratios(
     """
     sine = np.sin(min(phi, phi_source))
     cos_i = min(abs(sin_b0 * sine), 1.0)
-    te, tm = fresnel(cos_i, eps)
+    te, tm, _, _ = fresnel(cos_i, eps, wavenumber, thickness_m)
     q2 = 1 - cos_i * cos_i
     if q2 < 1e-14:
         return -te, -tm, 0j
@@ -130,6 +159,7 @@ def diffract(
     n: float,
     eps: Complex[np.ndarray, "2"],
     wavenumber: float,
+    thickness_m: float,
     before_m: float,
     after_m: float,
     work: Float[np.ndarray, "4 3"],
@@ -144,6 +174,7 @@ def diffract(
         n: Open angle over pi.
         eps: Relative permittivities of 0-face and n-face.
         wavenumber: 2 pi over the wavelength [1/m].
+        thickness_m: Thickness of the faces' walls, 0 for half-spaces.
         before_m: Unfolded distance s' from the source.
         after_m: Unfolded distance s to the observer.
         work: Room for vectors.
@@ -157,8 +188,10 @@ def diffract(
     distance = before_m * after_m * sin_b0 * sin_b0 / (before_m + after_m)
     tie = NOWHERE_M * (1 / before_m + 1 / after_m) / sin_b0
     direct, on_0, on_n = wedge_terms(phi, phi_source, n, wavenumber, distance, sin_b0, tie)
-    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0])
-    bb_n, ff_n, bf_n = _face_ratios(n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1])
+    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0], wavenumber, thickness_m)
+    bb_n, ff_n, bf_n = _face_ratios(
+        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1], wavenumber, thickness_m
+    )
     d_bb = -direct + on_0 * bb_0 + on_n * bb_n
     d_ff = -direct + on_0 * ff_0 + on_n * ff_n
     d_bf = on_0 * bf_0 + on_n * bf_n
@@ -199,6 +232,7 @@ def path_gain(
     wedge_n: float,
     wedge_eps: Complex[np.ndarray, "2"],
     wavenumber: float,
+    thickness_m: float,
     gain: Complex[np.ndarray, "2 2"],
     work: Float[np.ndarray, "w 3"],
     field: Complex[np.ndarray, "2 3"],
@@ -207,7 +241,7 @@ def path_gain(
 
     Args:
         points: Transmitter, interaction points, receiver [m]; first count + 2 rows.
-        kinds: `REFLECTION` or `DIFFRACTION` at each interaction point.
+        kinds: `REFLECTION`, `DIFFRACTION` or `TRANSMISSION` at each interaction point.
         count: Number of interactions.
         normals: Unit normals of reflecting walls.
         eps: Relative permittivities of reflecting walls.
@@ -215,6 +249,7 @@ def path_gain(
         wedge_n: Open angle of the wedge over pi.
         wedge_eps: Relative permittivities of its faces.
         wavenumber: 2 pi over the wavelength [1/m].
+        thickness_m: Thickness of all walls, 0 for half-spaces.
         gain: Takes the result: [theta, phi at the receiver, theta, phi at the transmitter].
         work: Room for 8 vectors.
         field: Room for two fields.
@@ -242,14 +277,27 @@ def path_gain(
     for i in range(3):
         field[0, i], field[1, i] = work[6, i], work[7, i]
     for j in range(count):
-        if kinds[j] == REFLECTION:
-            reflect(field, way, normals[j], eps[j])
-            c = 2 * _dot(way, normals[j])
+        if kinds[j] != DIFFRACTION:
+            through = kinds[j] == TRANSMISSION
+            meet_wall(field, way, normals[j], eps[j], wavenumber, thickness_m, through)
+            c = 0.0 if through else 2 * _dot(way, normals[j])
             for i in range(3):
                 out[i] = way[i] - c * normals[j, i]
         else:
             _unit(points, j + 1, out)
-            diffract(field, way, out, wedge, wedge_n, wedge_eps, wavenumber, before, total - before, work[:4])
+            diffract(
+                field,
+                way,
+                out,
+                wedge,
+                wedge_n,
+                wedge_eps,
+                wavenumber,
+                thickness_m,
+                before,
+                total - before,
+                work[:4],
+            )
         for i in range(3):
             way[i] = out[i]
     spread = 1 / total

@@ -14,7 +14,7 @@ from jaxtyping import Complex, Float, Int
 
 from wireless.beams import cast
 from wireless.compiled import compiled
-from wireless.fields import DIFFRACTION, NOWHERE_M, REFLECTION, path_gain
+from wireless.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION, path_gain
 from wireless.plan import Plan
 
 
@@ -37,6 +37,10 @@ class Setting(NamedTuple):
     """Most reflections on a path without diffraction."""
     edge_reflections: int
     """Most reflections on a path with diffraction; -1 for no diffraction."""
+    max_through: int
+    """Most walls that a path passes."""
+    thickness_m: float
+    """Thickness of all walls; 0 for half-spaces."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -54,7 +58,7 @@ class Views(NamedTuple):
     """Where each point's views begin, and an end."""
     image: Float[np.ndarray, "b 2"]
     """See `wireless.beams.cast`."""
-    chain: Int[np.ndarray, "b 3"]
+    chain: Int[np.ndarray, "b 5"]
     """As view of `wireless.beams.cast`; views before count from the point's first one."""
     hit_start: Int[np.ndarray, "r1"]
     """Where each point's corners begin, and an end."""
@@ -103,6 +107,7 @@ class Room(NamedTuple):
 
 @compiled
 def make_room(most: int) -> Room:
+    """Arrays for paths of so many interactions."""
     return Room(
         np.zeros((most + 2, 2)),
         np.zeros(most, np.int64),
@@ -127,6 +132,7 @@ def views_of(
     start: Int[np.ndarray, "r1"],
     start_list: Int[np.ndarray, "s"],
     corner_order: int,
+    max_through: int,
 ) -> Views:
     """Views of many points onto corners.
 
@@ -136,16 +142,19 @@ def views_of(
         start: Where each point's triangles begin in start_list, and an end.
         start_list: Triangles around points.
         corner_order: Most reflections on the way to a corner.
+        max_through: Most walls to pass on the way.
     """
     n = len(points)
     view_start, hit_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
-    image, view = np.empty((1024, 2)), np.empty((1024, 3), np.int64)
+    image, view = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
     hits = np.empty((1024, 2), np.int64)
     nobody, empty = np.empty((0, 2)), np.empty(0, np.int64)
     nothing = np.zeros(len(plan.tri_vertex) + 1, np.int64)
     for i in range(n):
         around = start_list[start[i] : start[i + 1]]
-        one, one_view, _, one_hit = cast(plan, around, points[i], nobody, nothing, empty, -1, corner_order)
+        one, one_view, _, one_hit = cast(
+            plan, around, points[i], nobody, nothing, empty, -1, corner_order, max_through
+        )
         v, h = view_start[i], hit_start[i]
         view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)
         while len(image) < v + len(one):
@@ -176,17 +185,17 @@ def _lay_flat(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "3"],
     image: Float[np.ndarray, "b 2"],
-    view: Int[np.ndarray, "b 3"],
+    view: Int[np.ndarray, "b 5"],
     node: int,
     corner: int,
     far_image: Float[np.ndarray, "d 2"],
-    far_view: Int[np.ndarray, "d 3"],
+    far_view: Int[np.ndarray, "d 5"],
     far_node: int,
     room: Room,
 ) -> int:
     """Points of a path seen from above; its number of interactions."""
     flat, kind, thing = room.flat, room.flat_kind, room.flat_thing
-    n = view[node, 2]
+    n = view[node, 2] + view[node, 3]
     x, y = rx[0], rx[1]
     if corner >= 0:
         x, y = plan.vertex[plan.corner_vertex[corner], 0], plan.vertex[plan.corner_vertex[corner], 1]
@@ -196,15 +205,15 @@ def _lay_flat(
     for j in range(n, 0, -1):
         x, y = _mirror_point(plan, view[node, 0], image[node], x, y)
         flat[j, 0], flat[j, 1] = x, y
-        kind[j - 1], thing[j - 1] = REFLECTION, view[node, 0]
+        kind[j - 1], thing[j - 1] = TRANSMISSION if view[node, 4] else REFLECTION, view[node, 0]
         node = view[node, 1]
     if corner >= 0:
         n += 1
         x, y = cx, cy
-        while far_view[far_node, 2] > 0:
+        while far_view[far_node, 1] >= 0:
             x, y = _mirror_point(plan, far_view[far_node, 0], far_image[far_node], x, y)
             flat[n + 1, 0], flat[n + 1, 1] = x, y
-            kind[n], thing[n] = REFLECTION, far_view[far_node, 0]
+            kind[n], thing[n] = TRANSMISSION if far_view[far_node, 4] else REFLECTION, far_view[far_node, 0]
             far_node = far_view[far_node, 1]
             n += 1
     flat[0, 0], flat[0, 1] = tx[0], tx[1]
@@ -272,7 +281,7 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
             setting.low_m + level,
         )
         room.kind[m], room.thing[m] = room.flat_kind[j], room.flat_thing[j]
-        if room.kind[m] == REFLECTION:
+        if room.kind[m] != DIFFRACTION:
             wall = room.thing[m]
             room.normal[m, 0], room.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
             room.normal[m, 2] = 0.0
@@ -304,6 +313,7 @@ def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tup
         n,
         room.wedge_eps,
         setting.wavenumber,
+        setting.thickness_m,
         room.gain,
         room.work,
         room.field,
@@ -354,11 +364,11 @@ def _try_bounces(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "3"],
     image: Float[np.ndarray, "b 2"],
-    view: Int[np.ndarray, "b 3"],
+    view: Int[np.ndarray, "b 5"],
     node: int,
     corner: int,
     far_image: Float[np.ndarray, "d 2"],
-    far_view: Int[np.ndarray, "d 3"],
+    far_view: Int[np.ndarray, "d 5"],
     far_node: int,
     room: Room,
     rank: Float[np.ndarray, "k 5"],
@@ -367,7 +377,9 @@ def _try_bounces(
 ) -> int:
     """Enter a flat path into the list, with each allowed number of reflections at floor and ceiling."""
     n = _lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, room)
-    most = setting.max_reflections - n if corner < 0 else setting.edge_reflections - (n - 1)
+    most = setting.max_reflections - view[node, 2]
+    if corner >= 0:
+        most = setting.edge_reflections - view[node, 2] - far_view[far_node, 2]
     up = min(most, 1 if not setting.has_floor else most) if setting.has_ceiling else 0
     down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
     new = np.empty(5)
@@ -451,7 +463,7 @@ def trace_links(
         target_list: Receivers by triangle.
         far: Views of the receivers onto corners.
     """
-    most = max(setting.max_reflections, setting.edge_reflections + 1, 1)
+    most = max(setting.max_reflections, setting.edge_reflections + 1, 1) + setting.max_through
     n_rx, keep = len(rx), setting.keep
     table = Table(
         np.zeros(n_rx, np.int64),
@@ -472,6 +484,7 @@ def trace_links(
         target_list,
         setting.max_reflections,
         setting.edge_reflections,
+        setting.max_through,
     )
     hit_start, hit_view = _by_first(hit, n_rx)
     near_start, near_view = _by_first(corner_hit, len(plan.corner_vertex))
@@ -501,6 +514,8 @@ def trace_links(
             for j in range(near_start[corner], near_start[corner + 1]):
                 node = near_view[j]
                 if view[node, 2] + far_view[far_node, 2] > setting.edge_reflections:
+                    continue
+                if view[node, 3] + far_view[far_node, 3] > setting.max_through:
                     continue
                 before = near_sight[j, 0]
                 if before < NOWHERE_M or after < NOWHERE_M:

@@ -7,7 +7,8 @@ A mesh that was extruded from a floor plan is traced as one: views through its e
 (`wireless.space`), slower, to the same paths. All decide in double precision. The building's own work
 (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
-Left out: transmission through walls, more than one diffraction on a path, scattering by rough walls.
+Left out: transmission through walls other than those of floor plans, more than one diffraction on a path,
+scattering by rough walls.
 """
 
 import logging
@@ -56,6 +57,10 @@ class TracerConfig:
     """Most reflections, before and after together, on a path with diffraction."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
+    max_transmissions: int = 0
+    """Most walls that a path goes straight through; needs wall_thickness_m. In floor plans only."""
+    wall_thickness_m: float | None = None
+    """Thickness of all walls, which are layers then [m]; None for half-spaces."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -68,9 +73,21 @@ class TracerConfig:
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "space"):
             raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
-        for name, low in (("max_reflections", 0), ("diffraction_reflections", 0), ("max_paths", 1)):
+        for name, low in (
+            ("max_reflections", 0),
+            ("diffraction_reflections", 0),
+            ("max_transmissions", 0),
+            ("max_paths", 1),
+        ):
             if getattr(self, name) < low:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected at least {low}.")
+        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
+            raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
+        if self.max_transmissions and self.wall_thickness_m is None:
+            raise ValueError(
+                f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
+                "Give wall_thickness_m, such as 0.1."
+            )
         if self.polarisation not in POLARISATIONS:
             raise ValueError(
                 f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
@@ -122,7 +139,8 @@ class _PlanScene:
             some = rx[first : first + CHUNK]
             start, triangle = self._locate(some[:, :2])
             order = self._setting.edge_reflections
-            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order)
+            through = self._setting.max_through
+            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
             targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
             for i, one in enumerate(tx):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
@@ -142,6 +160,8 @@ class _SpaceScene:
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
+        if config.max_transmissions:
+            raise SceneError("Transmission is traced in extruded floor plans only, and this mesh is none.")
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
         surfaces = find_surfaces(moved, face_material, config.snap_m)
@@ -250,6 +270,8 @@ class Tracer:
             wavenumber=2 * np.pi * self.frequency_hz / speed_of_light,
             max_reflections=config.max_reflections,
             edge_reflections=config.diffraction_reflections if config.diffraction else -1,
+            max_through=config.max_transmissions,
+            thickness_m=config.wall_thickness_m or 0.0,
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,

@@ -212,7 +212,7 @@ def _lay(
     facets: Int[np.ndarray, "m"],
     room: Room,
 ) -> int:
-    """Put a path into `room`; its number of interactions, or -1 if there is none. Legs may be hidden still."""
+    """Put a path into `room`; its number of interactions, -1 if there is none. Legs may be hidden."""
     n, m = chain[node, 2], chain[node, 2]
     target = rx
     if edge >= 0:
@@ -260,6 +260,7 @@ def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, f
         n,
         room.wedge_eps,
         setting.wavenumber,
+        setting.thickness_m,
         room.gain,
         room.work,
         room.field,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from wireless.fresnel import reflection
+from wireless.fresnel import reflection, slab
 from wireless.materials import permittivity
 from wireless.paths import Interaction
 from wireless.raytrace import SceneError, Tracer, TracerConfig
@@ -188,3 +188,59 @@ def test_unusable_input_is_named(extruded):
         tracer.trace(np.array([[0.0, 1, 1]]), np.array([[0.0, 1, 9]]))
     with pytest.raises(ValueError, match="finite positions"):
         tracer.trace(np.array([[0.0, 1, np.nan]]), np.array([[0.0, 1, 1]]))
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 35.0, 80.0])
+def test_walls_let_through_what_a_layer_does(extruded, angle_deg):
+    """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
+
+    Vertical fields are TE and horizontal ones TM. Judge: the layer of `wireless.fresnel`, whose phase includes
+    the way through the wall that a ray without it would have had; that is taken off. To 1e-8.
+    """
+    walls, thickness = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]], 0.08
+    across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3
+    tx = np.array([[0.0, -1.0, 1.5]])
+    options = {"max_reflections": 0, "diffraction": False, "wall_thickness_m": thickness}
+    assert len(Tracer(extruded(walls), config=TracerConfig(**options)).trace(tx, tx + across)) == 0
+    config = TracerConfig(max_transmissions=2, **options)
+    paths = Tracer(extruded(walls), config=config).trace(tx, tx + across)
+    assert paths.order == [2] and (paths.interaction[0, :2] == Interaction.TRANSMISSION).all()
+    k, length = 2 * np.pi / WAVELENGTH_M, np.linalg.norm(across)
+    cos_i = np.cos(np.radians([angle_deg]))
+    _, _, *through = slab(cos_i, EPS, thickness, CARRIER_HZ)
+    t_te, t_tm = (t[0] * np.exp(1j * k * thickness * cos_i[0]) for t in through)
+    free = np.exp(-1j * k * length) / (2 * k * length)
+    np.testing.assert_allclose(paths.gain[0], np.diag([t_te**2, -(t_tm**2)]) * free, rtol=1e-8, atol=1e-18)
+
+
+def test_reflections_and_passed_walls_combine(extruded, ring):
+    """A box cut by a partition, from one room to the other: every path passes the partition just once.
+
+    All of the box's images whose way crosses the partition (or a mirrored one) once are there, among those that
+    the partition reflects as well; and ends can be swapped.
+    """
+    mesh = extruded(np.concatenate([ring(*ROOM), [[(2.5, 0), (2.5, 4)]]]))
+    config = TracerConfig(
+        diffraction=False, max_transmissions=1, wall_thickness_m=0.1, max_reflections=3, max_paths=200
+    )
+    tracer = Tracer(mesh, config=config)
+    tx, rx = np.array([[1.3, 2.9, 1.5]]), np.array([[4.7, 1.1, 1.5]])
+    paths = tracer.trace(tx, rx)
+    passed = (paths.interaction == Interaction.TRANSMISSION).sum(axis=1)
+    assert (passed == 1).all()
+    delays = np.sort(paths.delay_s)
+    once = [
+        delay
+        for order, delay, way, _, _ in images_in_a_box(tx[0], rx[0], ROOM_SIZE, 3, (0, 1))
+        if partition_crossings(tx[0, 0], way[0] * delay * speed_of_light) == 1
+    ]
+    assert len(once) > 8
+    assert np.abs(delays[:, None] - np.array(once)).min(axis=0).max() < 1e-15
+    np.testing.assert_allclose(np.sort(tracer.trace(rx, tx).delay_s), delays, atol=1e-18)
+
+
+def partition_crossings(start, run):
+    """How often a way that runs so far along the box's long side meets the partition or its mirror images."""
+    cells = np.arange(-10, 10)
+    planes = np.concatenate([12.0 * cells + 2.5, 12.0 * cells - 2.5])
+    return int(((planes - start) * (planes - start - run) < 0).sum())
