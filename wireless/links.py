@@ -106,8 +106,31 @@ class Room(NamedTuple):
 
 
 @compiled
-def make_room(most: int) -> Room:
-    """Arrays for paths of so many interactions."""
+def most_interactions(setting: Setting) -> int:
+    """How many interactions a path can have."""
+    return max(setting.max_reflections, setting.edge_reflections + 1, 1) + setting.max_through
+
+
+@compiled
+def make_table(setting: Setting, n_rx: int) -> Table:
+    """Table with room for all paths of so many receivers, and none in it."""
+    most, rows = most_interactions(setting), n_rx * setting.keep
+    return Table(
+        np.zeros(n_rx, np.int64),
+        np.zeros(rows),
+        np.zeros((rows, 2, 2), np.complex128),
+        np.zeros(rows),
+        np.zeros(rows, np.int64),
+        np.zeros((rows, most), np.int64),
+        np.full((rows, most), -1, np.int64),
+        np.zeros((rows, most + 2, 3)),
+    )
+
+
+@compiled
+def make_room(setting: Setting) -> Room:
+    """Arrays to work out one path in."""
+    most = most_interactions(setting)
     return Room(
         np.zeros((most + 2, 2)),
         np.zeros(most, np.int64),
@@ -123,6 +146,22 @@ def make_room(most: int) -> Room:
         np.zeros((8, 3)),
         np.zeros((2, 3), np.complex128),
     )
+
+
+@compiled
+def write_row(table: Table, row: int, length_m: float, power: float, m: int, room: Room) -> None:
+    """Put the path of m interactions in `room` into a table."""
+    table.length_m[row], table.power[row] = length_m, power
+    table.gain[row], table.order[row] = room.gain, m
+    table.kind[row, :m], table.thing[row, :m] = room.kind[:m], room.thing[:m]
+    table.point[row, : m + 2] = room.point[: m + 2]
+
+
+@compiled
+def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
+    """Power of a path by the setting's weights of polarisations."""
+    power = setting.vertical * abs(gain[0, 0]) ** 2 + setting.horizontal * abs(gain[1, 1]) ** 2
+    return power + setting.crossed * (abs(gain[0, 1]) ** 2 + abs(gain[1, 0]) ** 2)
 
 
 @compiled
@@ -320,10 +359,7 @@ def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tup
     )
     if length < 0:
         return length, 0.0
-    g = room.gain
-    power = setting.vertical * abs(g[0, 0]) ** 2 + setting.horizontal * abs(g[1, 1]) ** 2
-    power += setting.crossed * (abs(g[0, 1]) ** 2 + abs(g[1, 0]) ** 2)
-    return length, power
+    return length, weighted(setting, room.gain)
 
 
 @compiled
@@ -463,18 +499,7 @@ def trace_links(
         target_list: Receivers by triangle.
         far: Views of the receivers onto corners.
     """
-    most = max(setting.max_reflections, setting.edge_reflections + 1, 1) + setting.max_through
-    n_rx, keep = len(rx), setting.keep
-    table = Table(
-        np.zeros(n_rx, np.int64),
-        np.zeros(n_rx * keep),
-        np.zeros((n_rx * keep, 2, 2), np.complex128),
-        np.zeros(n_rx * keep),
-        np.zeros(n_rx * keep, np.int64),
-        np.zeros((n_rx * keep, most), np.int64),
-        np.full((n_rx * keep, most), -1, np.int64),
-        np.zeros((n_rx * keep, most + 2, 3)),
-    )
+    n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx))
     image, view, hit, corner_hit = cast(
         plan,
         around_tx,
@@ -492,7 +517,7 @@ def trace_links(
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
             near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
-    room, rank, who = make_room(most), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    room, rank, who = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]
@@ -546,9 +571,6 @@ def trace_links(
             node, corner, far_node, bounce = who[j]
             n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, room)
             m = _raise(plan, setting, tx[2], rx[i, 2], n, bounce, room)
-            q = i * keep + j
-            table.length_m[q], table.power[q] = _weigh(plan, setting, corner, m, room)
-            table.gain[q], table.order[q] = room.gain, m
-            table.kind[q, :m], table.thing[q, :m] = room.kind[:m], room.thing[:m]
-            table.point[q, : m + 2] = room.point[: m + 2]
+            length, power = _weigh(plan, setting, corner, m, room)
+            write_row(table, i * keep + j, length, power, m, room)
     return table

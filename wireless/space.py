@@ -18,7 +18,17 @@ from jaxtyping import Bool, Float, Int
 from wireless.compiled import compiled
 from wireless.fields import DIFFRACTION, REFLECTION, path_gain
 from wireless.geometry import Surfaces
-from wireless.links import Room, Setting, Table, enter, make_room
+from wireless.links import (
+    Room,
+    Setting,
+    Table,
+    enter,
+    make_room,
+    make_table,
+    most_interactions,
+    weighted,
+    write_row,
+)
 from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, planes
 
 
@@ -267,9 +277,7 @@ def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, f
     )
     if length < 0:
         return length, 0.0
-    g = room.gain
-    power = setting.vertical * abs(g[0, 0]) ** 2 + setting.horizontal * abs(g[1, 1]) ** 2
-    return length, power + setting.crossed * (abs(g[0, 1]) ** 2 + abs(g[1, 0]) ** 2)
+    return length, weighted(setting, room.gain)
 
 
 @compiled
@@ -315,23 +323,12 @@ def trace_space(
         tx: Position of the transmitter, around the space's origin [m].
         rx: Positions of receivers.
     """
-    most = max(setting.max_reflections, setting.edge_reflections + 1, 1)
-    n_rx, keep = len(rx), setting.keep
-    table = Table(
-        np.zeros(n_rx, np.int64),
-        np.zeros(n_rx * keep),
-        np.zeros((n_rx * keep, 2, 2), np.complex128),
-        np.zeros(n_rx * keep),
-        np.zeros(n_rx * keep, np.int64),
-        np.zeros((n_rx * keep, most), np.int64),
-        np.full((n_rx * keep, most), -1, np.int64),
-        np.zeros((n_rx * keep, most + 2, 3)),
-    )
+    keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
     image, chain = mirror_chains(space, tx, max(setting.max_reflections, setting.edge_reflections))
     n_edges = len(space.surfaces.edge) if setting.edge_reflections >= 0 else 0
-    room, rank, best = make_room(most), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    room, rank, best = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     points, facets = np.empty((most, 3)), np.empty(most, np.int64)
-    for r in range(n_rx):
+    for r in range(len(rx)):
         here, count = rx[r], 0
         far_image, far_chain = mirror_chains(space, here, max(setting.edge_reflections, 0))
         for node in range(len(image)):
@@ -368,9 +365,6 @@ def trace_space(
             m = _lay(
                 space, tx, here, image, chain, node, edge, far_image, far_chain, far, points, facets, room
             )
-            q = r * keep + j
-            table.length_m[q], table.power[q] = _weigh(space, setting, m, room)
-            table.gain[q], table.order[q] = room.gain, m
-            table.kind[q, :m], table.thing[q, :m] = room.kind[:m], room.thing[:m]
-            table.point[q, : m + 2] = room.point[: m + 2]
+            length, power = _weigh(space, setting, m, room)
+            write_row(table, r * keep + j, length, power, m, room)
     return table

@@ -194,8 +194,8 @@ def test_unusable_input_is_named(extruded):
 def test_walls_let_through_what_a_layer_does(extruded, angle_deg):
     """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
 
-    Vertical fields are TE and horizontal ones TM. Judge: the layer of `wireless.fresnel`, whose phase includes
-    the way through the wall that a ray without it would have had; that is taken off. To 1e-8.
+    Vertical fields are TE and horizontal ones TM. Judge: the layer of `wireless.fresnel`, less the phase of
+    the way through the wall, which a ray drawn straight on has already. To 1e-8.
     """
     walls, thickness = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]], 0.08
     across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3
