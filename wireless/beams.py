@@ -64,7 +64,7 @@ def _narrowed(
     y: float,
     out: Float[np.ndarray, "4"],
 ) -> bool:
-    """What a view that came into triangle t by side e sees of side i: bounds into `out`; False for nothing."""
+    """What a view that came into triangle t by side e sees of side i, into `out`; False for nothing."""
     right, left = plan.vertex[plan.tri_vertex[t, (i + 1) % 3]], plan.vertex[plan.tri_vertex[t, (i + 2) % 3]]
     out[0], out[1], out[2], out[3] = right[0], right[1], left[0], left[1]
     if e >= 0:  # one end of this side is the tip, the other one an end of the side we came by

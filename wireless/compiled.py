@@ -1,11 +1,11 @@
 """How inner loops are compiled.
 
-Loops over triangles and paths are compiled by numba at their first call (about a minute for all), and kept on
-disk for the next run. They let go of the interpreter lock, so that threads may trace side by side. Type checkers
-that wrap functions (as the tests do) are taken off first: the compiler reads plain functions only.
+Loops over triangles and paths are compiled by numba at their first call (about a minute for all), and kept
+on disk for the next run. They let go of the interpreter lock, so that threads may trace side by side. Type
+checkers that wrap functions (as the tests do) are taken off first: the compiler reads plain functions only.
 
-Numba compiles what a function calls into it, from other files too, but notices changes of its own file only. So
-what is kept is thrown away here whenever any source of this package has changed.
+Numba compiles what a function calls into it, from other files too, but notices changes of its own file only.
+So what is kept is thrown away here whenever any source of this package has changed.
 """
 
 import contextlib

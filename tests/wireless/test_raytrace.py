@@ -216,8 +216,8 @@ def test_walls_let_through_what_a_layer_does(extruded, angle_deg):
 def test_reflections_and_passed_walls_combine(extruded, ring):
     """A box cut by a partition, from one room to the other: every path passes the partition just once.
 
-    All of the box's images whose way crosses the partition (or a mirrored one) once are there, among those that
-    the partition reflects as well; and ends can be swapped.
+    All of the box's images whose way crosses the partition (or a mirrored one) once are there, among those
+    that the partition reflects as well; and ends can be swapped.
     """
     mesh = extruded(np.concatenate([ring(*ROOM), [[(2.5, 0), (2.5, 4)]]]))
     config = TracerConfig(
