@@ -45,66 +45,6 @@ def _within(
 
 
 @compiled
-def _push(pairs: Int[np.ndarray, "n 2"], n: int, first: int, second: int) -> Int[np.ndarray, "m 2"]:
-    """The same array, or a longer copy, with a new row n."""
-    if n == len(pairs):
-        pairs = _longer_ints(pairs)
-    pairs[n, 0], pairs[n, 1] = first, second
-    return pairs
-
-
-@compiled
-def _narrowed(
-    plan: Plan,
-    t: int,
-    e: int,
-    i: int,
-    sight: Float[np.ndarray, "4"],
-    x: float,
-    y: float,
-    out: Float[np.ndarray, "4"],
-) -> bool:
-    """What a view that came into triangle t by side e sees of side i, into `out`; False for nothing."""
-    right, left = plan.vertex[plan.tri_vertex[t, (i + 1) % 3]], plan.vertex[plan.tri_vertex[t, (i + 2) % 3]]
-    out[0], out[1], out[2], out[3] = right[0], right[1], left[0], left[1]
-    if e >= 0:  # one end of this side is the tip, the other one an end of the side we came by
-        tip = plan.vertex[plan.tri_vertex[t, e]]
-        _, from_right, from_left = _within(sight, x, y, tip[0], tip[1])
-        if i == (e + 1) % 3:  # from the tip to the right
-            if from_right <= 0:
-                return False
-            out[0], out[1] = sight[0], sight[1]
-            if from_left < 0:
-                out[2], out[3] = sight[2], sight[3]
-        else:
-            if from_left <= 0:
-                return False
-            out[2], out[3] = sight[2], sight[3]
-            if from_right < 0:
-                out[0], out[1] = sight[0], sight[1]
-    ax, ay, bx, by = out[0] - x, out[1] - y, out[2] - x, out[3] - y
-    wide = ax * by - ay * bx
-    return wide > 0 and wide * wide > NARROW_RAD**2 * (ax * ax + ay * ay) * (bx * bx + by * by)
-
-
-@compiled
-def _side_to(plan: Plan, u: int, t: int) -> int:
-    """Side of triangle u behind which triangle t lies."""
-    side = 0
-    while plan.tri_next[u, side] != t:
-        side += 1
-    return side
-
-
-@compiled
-def _mirrored(plan: Plan, wall: int, x: float, y: float) -> tuple[float, float, float]:
-    """A point mirrored at a wall's line, and its distance from there."""
-    nx, ny = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
-    off = (x - plan.wall_point[wall, 0]) * nx + (y - plan.wall_point[wall, 1]) * ny
-    return x - 2 * off * nx, y - 2 * off * ny, abs(off)
-
-
-@compiled
 def cast(
     plan: Plan,
     start: Int[np.ndarray, "s"],
@@ -136,13 +76,17 @@ def cast(
         hit: Pairs of target and view.
         corner_hit: Pairs of corner and view.
     """
+    # One long function on arrays of its own: calls that hand the plan on cost five times as much in counting
+    # references to its arrays.
+    vertex, tri_vertex, tri_next, tri_wall = plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall
+    tri_corner, wall_point, wall_along = plan.tri_corner, plan.wall_point, plan.wall_along
     image, view = np.empty((64, 2)), np.empty((64, 5), np.int64)
     begin, sector = np.empty((64, 2), np.int64), np.empty((64, 4))
     stack, stack_sector = np.empty((256, 2), np.int64), np.empty((256, 4))
     hit, corner_hit = np.empty((256, 2), np.int64), np.empty((256, 2), np.int64)
     n_views, n_hits, n_corner_hits = 1, 0, 0
     stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
-    sight, seen = np.empty(4), np.empty(4)
+    sight = np.empty(4)
     max_order = max(target_order, corner_order)
     image[0], view[0, :2], view[0, 2:] = source, -1, 0
     now = 0
@@ -166,47 +110,95 @@ def cast(
                     p = target_list[j]
                     if stamp[p] != now and (inside or _within(sight, x, y, target[p, 0], target[p, 1])[0]):
                         stamp[p] = now
-                        hit = _push(hit, n_hits, p, now)
+                        if n_hits == len(hit):
+                            hit = _longer_ints(hit)
+                        hit[n_hits, 0], hit[n_hits, 1] = p, now
                         n_hits += 1
             if order <= corner_order:
                 for i in range(3):
-                    c = plan.tri_corner[t, i]
+                    c = tri_corner[t, i]
                     if c < 0 or corner_stamp[c] == now or not (inside or i == e):
                         continue
-                    v = plan.vertex[plan.tri_vertex[t, i]]
-                    if inside or _within(sight, x, y, v[0], v[1])[0]:
+                    v = tri_vertex[t, i]
+                    if inside or _within(sight, x, y, vertex[v, 0], vertex[v, 1])[0]:
                         corner_stamp[c] = now
-                        corner_hit = _push(corner_hit, n_corner_hits, c, now)
+                        if n_corner_hits == len(corner_hit):
+                            corner_hit = _longer_ints(corner_hit)
+                        corner_hit[n_corner_hits, 0], corner_hit[n_corner_hits, 1] = c, now
                         n_corner_hits += 1
             for i in range(3):
-                if i == e or not _narrowed(plan, t, e, i, sight, x, y, seen):
+                if i == e:
                     continue
-                wall, u = plan.tri_wall[t, i], plan.tri_next[t, i]
-                if wall < 0:
-                    if u >= 0:
-                        if depth == len(stack):
-                            stack, stack_sector = _longer_ints(stack), _longer(stack_sector)
-                        stack[depth, 0], stack[depth, 1] = u, _side_to(plan, u, t)
-                        stack_sector[depth] = seen
-                        depth += 1
+                right, left = vertex[tri_vertex[t, (i + 1) % 3]], vertex[tri_vertex[t, (i + 2) % 3]]
+                rx, ry, lx, ly = right[0], right[1], left[0], left[1]
+                if not inside:  # one end of this side is the tip, the other one an end of the side we came by
+                    tip = vertex[tri_vertex[t, e]]
+                    _, from_right, from_left = _within(sight, x, y, tip[0], tip[1])
+                    if i == (e + 1) % 3:  # from the tip to the right
+                        if from_right <= 0:
+                            continue
+                        rx, ry = sight[0], sight[1]
+                        if from_left < 0:
+                            lx, ly = sight[2], sight[3]
+                        else:
+                            lx, ly = tip[0], tip[1]
+                    else:
+                        if from_left <= 0:
+                            continue
+                        lx, ly = sight[2], sight[3]
+                        if from_right < 0:
+                            rx, ry = sight[0], sight[1]
+                        else:
+                            rx, ry = tip[0], tip[1]
+                ax, ay, bx, by = rx - x, ry - y, lx - x, ly - y
+                wide = ax * by - ay * bx
+                if wide <= 0 or wide * wide <= NARROW_RAD**2 * (ax * ax + ay * ay) * (bx * bx + by * by):
                     continue
-                if n_views + 2 > len(image):
-                    image, sector = _longer(image), _longer(sector)
-                    view, begin = _longer_ints(view), _longer_ints(begin)
-                if view[now, 3] < max_through and u >= 0:
-                    image[n_views], sector[n_views] = image[now], seen
-                    begin[n_views, 0], begin[n_views, 1] = u, _side_to(plan, u, t)
-                    view[n_views, 0], view[n_views, 1], view[n_views, 2] = wall, now, order
-                    view[n_views, 3], view[n_views, 4] = view[now, 3] + 1, 1
+                w = tri_wall[t, i]
+                if w < 0:
+                    u = tri_next[t, i]
+                    if u < 0:
+                        continue
+                    if depth == len(stack):
+                        stack, stack_sector = _longer_ints(stack), _longer(stack_sector)
+                    back = 0
+                    while tri_next[u, back] != t:
+                        back += 1
+                    stack[depth, 0], stack[depth, 1] = u, back
+                    stack_sector[depth, 0], stack_sector[depth, 1] = rx, ry
+                    stack_sector[depth, 2], stack_sector[depth, 3] = lx, ly
+                    depth += 1
+                    continue
+                if view[now, 3] < max_through and tri_next[t, i] >= 0:
+                    if n_views == len(image):
+                        image, sector = _longer(image), _longer(sector)
+                        view, begin = _longer_ints(view), _longer_ints(begin)
+                    u, back = tri_next[t, i], 0
+                    while tri_next[u, back] != t:
+                        back += 1
+                    image[n_views], view[n_views] = image[now], view[now]
+                    view[n_views, 0], view[n_views, 1], view[n_views, 4] = w, now, 1
+                    view[n_views, 3] += 1
+                    begin[n_views, 0], begin[n_views, 1] = u, back
+                    sector[n_views, 0], sector[n_views, 1] = rx, ry
+                    sector[n_views, 2], sector[n_views, 3] = lx, ly
                     n_views += 1
-                mx, my, off = _mirrored(plan, wall, x, y)
-                if order < max_order and off >= NEAR_M:
-                    image[n_views, 0], image[n_views, 1] = mx, my
-                    begin[n_views, 0], begin[n_views, 1] = t, i
-                    sector[n_views, 0], sector[n_views, 1], _ = _mirrored(plan, wall, seen[2], seen[3])
-                    sector[n_views, 2], sector[n_views, 3], _ = _mirrored(plan, wall, seen[0], seen[1])
-                    view[n_views, 0], view[n_views, 1], view[n_views, 2] = wall, now, order + 1
+                if order < max_order:
+                    nx, ny = -wall_along[w, 1], wall_along[w, 0]
+                    off = (x - wall_point[w, 0]) * nx + (y - wall_point[w, 1]) * ny
+                    if abs(off) < NEAR_M:
+                        continue
+                    if n_views == len(image):
+                        image, sector = _longer(image), _longer(sector)
+                        view, begin = _longer_ints(view), _longer_ints(begin)
+                    image[n_views, 0], image[n_views, 1] = x - 2 * off * nx, y - 2 * off * ny
+                    view[n_views, 0], view[n_views, 1], view[n_views, 2] = w, now, order + 1
                     view[n_views, 3], view[n_views, 4] = view[now, 3], 0
+                    begin[n_views, 0], begin[n_views, 1] = t, i
+                    off = (lx - wall_point[w, 0]) * nx + (ly - wall_point[w, 1]) * ny
+                    sector[n_views, 0], sector[n_views, 1] = lx - 2 * off * nx, ly - 2 * off * ny
+                    off = (rx - wall_point[w, 0]) * nx + (ry - wall_point[w, 1]) * ny
+                    sector[n_views, 2], sector[n_views, 3] = rx - 2 * off * nx, ry - 2 * off * ny
                     n_views += 1
         now += 1
     return image[:n_views], view[:n_views], hit[:n_hits], corner_hit[:n_corner_hits]

@@ -8,8 +8,8 @@ All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfo
 edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
 
 Walls are half-spaces, or layers of one thickness. At an edge the field splits along and around it (b0 and
-phi of UTD); the two faces reflect as whole walls would, with their plane of incidence, also when the ray meets
-the edge at a slant.
+phi of UTD); the two faces reflect as whole walls would, with their plane of incidence, also when the ray
+meets the edge at a slant.
 
 Left out: walls of several layers, antennas (`wireless.antenna`), more than one edge per path.
 References: ITU-R P.2040-4, equation (37) (see `wireless.fresnel`); `wireless.diffraction`.
