@@ -1,0 +1,142 @@
+"""Diffraction against Sommerfeld's exact half-plane, the exact wedge as a series, and its own continuity."""
+
+import numpy as np
+import pytest
+from scipy.constants import speed_of_light
+from scipy.special import fresnel, jv, modfresnelm
+
+from wireless.diffraction import transition_over_root, wedge_terms
+from wireless.raytrace import Tracer, TracerConfig
+
+CARRIER_HZ = 28e9
+K = 2 * np.pi * CARRIER_HZ / speed_of_light
+
+
+def half_plane(rho, phi, phi_source, soft):
+    """Total field of a unit plane wave at a conducting half-plane by Sommerfeld (1896), phase 0 at the edge.
+
+    u = e^(j pi/4) / sqrt(pi) [G(-a-) e^(j k rho cos b-) -+ G(-a+) e^(j k rho cos b+)], G(a) = integral of
+    e^(-j t^2) from a to infinity, a = sqrt(2 k rho) cos(b / 2).
+    """
+    total = 0
+    for sign, beta in ((1, phi - phi_source), (-1 if soft else 1, phi + phi_source)):
+        a = np.sqrt(2 * K * rho) * np.cos(beta / 2)
+        tail = np.where(
+            a < 0, modfresnelm(np.abs(a))[0], np.sqrt(np.pi) * np.exp(-0.25j * np.pi) - modfresnelm(a)[0]
+        )
+        total = total + sign * tail * np.exp(1j * K * rho * np.cos(beta))
+    return np.exp(0.25j * np.pi) / np.sqrt(np.pi) * total
+
+
+def wedge_series(rho, phi, phi_source, n, soft):
+    """Total field of a unit plane wave at a conducting wedge, by eigenfunctions: the exact solution.
+
+    u = 4 / n sum of [1/2 if m = 0] e^(j pi m / 2n) J_(m/n)(k rho) sin or cos (m phi / n) (m phi' / n).
+    """
+    m = np.arange(int(n * (K * rho + 60)))
+    radial = np.where(m == 0, 0.5, 1.0) * np.exp(0.5j * np.pi * m / n) * jv(m / n, K * rho)
+    wave = np.sin if soft else np.cos
+    return 4 / n * (radial * wave(m * phi / n) * wave(m * phi_source / n)).sum()
+
+
+def utd_total(rho, phi, phi_source, n, soft):
+    """Geometrical optics and UTD of the same plane wave: L = rho, spreading 1 / sqrt(rho)."""
+    sign = -1 if soft else 1
+    total = 0j
+    if abs(phi - phi_source) < np.pi:
+        total += np.exp(1j * K * rho * np.cos(phi - phi_source))
+    if phi + phi_source < np.pi:
+        total += sign * np.exp(1j * K * rho * np.cos(phi + phi_source))
+    if phi + phi_source > (2 * n - 1) * np.pi:
+        total += sign * np.exp(1j * K * rho * np.cos(2 * n * np.pi - phi - phi_source))
+    direct, on_0, on_n = wedge_terms(phi, phi_source, n, K, rho, 1.0, 1e-12)
+    return total + (direct + sign * (on_0 + on_n)) * np.exp(-1j * K * rho) / np.sqrt(rho)
+
+
+def test_transition_function_is_its_integral():
+    """F(t^2) / t against the Fresnel integrals of SciPy: 5e-9 at most (measured 3e-9), table and series."""
+    t = np.concatenate([np.linspace(0.0, 7.999, 401), np.linspace(8.0, 30.0, 50)])
+    s, c = fresnel(t * np.sqrt(2 / np.pi))
+    tail = np.sqrt(np.pi / 2) * ((0.5 - c) - 1j * (0.5 - s))
+    got = np.array([transition_over_root(float(x)) for x in t])
+    np.testing.assert_allclose(got[t < 5], (2j * np.exp(1j * t**2) * tail)[t < 5], rtol=5e-9, atol=0)
+    np.testing.assert_allclose(got, 2j * np.exp(1j * t**2) * modfresnelm(t)[0], rtol=5e-9, atol=0)
+
+
+@pytest.mark.parametrize("soft", [True, False])
+@pytest.mark.parametrize("phi_source", [0.4, 1.5, 2.9])
+def test_half_plane_is_exact(soft, phi_source):
+    """For a half-plane UTD of a plane wave is Sommerfeld's solution: equal to 1e-8 at any distance and angle.
+
+    Distances from a twentieth of a wavelength (measured 1.4e-9, the table's error); a wrong sign, factor or
+    boundary is off by 1e-1.
+    """
+    for rho in (0.0005, 0.01, 0.3, 20.0):
+        for phi in np.linspace(0.01, 2 * np.pi - 0.01, 61):
+            exact = half_plane(rho, phi, phi_source, soft)
+            assert abs(utd_total(rho, phi, phi_source, 2.0, soft) - exact) < 1e-8
+
+
+@pytest.mark.parametrize("soft", [True, False])
+@pytest.mark.parametrize("n", [1.5, 1.75, 1.2])
+def test_wedge_meets_the_exact_series(soft, n):
+    """Eigenfunction series of a conducting wedge, 8 wavelengths away: within 0.1 % of the incident field.
+
+    UTD drops terms of order 1 / (k rho)^(3/2); measured 8e-4 at most. Without diffraction the error is 1.
+    """
+    rho = 8 * 2 * np.pi / K
+    for phi_source in (0.3, 1.1, 2.0):
+        for phi in np.linspace(0.05, n * np.pi - 0.05, 43):
+            exact = wedge_series(rho, phi, phi_source, n, soft)
+            assert abs(utd_total(rho, phi, phi_source, n, soft) - exact) < 1e-3
+
+
+def at_edge(tracer, tx, rx):
+    """Sum of all gains (theta, theta), per receiver."""
+    paths = tracer.trace(np.atleast_2d(tx), rx)
+    total = np.zeros((len(rx), 2, 2), complex)
+    np.add.at(total, paths.rx, paths.gain)
+    return total
+
+
+def test_traced_half_plane_is_sommerfeld(extruded):
+    """A metal sheet, a transmitter 900 m away: paths add up to the exact field of a plane wave, to 0.2 %.
+
+    Lit, reflecting and shadow side, 3 cm from the edge, where the wave is plane to k rho^2 / 2 s' = 3e-4
+    rad; measured 0.11 %.
+    """
+    tracer = Tracer(
+        extruded([[(0.0, 0.0), (8.0, 0.0)]]), materials=("metal",), config=TracerConfig(max_reflections=1)
+    )
+    phi_source, far, rho = 1.1, 900.0, 0.03
+    phi = np.linspace(0.05, 2 * np.pi - 0.05, 60)
+    rx = np.column_stack([rho * np.cos(phi), rho * np.sin(phi), np.full(60, 1.5)])
+    got = at_edge(tracer, far * np.array([np.cos(phi_source), np.sin(phi_source), 1.5 / far]), rx)[:, 0, 0]
+    incident = np.exp(-1j * K * far) / (2 * K * far)
+    exact = np.array([half_plane(rho, p, phi_source, True) for p in phi])
+    assert np.abs(got / incident - exact).max() < 2e-3
+
+
+@pytest.mark.parametrize("material", ["metal", "drywall", "concrete"])
+@pytest.mark.parametrize("rise_m", [0.0, 1.7])
+def test_field_is_continuous_across_shadow_and_reflection_boundaries(extruded, material, rise_m):
+    """Paths appear and vanish where a receiver crosses a boundary, their sum does not jump: below 0.1 dB.
+
+    A wedge of 90 degrees with long faces. All boundaries (shadow, and reflection at either face) are crossed
+    with a step of a micrometre; each polarimetric sum moves by less than 0.1 dB of the strongest, also when
+    rays meet the edge at a slant. Measured 0.01 dB. Without diffraction the shadow boundary alone is 100 dB.
+    """
+    mesh = extruded([[(0.0, 0.0), (50.0, 0.0)], [(0.0, 0.0), (0.0, -50.0)]], high=4.0)
+    tracer = Tracer(mesh, materials=(material,), config=TracerConfig(diffraction_reflections=0))
+    source = np.radians(40.0)
+    tx = np.array([3.0 * np.cos(source), 3.0 * np.sin(source), 1.0])
+    both_faces = np.radians(120.0)
+    tx_both = np.array([3.0 * np.cos(both_faces), 3.0 * np.sin(both_faces), 1.0])
+    for position, boundaries in ((tx, (180 + 40, 180 - 40)), (tx_both, (180 - 120, 360 - 120))):
+        for boundary in boundaries:
+            angle = np.radians(boundary) + np.array([-1, 1]) * 1e-6 / 2
+            rx = np.column_stack([2 * np.cos(angle), 2 * np.sin(angle), np.full(2, 1.0 + rise_m)])
+            before, after = at_edge(tracer, position, rx)
+            count = tracer.trace(position[None], rx).count()[0]
+            assert count[0] != count[1]
+            assert np.abs(after - before).max() < (10 ** (0.1 / 20) - 1) * np.abs(before).max()

@@ -1,0 +1,160 @@
+"""Whether two points see each other past triangles, in double precision: a box tree walked per segment.
+
+A triangle hides what lies strictly on both sides of its plane, if the way between meets it or passes within
+`NEAR_M` of it. So ways may start, end and turn on triangles, or run in their planes, whatever the length,
+and cracks below `NEAR_M` are shut. Single-precision ray engines need an offset for this, which is what loses
+short ways and leaks far from the origin.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.compiled import compiled
+
+#: What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it.
+NEAR_M = 1e-9
+LEAF = 4
+
+
+class Tree(NamedTuple):
+    """Boxes of triangles, each with two boxes inside or a few triangles."""
+
+    low: Float[np.ndarray, "b 3"]
+    """Lowest corner of each box [m]."""
+    high: Float[np.ndarray, "b 3"]
+    """Highest corner of each box [m]."""
+    child: Int[np.ndarray, "b 2"]
+    """Two boxes; or -1 minus the first triangle, and the number of triangles."""
+    triangle: Float[np.ndarray, "t 3 3"]
+    """Corners of triangles, in the tree's order [m]."""
+    normal: Float[np.ndarray, "t 3"]
+    """Unit normals."""
+    inward: Float[np.ndarray, "t 3 3"]
+    """Unit vectors in the plane, into the triangle from each side (corner k to k + 1)."""
+
+
+def planes(
+    triangle: Float[np.ndarray, "t 3 3"],
+) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3 3"]]:
+    """Unit normals, and unit vectors into each triangle from its three sides."""
+    side = np.roll(triangle, -1, axis=1) - triangle
+    normal = np.cross(side[:, 0], side[:, 1])
+    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+    inward = np.cross(normal[:, None], side)
+    return normal, inward / np.linalg.norm(inward, axis=2)[..., None]
+
+
+def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
+    """Sort triangles into boxes, halving them along the longest side of the box of their centres."""
+    normal, inward = planes(triangle)
+    centre = triangle.mean(axis=1)
+    low, high = triangle.min(axis=1) - NEAR_M * 4, triangle.max(axis=1) + NEAR_M * 4
+    order: list[int] = []
+    boxes: list[tuple[np.ndarray, np.ndarray]] = []
+    children: list[tuple[int, int]] = []
+    waiting = [(np.arange(len(triangle)), -1, 0)]
+    while waiting:
+        members, parent, which = waiting.pop()
+        me = len(boxes)
+        boxes.append((low[members].min(axis=0), high[members].max(axis=0)))
+        if parent >= 0:
+            pair = list(children[parent])
+            pair[which] = me
+            children[parent] = (pair[0], pair[1])
+        if len(members) <= LEAF:
+            children.append((-1 - len(order), len(members)))
+            order += members.tolist()
+            continue
+        children.append((0, 0))
+        axis = int(np.argmax(np.ptp(centre[members], axis=0)))
+        members = members[np.argsort(centre[members, axis], kind="stable")]
+        half = len(members) // 2
+        waiting += [(members[:half], me, 0), (members[half:], me, 1)]
+    return Tree(
+        low=np.array([box[0] for box in boxes]),
+        high=np.array([box[1] for box in boxes]),
+        child=np.array(children, np.int64),
+        triangle=triangle[order],
+        normal=normal[order],
+        inward=inward[order],
+    )
+
+
+@compiled
+def _box_missed(
+    low: Float[np.ndarray, "3"],
+    high: Float[np.ndarray, "3"],
+    p: Float[np.ndarray, "3"],
+    q: Float[np.ndarray, "3"],
+) -> bool:
+    enter, leave = 0.0, 1.0
+    for i in range(3):
+        d = q[i] - p[i]
+        if d == 0:
+            if p[i] < low[i] or p[i] > high[i]:
+                return True
+        else:
+            a, b = (low[i] - p[i]) / d, (high[i] - p[i]) / d
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+            if enter > leave + 1e-12:
+                return True
+    return False
+
+
+@compiled
+def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
+    """Whether triangle t is between p and q."""
+    dp, dq = 0.0, 0.0
+    for i in range(3):
+        dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
+        dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
+    if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+        return False
+    f = dp / (dp - dq)
+    for k in range(3):
+        depth = 0.0
+        for i in range(3):
+            depth += tree.inward[t, k, i] * (p[i] + f * (q[i] - p[i]) - tree.triangle[t, k, i])
+        if depth < -NEAR_M:
+            return False
+    return True
+
+
+@compiled
+def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
+    """Whether any triangle is between p and q."""
+    stack = np.empty(64, np.int64)
+    stack[0], depth = 0, 1
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if _box_missed(tree.low[box], tree.high[box], p, q):
+            continue
+        one, other = tree.child[box]
+        if one < 0:
+            for t in range(-1 - one, -1 - one + other):
+                if _hides(tree, t, p, q):
+                    return True
+        else:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+    return False
+
+
+@compiled
+def holds(
+    triangle: Float[np.ndarray, "t 3 3"], inward: Float[np.ndarray, "t 3 3"], p: Float[np.ndarray, "3"]
+) -> bool:
+    """Whether a point of a plane lies in one of the plane's triangles; sides count."""
+    for t in range(len(triangle)):
+        inside = True
+        for k in range(3):
+            depth = 0.0
+            for i in range(3):
+                depth += inward[t, k, i] * (p[i] - triangle[t, k, i])
+            inside = inside and depth >= -NEAR_M
+        if inside:
+            return True
+    return False

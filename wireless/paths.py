@@ -1,0 +1,196 @@
+"""Radio paths of many links as columns: one row per path, the strongest of each link first.
+
+Angles are radians in the frame of the scene: azimuth counter-clockwise from +x, elevation up from the
+horizon. Departure directions leave the transmitter; arrival directions point from the receiver back along
+the path. Gains are between isotropic antennas, [theta, phi at the receiver, theta, phi at the transmitter]
+(`wireless.fields`).
+
+Link states are those of the reference data: of the paths above a power threshold, line of sight if the
+strongest has no interaction, first order if any has exactly one, higher order if all have more, outage if
+there are none.
+"""
+
+from dataclasses import dataclass, fields, replace
+from enum import IntEnum
+from os import PathLike
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from jaxtyping import Bool, Complex, Float, Int, UInt8
+
+
+class LinkState(IntEnum):
+    """How a transmitter reaches a receiver; numbers as in the public data."""
+
+    OUTAGE = 0
+    LOS = 1
+    FIRST_ORDER = 2
+    HIGHER_ORDER = 3
+
+
+class Interaction(IntEnum):
+    """What happens to a path at a point; numbers as in DeepMIMO."""
+
+    NONE = 0
+    REFLECTION = 1
+    DIFFRACTION = 2
+    TRANSMISSION = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Paths:
+    """Paths between transmitters and receivers."""
+
+    tx_position: Float[np.ndarray, "n_tx 3"]
+    """Positions of transmitters [m]."""
+    rx_position: Float[np.ndarray, "n_rx 3"]
+    """Positions of receivers [m]."""
+    frequency_hz: float
+    """Carrier frequency."""
+    tx: Int[np.ndarray, "n"]
+    """Transmitter of each path."""
+    rx: Int[np.ndarray, "n"]
+    """Receiver of each path."""
+    gain: Complex[np.ndarray, "n 2 2"]
+    """Complex gain, [theta, phi at the receiver, theta, phi at the transmitter]."""
+    power: Float[np.ndarray, "n"]
+    """Power gain in the polarisation that the tracer was asked for, by which paths are sorted."""
+    delay_s: Float[np.ndarray, "n"]
+    """Time of flight."""
+    aoa_az: Float[np.ndarray, "n"]
+    """Azimuth of arrival [rad]."""
+    aoa_el: Float[np.ndarray, "n"]
+    """Elevation of arrival [rad]."""
+    aod_az: Float[np.ndarray, "n"]
+    """Azimuth of departure [rad]."""
+    aod_el: Float[np.ndarray, "n"]
+    """Elevation of departure [rad]."""
+    order: UInt8[np.ndarray, "n"]
+    """Number of interactions, 0 for line of sight."""
+    interaction: UInt8[np.ndarray, "n m"]
+    """`Interaction` at each point, from transmitter to receiver; 0 beyond the last."""
+    thing: Int[np.ndarray, "n m"]
+    """Facet or edge at each point, by the tracer's numbers; -1 beyond the last."""
+    point: Float[np.ndarray, "n m 3"]
+    """Position of each interaction [m]; NaN beyond the last."""
+
+    def __len__(self) -> int:
+        return len(self.tx)
+
+    @property
+    def link(self) -> Int[np.ndarray, "n"]:
+        """Number of each path's link: transmitter times number of receivers plus receiver."""
+        return self.tx * len(self.rx_position) + self.rx
+
+    @property
+    def rank(self) -> Int[np.ndarray, "n"]:
+        """Place of each path in its link, 0 for the strongest."""
+        link = self.link
+        return np.arange(len(link)) - np.searchsorted(link, link)
+
+    @property
+    def power_db(self) -> Float[np.ndarray, "n"]:
+        """Power gain in decibels; -inf for none."""
+        with np.errstate(divide="ignore"):
+            return 10 * np.log10(self.power)
+
+    def select(self, mask: Bool[np.ndarray, "n"]) -> "Paths":
+        """Some of the paths, of the same links."""
+        return replace(self, **{f.name: getattr(self, f.name)[mask] for f in fields(self)[3:]})
+
+    def strongest(self, most: int = 1) -> "Paths":
+        """At most so many paths of each link."""
+        return self.select(self.rank < most)
+
+    def between(self, tx: int, rx: int) -> "Paths":
+        """Paths of one link."""
+        return self.select((self.tx == tx) & (self.rx == rx))
+
+    def count(self) -> Int[np.ndarray, "n_tx n_rx"]:
+        """Number of paths of each link."""
+        shape = len(self.tx_position), len(self.rx_position)
+        return np.bincount(self.link, minlength=shape[0] * shape[1]).reshape(shape)
+
+    def link_state(self, threshold_db: float = -np.inf) -> UInt8[np.ndarray, "n_tx n_rx"]:
+        """`LinkState` of each link.
+
+        Args:
+            threshold_db: Paths of less power gain do not count.
+        """
+        heard = self.select(self.power_db >= threshold_db)
+        shape = len(self.tx_position), len(self.rx_position)
+        state = np.zeros(shape[0] * shape[1], np.uint8)
+        state[heard.link] = LinkState.HIGHER_ORDER
+        state[heard.link[heard.order == 1]] = LinkState.FIRST_ORDER
+        state[heard.link[(heard.rank == 0) & (heard.order == 0)]] = LinkState.LOS
+        return state.reshape(shape)
+
+    def to_table(self) -> pa.Table:
+        """As an Arrow table (and so a Pandas frame: `to_table().to_pandas()`), one row per path."""
+        columns: dict[str, object] = {}
+        for name in ("tx", "rx"):
+            columns[name] = getattr(self, name)
+            for i, axis in enumerate("xyz"):
+                columns[f"{name}_{axis}_m"] = getattr(self, f"{name}_position")[getattr(self, name), i]
+        for p, at_rx in enumerate(("theta", "phi")):
+            for q, at_tx in enumerate(("theta", "phi")):
+                columns[f"gain_{at_rx}_{at_tx}_re"] = np.ascontiguousarray(self.gain[:, p, q].real)
+                columns[f"gain_{at_rx}_{at_tx}_im"] = np.ascontiguousarray(self.gain[:, p, q].imag)
+        for name in ("power", "delay_s", "aoa_az", "aoa_el", "aod_az", "aod_el", "order"):
+            columns[name + ("_rad" if name[0] == "a" else "")] = getattr(self, name)
+        width = self.interaction.shape[1]
+        columns["interaction"] = _lists(self.interaction, width)
+        columns["thing"] = _lists(self.thing, width)
+        columns["point_m"] = _lists(self.point.reshape(len(self), -1), 3 * width)
+        scene = {
+            "frequency_hz": repr(self.frequency_hz),
+            "tx_position_m": self.tx_position.tobytes(),
+            "rx_position_m": self.rx_position.tobytes(),
+        }
+        return pa.table(columns, metadata=scene)
+
+    def write_parquet(self, path: str | PathLike[str]) -> None:
+        """Write all columns to a Parquet file, positions and frequency in its metadata."""
+        pq.write_table(self.to_table(), path, compression="zstd")
+
+    @classmethod
+    def read_parquet(cls, path: str | PathLike[str]) -> "Paths":
+        """What `write_parquet` wrote.
+
+        Raises:
+            ValueError: If the file is not one of radio paths.
+        """
+        table = pq.read_table(path)
+        scene = table.schema.metadata or {}
+        if b"frequency_hz" not in scene:
+            raise ValueError(
+                f"{path} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}."
+            )
+        column = {name: table[name].combine_chunks() for name in table.column_names}
+        gain = np.empty((len(table), 2, 2), complex)
+        for p, at_rx in enumerate(("theta", "phi")):
+            for q, at_tx in enumerate(("theta", "phi")):
+                gain[:, p, q] = column[f"gain_{at_rx}_{at_tx}_re"].to_numpy()
+                gain[:, p, q] += 1j * column[f"gain_{at_rx}_{at_tx}_im"].to_numpy()
+        plain = {
+            name: column[name + ("_rad" if name[0] == "a" else "")].to_numpy()
+            for name in ("tx", "rx", "power", "delay_s", "aoa_az", "aoa_el", "aod_az", "aod_el", "order")
+        }
+        width = table.schema.field("interaction").type.list_size
+        lists = {name: column[name].flatten().to_numpy() for name in ("interaction", "thing", "point_m")}
+        return cls(
+            tx_position=np.frombuffer(scene[b"tx_position_m"]).reshape(-1, 3),
+            rx_position=np.frombuffer(scene[b"rx_position_m"]).reshape(-1, 3),
+            frequency_hz=float(scene[b"frequency_hz"]),
+            gain=gain,
+            interaction=lists["interaction"].reshape(-1, width),
+            thing=lists["thing"].reshape(-1, width),
+            point=lists["point_m"].reshape(-1, width, 3),
+            **plain,
+        )
+
+
+def _lists(values: np.ndarray, width: int) -> pa.Array:
+    """Column of lists of equal length."""
+    return pa.FixedSizeListArray.from_arrays(pa.array(np.ascontiguousarray(values).ravel()), width)

@@ -1,0 +1,332 @@
+"""Radio paths between points in a building: line of sight, reflections, diffraction, by exact geometry.
+
+    paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
+
+A mesh that was extruded from a floor plan is traced as one: views through its exact outline
+(`wireless.beams`), joined and weighed per link (`wireless.links`). Any other mesh is traced in space
+(`wireless.space`), slower, to the same paths. All decide in double precision. The building's own work
+(outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
+
+Left out: transmission through walls other than those of floor plans, more than one diffraction on a path,
+scattering by rough walls.
+"""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import trimesh
+from jaxtyping import Complex, Float, Int
+from scipy.constants import speed_of_light
+
+from wireless.extruded import LEAN, Extruded, find_extruded
+from wireless.geometry import find_surfaces
+from wireless.links import Setting, Table, trace_links, views_of
+from wireless.materials import permittivity
+from wireless.paths import Paths
+from wireless.plan import Locator, make_plan
+from wireless.space import make_space, trace_space
+
+logger = logging.getLogger(__name__)
+
+#: Receivers traced at once: bounds memory (about 15 kB each in a building of 1000 corners).
+CHUNK = 2048
+#: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
+POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
+
+
+#: For each transmitter, tables of receivers in a row and the first one's number.
+Rows = list[list[tuple[Table, int]]]
+
+
+class SceneError(ValueError):
+    """A mesh that cannot be traced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TracerConfig:
+    """Which paths are looked for, and how many are kept."""
+
+    max_reflections: int = 3
+    """Most reflections on a path without diffraction."""
+    diffraction: bool = True
+    """Whether edges diffract."""
+    diffraction_reflections: int = 1
+    """Most reflections, before and after together, on a path with diffraction."""
+    floor_ceiling: bool = False
+    """Whether floor and ceiling reflect; these reflections count like those of walls."""
+    max_transmissions: int = 0
+    """Most walls that a path goes straight through; needs wall_thickness_m. In floor plans only."""
+    wall_thickness_m: float | None = None
+    """Thickness of all walls, which are layers then [m]; None for half-spaces."""
+    max_paths: int = 25
+    """Most paths of a link; the strongest are kept."""
+    polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
+    """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
+    scene: Literal["auto", "plan", "space"] = "auto"
+    """Trace as floor plan, in space, or as floor plan if it is one."""
+    snap_m: float = 1e-6
+    """Ends of walls closer than this are one [m]."""
+
+    def __post_init__(self) -> None:
+        if self.scene not in ("auto", "plan", "space"):
+            raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        for name, low in (
+            ("max_reflections", 0),
+            ("diffraction_reflections", 0),
+            ("max_transmissions", 0),
+            ("max_paths", 1),
+        ):
+            if getattr(self, name) < low:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected at least {low}.")
+        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
+            raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
+        if self.max_transmissions and self.wall_thickness_m is None:
+            raise ValueError(
+                f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
+                "Give wall_thickness_m, such as 0.1."
+            )
+        if self.polarisation not in POLARISATIONS:
+            raise ValueError(
+                f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
+            )
+        if not 1e-9 <= self.snap_m <= 1e-2:
+            raise ValueError(
+                f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
+            )
+
+
+class _PlanScene:
+    """A floor plan, and how its links are traced."""
+
+    def __init__(
+        self,
+        extruded: Extruded,
+        face_eps: Complex[np.ndarray, "n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        self.plan = make_plan(extruded.walls, config.snap_m)
+        self.extruded = extruded
+        self.origin = np.append(self.plan.origin, 0.0)
+        self._locate = Locator(self.plan, 2 * config.snap_m)
+        faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
+        self._setting = setting(face_eps[faces])._replace(
+            low_m=extruded.low_m,
+            high_m=extruded.high_m,
+            has_floor=config.floor_ceiling and extruded.floor_face >= 0,
+            has_ceiling=config.floor_ceiling and extruded.ceiling_face >= 0,
+        )
+        logger.info(
+            "Floor plan of %d walls and %d corners", len(extruded.walls), len(self.plan.corner_vertex)
+        )
+
+    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
+        """Paths of each transmitter, to receivers in chunks."""
+        low, high = self.extruded.low_m, self.extruded.high_m
+        for name, points in (("tx", tx), ("rx", rx)):
+            z = points[:, 2]
+            if not np.all((z >= low) & (z <= high)):
+                raise ValueError(
+                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
+                    "floor and ceiling. Trace other points with scene='space'."
+                )
+        tx_start, tx_triangle = self._locate(tx[:, :2])
+        rows: Rows = [[] for _ in tx]
+        for first in range(0, len(rx), CHUNK):
+            some = rx[first : first + CHUNK]
+            start, triangle = self._locate(some[:, :2])
+            order = self._setting.edge_reflections
+            through = self._setting.max_through
+            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
+            targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
+            for i, one in enumerate(tx):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                table = trace_links(self.plan, self._setting, one, around, some, *targets, views)
+                rows[i].append((_packed(table), first))
+        return rows
+
+
+class _SpaceScene:
+    """Any triangles, and how links among them are traced."""
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        face_material: Int[np.ndarray, "n"],
+        face_eps: Complex[np.ndarray, "n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        if config.max_transmissions:
+            raise SceneError("Transmission is traced in extruded floor plans only, and this mesh is none.")
+        self.origin = np.round(mesh.bounds.mean(axis=0), 3)
+        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(moved, face_material, config.snap_m)
+        mirrors = np.ones(len(surfaces.facet_face), bool)
+        if not config.floor_ceiling:
+            z = surfaces.facet_point[:, 2]
+            level = np.abs(surfaces.facet_normal[:, 2]) > 1 - LEAN
+            mirrors = ~(level & (np.isclose(z, moved.bounds[0, 2]) | np.isclose(z, moved.bounds[1, 2])))
+        self.space = make_space(surfaces, mirrors)
+        self._setting = setting(face_eps[surfaces.facet_face])
+        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+
+    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
+        """Paths of each transmitter, to receivers in chunks."""
+        rows: Rows = [[] for _ in tx]
+        for i, one in enumerate(tx):
+            for first in range(0, len(rx), CHUNK):
+                table = trace_space(self.space, self._setting, one, rx[first : first + CHUNK])
+                rows[i].append((_packed(table), first))
+        return rows
+
+
+class Tracer:
+    """A building made ready for tracing.
+
+    Args:
+        mesh: Walls (and floor and ceiling) as triangles [m], z up. Which way they face does not matter.
+        materials: Radio materials, by the names of `wireless.materials`.
+        face_material: What each face is made of, index into materials; None if all are of the first.
+        frequency_hz: Carrier frequency.
+        config: Which paths to look for; None for the defaults.
+
+    Raises:
+        ValueError: If a material is unknown at this frequency, or face_material does not fit.
+        SceneError: If the mesh is empty or not finite.
+    """
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        *,
+        materials: tuple[str, ...] = ("drywall",),
+        face_material: Int[np.ndarray, "n_faces"] | None = None,
+        frequency_hz: float = 28e9,
+        config: TracerConfig | None = None,
+    ):
+        self.config = config or TracerConfig()
+        self.frequency_hz = float(frequency_hz)
+        n_faces = len(mesh.faces)
+        if n_faces == 0 or not np.isfinite(mesh.vertices).all():
+            raise SceneError(f"The mesh has {n_faces} faces and must have some, with finite vertices.")
+        of_face = (
+            np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material, np.int64)
+        )
+        if of_face.shape != (n_faces,) or of_face.min() < 0 or of_face.max() >= len(materials):
+            raise ValueError(
+                f"face_material has shape {of_face.shape} and values {of_face.min()} to {of_face.max()}, "
+                f"expected ({n_faces},) and indices into {len(materials)} materials."
+            )
+        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
+        plan = None
+        if self.config.scene != "space":
+            plan = find_extruded(mesh, of_face, self.config.snap_m)
+        if plan is None and self.config.scene == "plan":
+            raise SceneError(
+                "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
+                "Trace it with scene='space'."
+            )
+        if plan is not None:
+            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, eps, self._setting, self.config)
+        else:
+            self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
+
+    def trace(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Paths:
+        """Paths of all links between transmitters and receivers.
+
+        Args:
+            tx: Positions of transmitters [m].
+            rx: Positions of receivers [m].
+
+        Returns:
+            Paths by transmitter, receiver and falling power.
+
+        Raises:
+            ValueError: If a point is not finite, or in a floor plan not between floor and ceiling.
+        """
+        tx, rx = np.asarray(tx, float), np.asarray(rx, float)
+        for name, points in (("tx", tx), ("rx", rx)):
+            if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+                raise ValueError(
+                    f"{name} has shape {points.shape}, expected (n, 3) with finite positions [m]."
+                )
+        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin)
+        return self._paths(tx, rx, tables)
+
+    def _setting(self, eps: Complex[np.ndarray, "n"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets of some permittivities."""
+        config = self.config
+        vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
+        return Setting(
+            wall_eps=eps,
+            low_m=0.0,
+            high_m=0.0,
+            has_floor=False,
+            has_ceiling=False,
+            wavenumber=2 * np.pi * self.frequency_hz / speed_of_light,
+            max_reflections=config.max_reflections,
+            edge_reflections=config.diffraction_reflections if config.diffraction else -1,
+            max_through=config.max_transmissions,
+            thickness_m=config.wall_thickness_m or 0.0,
+            vertical=vertical,
+            horizontal=horizontal,
+            crossed=crossed,
+            keep=config.max_paths,
+        )
+
+    def _paths(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        rows: Rows,
+    ) -> Paths:
+        tables = [table for row in rows for table, _ in row]
+        owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
+        sender = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
+
+        def column(name: str) -> np.ndarray:
+            return np.concatenate([getattr(table, name) for table in tables])
+
+        order, point = column("order"), column("point")
+        row = np.arange(len(order))
+        out, back = point[row, 1] - point[row, 0], point[row, order] - point[row, order + 1]
+        inner = point[:, 1:-1] + self.scene.origin
+        inner[np.arange(inner.shape[1]) >= order[:, None]] = np.nan
+        return Paths(
+            tx_position=tx,
+            rx_position=rx,
+            frequency_hz=self.frequency_hz,
+            tx=np.concatenate(sender),
+            rx=np.concatenate(owner),
+            gain=column("gain"),
+            power=column("power"),
+            delay_s=column("length_m") / speed_of_light,
+            aoa_az=np.arctan2(back[:, 1], back[:, 0]),
+            aoa_el=np.arctan2(back[:, 2], np.hypot(back[:, 0], back[:, 1])),
+            aod_az=np.arctan2(out[:, 1], out[:, 0]),
+            aod_el=np.arctan2(out[:, 2], np.hypot(out[:, 0], out[:, 1])),
+            order=order.astype(np.uint8),
+            interaction=column("kind").astype(np.uint8),
+            thing=column("thing"),
+            point=inner,
+        )
+
+
+def _by_triangle(
+    start: Int[np.ndarray, "r1"], triangle: Int[np.ndarray, "s"], n_triangles: int
+) -> tuple[Int[np.ndarray, "t1"], Int[np.ndarray, "s"]]:
+    """Points of each triangle, from the triangles of each point."""
+    point = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    order = np.argsort(triangle, kind="stable")
+    return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
+
+
+def _packed(table: Table) -> Table:
+    """The same without the rows that no path fills."""
+    keep = len(table.power) // max(1, len(table.found))
+    used = (np.arange(keep) < table.found[:, None]).ravel()
+    return Table(table.found, *(column[used] for column in table[1:]))
