@@ -130,7 +130,7 @@ def test_different_seeds_give_different_plans(many: list[FloorPlan]):
 
 @pytest.mark.parametrize("door_m", [(0.7, 1.0), (0.95, 1.05)])
 def test_doors_are_as_wide_as_asked(door_m: tuple[float, float]):
-    """Without furniture ways between rooms are at least as wide as the narrowest door, but for bays (5 %) and half a cell.
+    """Without furniture ways between rooms are no narrower than asked, but for bays (5 %) and half a cell.
 
     Wider ones are open-plan; the raster adds 1.5 cells at most, so most lie between the two bounds.
     """
