@@ -65,7 +65,8 @@ class Clearance:
         """Distance [m] from points (x, y) [m] to the nearest obstacle of the window, at most `LIMIT_M`."""
         if self._tree is None:
             return np.full(np.shape(points)[:-1], LIMIT_M)
-        return np.minimum(self._tree.query(points, distance_upper_bound=LIMIT_M)[0], LIMIT_M)
+        gap = self._tree.query(points, distance_upper_bound=LIMIT_M)[0]
+        return np.asarray(np.minimum(gap, LIMIT_M))
 
     def cells(self, sharp_m: float) -> Float32[np.ndarray, "ny nx"]:
         """Distance [m] from each cell to the nearest obstacle, at most `LIMIT_M`.
@@ -82,7 +83,7 @@ class Clearance:
             return np.full(self.frame.shape, LIMIT_M, np.float32)
         free = (~self._obstacle).astype(np.uint8)
         gap = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(cell)
-        iy, ix = np.nonzero(np.abs(gap - sharp_m) < 1.2 * cell)
+        iy, ix = np.nonzero(np.abs(gap - sharp_m) < 0.8 * cell)
         centre = self.frame.to_points(np.column_stack([ix, iy]) + 0.5)
         best = self.at(centre)
         unsure = np.flatnonzero((best < sharp_m) & (best > sharp_m - 0.36 * cell))

@@ -1,13 +1,14 @@
 """From a plan to the next action: try every turn followed by a straight run, and begin the best.
 
 A robot that turns in steps of 10 degrees and drives in steps of a quarter metre can only follow a way roughly; what
-counts is how many decisions it needs. For each heading it can turn to, and each number of steps it can then take without its
-hull meeting an obstacle, the whole is priced in decisions:
+counts is how many decisions it needs. For each heading it can turn to, and each number of steps it can then take
+without its hull meeting an obstacle, the whole is priced in decisions:
 
     |turns| + steps + (cost of the way from there) / 0.25 m + (turns needed there to go on)
 
 and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
-ones lead nowhere. Nothing dithers: a turn once begun gets cheaper at each decision, and turning straight back is barred.
+ones lead nowhere. Nothing dithers: a turn once begun gets cheaper at each decision, and turning straight back is
+barred.
 
 After a bump the same heading from the same place costs more, each time more. A robot that does not get away
 from a place for long walks off in the direction with most room before it plans again.
@@ -18,6 +19,7 @@ Reference: Coulter, Implementation of the pure pursuit path tracking algorithm, 
 import math
 from collections import deque
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from jaxtyping import Float
@@ -38,7 +40,7 @@ class ControlConfig:
     """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
     slack_prices: tuple[float, ...] = (12.0, 6.0, 3.0, 1.0, 0.0)
     """... and what such a run costs extra [decisions], for the risk of a bump."""
-    reach_steps: int = 12
+    reach_steps: int = 10
     """Longest run looked at [steps forward]."""
     forward_m: float = FORWARD_M
     """Nominal distance of a step forward [m]; what it really does is learned."""
@@ -68,7 +70,7 @@ class ControlConfig:
 
 
 #: Places at which one step of a run is checked against obstacles.
-PARTS = 5
+PARTS = 4
 
 
 class Controller:
@@ -150,8 +152,13 @@ class Controller:
         distance = stride * np.arange(config.reach_steps * PARTS + 1) / PARTS
         points = turned[:, None, :2] + ways[:, None, :] * distance[None, :, None]
         ends = points[:, PARTS::PARTS]
-        price = np.arange(1, config.reach_steps + 1) + plan.field.at(ends) / config.forward_m
-        price += self._swing(ends, headings, plan)
+        cost_m, downhill = plan.field.at_and_downhill(ends)
+        left = cost_m / config.forward_m
+        off = np.abs((downhill - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
+        # The turn that will be needed there fades away at the goal. It is not weighted down: a turn put off must not
+        # look cheaper than one made now.
+        price = np.arange(1, config.reach_steps + 1) + left
+        price += off / config.turn_rad * np.minimum(left, 1.0)
         price += self._tightness(points, distance, plan.clearance)
         price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
         cheapest = price.min(axis=1)
@@ -170,15 +177,6 @@ class Controller:
             y = pose[1] + np.append(0, np.cumsum(s * dx + c * dy))
             poses[side] = np.column_stack([x, y, yaw])[n[side]]
         return poses
-
-    def _swing(
-        self, ends: Float[np.ndarray, "k m 2"], headings: Float[np.ndarray, "k"], plan: Plan
-    ) -> Float[np.ndarray, "k m"]:
-        """Price of the turn needed at the end of each run, which fades away at the goal [decisions]."""
-        off = np.abs((plan.field.direction(ends) - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
-        left = plan.field.at(ends) / self.config.forward_m
-        # Not weighted down: a turn put off must not look cheaper than one made now.
-        return off / self.config.turn_rad * np.minimum(left, 1.0)
 
     def _tightness(
         self,
@@ -292,7 +290,7 @@ def _free_run(
 
 def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:
     """Point at a distance along a path, or its end."""
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         length = math.hypot(b[0] - a[0], b[1] - a[1])
         if length >= distance_m:
             return a + (b - a) * (distance_m / length)

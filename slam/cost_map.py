@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float, Float32
 from slam.clearance import Clearance
 from slam.grid import GridFrame, MapEstimate
 
-
 #: How strictly the map is taken: as it is; then without the places where the robot was stopped, which may be passable
 #: with a better aim; then with a hull that may touch, because walls on the map are off by a centimetre or two.
 EASES = (0, 1, 2)
@@ -118,7 +117,7 @@ class CostMap:
         return CostMap(
             frame=frame,
             cost=np.where(passable, cost, np.float32(1e3)).min(axis=(1, 3)),
-            passable=passable.any(axis=(1, 3)),
+            passable=np.asarray(passable.any(axis=(1, 3))),
         )
 
     def cell(self, point: Float[np.ndarray, "2"]) -> tuple[int, int]:

@@ -14,11 +14,11 @@ from typing import Literal
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.grid import GridFrame, MapEstimate
 from slam.cost_map import EASES, Box, CostConfig, cost_map, cut_box, known_box
+from slam.grid import GridFrame, MapEstimate
 from slam.paths import downhill, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
@@ -84,13 +84,13 @@ class FrontierExplorer:
 
     def reset(self) -> None:
         """Forget goal and frontiers given up."""
-        self._goal: Float[np.ndarray, "2"] | None = None
+        self._goal: Float[np.ndarray, 2] | None = None
         self._given_up: list[tuple[float, float]] = []
         self._age = 0
         self._waited = 0
         self._budget = 0.0
         self._spin = 0
-        self._looked_around: list[Float[np.ndarray, "2"]] = []
+        self._looked_around: list[Float[np.ndarray, 2]] = []
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to and look at, in `map` [m]; None when nothing is left to see.

@@ -56,10 +56,10 @@ class GridFrame:
 
     def inside(
         self, iy: Int[np.ndarray, "*batch"] | int, ix: Int[np.ndarray, "*batch"] | int
-    ) -> Bool[np.ndarray, "*batch"] | np.bool_:
+    ) -> Bool[np.ndarray, "*batch"]:
         """Whether rows and columns belong to the grid."""
         iy, ix = np.asarray(iy), np.asarray(ix)
-        return (iy >= 0) & (iy < self.shape[0]) & (ix >= 0) & (ix < self.shape[1])
+        return np.asarray((iy >= 0) & (iy < self.shape[0]) & (ix >= 0) & (ix < self.shape[1]))
 
     def window(
         self, low_xy: tuple[float, float], high_xy: tuple[float, float]

@@ -2,11 +2,11 @@
 
 At every decision: odometry without its bias predicts the pose, the scan is fitted to the surfaces on the map, and then
 entered at the pose found. Occupancy (where may the robot go), surfaces (where exactly are the walls) and collision
-marks share one grid that grows with the building. A robot that was pushed notices that its scan contradicts the map
-and searches the neighbourhood for the place where it fits.
+marks share one grid that grows with the building.
 
 Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
-Left out: loop closure. The surfaces first seen stay where they are and later scans are fitted to them.
+Left out: loop closure, and finding back after a push of more than about a decimetre. The surfaces first seen stay
+where they are and later scans are fitted to them.
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
 
@@ -108,7 +108,8 @@ class ClassicalMapper:
         start = self.pose
         match = self._match(points, compose(start, moved), variance)
         self.pose = match.pose
-        if action is not None and odometry is not None:
+        # A reading that is not a number must not get into the learned bias, where it would stay for ever.
+        if action is not None and odometry is not None and np.isfinite(odometry).all():
             self._learn(action, odometry, start, match)
         self._enter(depth, scan, points)
         if action is not None:

@@ -13,6 +13,8 @@ from jaxtyping import Float, Int
 
 from slam.travel_time import TravelTime
 
+#: Numbers of cells that a straight leg is first tried over.
+_JUMPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 2048])
 _STEPS = [(dx, dy, math.hypot(dx, dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
 
 
@@ -57,12 +59,11 @@ def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarra
     corners, last = [0], len(points) - 1
     while corners[-1] < last:
         i = corners[-1]
-        ends = np.unique(np.rint(np.geomspace(1, last - i, 16)).astype(int)) + i
+        ends = i + np.append(_JUMPS[last - i > _JUMPS], last - i)
         best = _farthest(points, cost, i, ends, field)
-        beyond = ends[ends > best]
-        if len(beyond) and beyond[0] > best + 1:
-            ends = np.unique(np.linspace(best, beyond[0], 12).astype(int))
-            best = max(best, _farthest(points, cost, i, ends, field))
+        beyond = min(last, i + 2 * (best - i))
+        if beyond - best > 3:
+            best = max(best, _farthest(points, cost, i, np.linspace(best, beyond, 8).astype(int), field))
         corners.append(best)
     return points[corners]
 
@@ -80,12 +81,17 @@ def _farthest(
     return int(ends[good][-1]) if good.any() else i + 1
 
 
-def along(path: Float[np.ndarray, "n 2"], spacing_m: float) -> Float[np.ndarray, "m 2"]:
-    """Points along a path, its corners included, at most `spacing_m` apart."""
-    parts = [path[:1]]
+def along(path: Float[np.ndarray, "n 2"], spacing_m: float, most_m: float) -> Float[np.ndarray, "m 2"]:
+    """Points along the first `most_m` of a path, at most `spacing_m` apart, its corners included."""
+    parts, left = [path[:1]], most_m
     for a, b in pairwise(path):
-        n = max(1, math.ceil(math.hypot(b[0] - a[0], b[1] - a[1]) / spacing_m))
-        parts.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
+        leg = math.hypot(b[0] - a[0], b[1] - a[1])
+        share = min(1.0, left / leg) if leg > 0 else 1.0
+        n = max(1, math.ceil(leg * share / spacing_m))
+        parts.append(a + (b - a) * (share * np.arange(1, n + 1) / n)[:, None])
+        left -= leg
+        if left <= 0:
+            break
     return np.concatenate(parts)
 
 

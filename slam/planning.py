@@ -1,9 +1,11 @@
-"""The way to a goal on a map that is still growing: fast marching on inflated obstacles, far and near.
+"""The way to a goal on a map that is still growing: fast marching on inflated obstacles, near and far.
 
-Far: on cells twice as large, over all that is known and a border of what is not, fast marching prices the way to
-the goal from everywhere. Near: on the map's own cells, in a box around the first few metres of that way, it
-does so again, precisely enough for doors just wider than the hull. What lies behind is taken from the far field, so
-the price of a plan depends little on the size of the building. Both are kept as long as nothing is in the way.
+A goal a few metres away is planned for directly, on the map's own cells, in a box around robot and goal, unless the
+way found is so long that a better one may lead through elsewhere. Any other goal in two stages. Far: on cells
+twice as large, over all that is known and a border of what is not, fast marching prices the way to the goal from
+everywhere. Near: on the map's own cells, in a box around the first metres of that way, it does so again, precisely
+enough for doors just wider than the hull; what lies behind is taken from the far field. So the price of a plan
+depends little on the size of the building. Fields are kept as long as the goal stays and nothing comes in the way.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
 strictly: a way that stopped the robot once is tried again, and one that is a centimetre too narrow is tried at all.
@@ -31,8 +33,12 @@ class PlannerConfig:
     """What a metre costs."""
     border_m: float = 1.0
     """Unknown border around the known map through which ways may lead [m]."""
+    direct_m: float = 4.5
+    """Goals nearer than this are planned for directly [m]."""
     near_m: tuple[float, float] = (3.5, 5.5)
     """Between these distances along the way the near field hands over to the far one [m]."""
+    near_margin_m: float = 1.2
+    """Margin of the near field around the way [m]; twice as much around a goal planned for directly."""
     near_every: int = 8
     """Decisions after which the near field is computed anew even if nothing is in the way."""
     far_every: int = 16
@@ -118,41 +124,77 @@ class Planner:
             raise ValueError(f"goal_xy = {asked}, expected two finite coordinates in metres.")
         self._far_age += 1
         self._near_age += 1
-        clearance = Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
-        moved = self._far is None or math.hypot(*(asked - self._far.asked)) > 0.02
-        stopped = not moved and self._in_the_way(estimate, clearance)
-        if moved or stopped or self._far_age >= self.config.far_every:
-            ease = self._ease
-            self._far, self._far_age = self._solve_far(estimate, asked), 0
-            if self._ease != ease:
-                clearance = Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
-            self._plan = self._solve_near(estimate, clearance)
-        elif self._plan is None or self._near_age >= self.config.near_every or self._near_hand_over(estimate):
-            self._plan = self._solve_near(estimate, clearance)
+        clearance = self._around(estimate)
+        old = self._plan
+        if (
+            old is None
+            or math.hypot(*(asked - old.asked_xy)) > 0.02
+            or self._in_the_way(old, clearance, estimate)
+        ):
+            plan = self._anew(estimate, asked)
+        elif self._near_age < self.config.near_every and not self._near_hand_over(estimate):
+            plan = replace(old, path=onward(old.path, estimate.pose[:2]), clearance=clearance)
+        elif self._far is None or self._far_age >= self.config.far_every:
+            plan = self._anew(estimate, asked)
         else:
-            path = onward(self._plan.path, estimate.pose[:2])
-            self._plan = replace(self._plan, path=path, clearance=clearance)
-        return self._with_ends(self._plan, estimate)
+            plan = self._solve_near(estimate, self._far)
+        self._plan = _completed(plan, estimate)
+        return self._plan
 
-    def _in_the_way(self, estimate: MapEstimate, clearance: Clearance) -> bool:
+    def _around(self, estimate: MapEstimate) -> Clearance:
+        return Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
+
+    def _in_the_way(self, plan: Plan, clearance: Clearance, estimate: MapEstimate) -> bool:
         """Whether something has come up on the way since it was planned, or the robot has left the field."""
-        if self._plan is None:
-            return False
         here = estimate.pose[:2]
-        if math.isinf(float(self._plan.field.at(here))):
+        if math.isinf(float(plan.field.at(here))):
             return True
         limit = min(self.config.cost.radius_m - 0.01, self._space_m - 0.015)
-        return self._least_space(onward(self._plan.path, here), clearance) < limit
+        return self._least_space(onward(plan.path, here), clearance) < limit
 
     def _least_space(self, path: Float[np.ndarray, "n 2"], clearance: Clearance) -> float:
-        """Smallest distance from a path to an obstacle [m]; where the robot stands now does not count."""
-        ahead = along(path, 0.03)[3:]
+        """Smallest distance from the next metres of a path to an obstacle [m], the robot's own place left out."""
+        ahead = along(path, 0.04, self.config.look_m)[3:]
         return float(clearance.at(ahead).min(initial=1.0))
 
     def _near_hand_over(self, estimate: MapEstimate) -> bool:
         if self._hand_over is None:
             return False
         return math.hypot(*(self._hand_over - estimate.pose[:2])) < 0.4 * self.config.near_m[0]
+
+    def _anew(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan:
+        """A plan for a goal with nothing kept."""
+        self._far_age = self._near_age = 0
+        self._ease, self._far, self._hand_over = 0, None, None
+        direct = self._solve_directly(estimate, asked)
+        if direct is not None:
+            return direct
+        self._far = self._solve_far(estimate, asked)
+        return self._solve_near(estimate, self._far)
+
+    def _costs(
+        self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
+    ) -> CostMap:
+        """Costs of a box, of what can be reached in it."""
+        costs = cost_map(cut_box(estimate, low, high, self._ease), self.config.cost, self._ease)
+        return costs.reachable_from(estimate.pose[:2])
+
+    def _solve_directly(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan | None:
+        """Plan for a goal near by; None if a better way may lead through elsewhere."""
+        here, margin = estimate.pose[:2], 2 * self.config.near_margin_m
+        distance = math.hypot(*(asked - here))
+        if distance > self.config.direct_m:
+            return None
+        window = self._costs(estimate, np.minimum(here, asked) - margin, np.maximum(here, asked) + margin)
+        cell, goal, gap_m = window.nearest(asked)
+        if gap_m > self.config.cost.radius_m + estimate.frame.resolution_m:
+            return None
+        field = _march(window, cell)
+        # A way through elsewhere goes out of the box and back.
+        if not float(field.at(here)) < distance + margin:
+            return None
+        path = _ends(taut(downhill(field, window.cell(here)), field), here, goal)
+        return self._made(estimate, asked, goal, path, field)
 
     def _solve_far(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> _Far:
         """Field of the goal, or of the reachable spot nearest to it, over the whole map."""
@@ -166,51 +208,51 @@ class Planner:
             if gap_m < 0.3:
                 break
         window = costs.halved()
-        far = travel_time(window.frame, window.cost.astype(float), window.passable, window.cell(goal))
-        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=far)
+        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=_march(window, window.cell(goal)))
 
-    def _costs(
-        self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
-    ) -> CostMap:
-        """Costs of a box, of what can be reached in it."""
-        costs = cost_map(cut_box(estimate, low, high, self._ease), self.config.cost, self._ease)
-        return costs.reachable_from(estimate.pose[:2])
-
-    def _solve_near(self, estimate: MapEstimate, clearance: Clearance) -> Plan:
+    def _solve_near(self, estimate: MapEstimate, far: _Far) -> Plan:
         """Field and way on the map's own cells, up to where the far field takes over."""
-        assert self._far is not None
-        far, here = self._far, estimate.pose[:2]
         self._near_age = 0
+        here, margin = estimate.pose[:2], self.config.near_margin_m
         way = downhill(far.field, far.window.cell(here))
         k = self._hand_over_index(way, far)
         whole = k >= len(way) - 1
         target = far.goal if whole else way[k]
         aim = np.clip(far.aim, target - 0.5, target + 0.5) if whole else target
         around = np.vstack([here, target, aim, way[: k + 1]])
-        low, high = around.min(axis=0) - 1.2, around.max(axis=0) + 1.2
-        window = self._costs(estimate, low, high)
+        window = self._costs(estimate, around.min(axis=0) - margin, around.max(axis=0) + margin)
         cell, goal, _ = window.nearest(aim)
         if math.hypot(*(goal - target)) > 0.2 and len(way):
             # The coarse cells have seen a way where the hull does not fit: look at everything closely.
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
-            window = self._costs(estimate, low, high)
-            whole = True
+            window, whole = self._costs(estimate, low, high), True
             cell, goal, _ = window.nearest(far.aim)
-        near = travel_time(window.frame, window.cost.astype(float), window.passable, cell)
+        near = _march(window, cell)
         path = _ends(taut(downhill(near, window.cell(here)), near), here, goal)
         self._hand_over = None if whole else goal
         if not whole:
             near = replace(near, cost_m=near.cost_m + float(far.field.at(way[k])))
             path = np.vstack([path, _ends(taut(way[k:], far.field), goal, far.goal)[1:]])
             goal = far.goal
+        return self._made(estimate, far.asked, goal, path, near)
+
+    def _made(
+        self,
+        estimate: MapEstimate,
+        asked: Float[np.ndarray, "2"],
+        goal: Float[np.ndarray, "2"],
+        path: Float[np.ndarray, "n 2"],
+        near: TravelTime,
+    ) -> Plan:
+        clearance = self._around(estimate)
         self._space_m = self._least_space(path, clearance)
         return Plan(
-            asked_xy=far.asked,
+            asked_xy=asked.copy(),
             goal_xy=goal,
             short_term_goal=goal,
             path=path,
             length_m=0.0,
-            reachable=math.hypot(*(goal - far.asked)) < 0.1,
+            reachable=math.hypot(*(goal - asked)) < 0.1,
             field=near,
             clearance=clearance,
         )
@@ -226,17 +268,21 @@ class Planner:
         iy, ix = far.window.frame.index(way[range_])
         return int(range_[int(np.argmin(far.window.cost[iy, ix]))])
 
-    def _with_ends(self, plan: Plan, estimate: MapEstimate) -> Plan:
-        """The plan with what follows from its path."""
-        path, here = plan.path, estimate.pose[:2]
-        lost = math.isinf(float(plan.field.at(here))) and math.hypot(*(plan.goal_xy - here)) > 0.1
-        self._plan = replace(
-            plan,
-            short_term_goal=path[min(1, len(path) - 1)],
-            length_m=math.inf if lost else length(path),
-            reachable=plan.reachable and not lost,
-        )
-        return self._plan
+
+def _march(costs: CostMap, source: tuple[int, int]) -> TravelTime:
+    return travel_time(costs.frame, costs.cost.astype(float), costs.passable, source)
+
+
+def _completed(plan: Plan, estimate: MapEstimate) -> Plan:
+    """The plan with what follows from its path."""
+    path, here = plan.path, estimate.pose[:2]
+    lost = math.isinf(float(plan.field.at(here))) and math.hypot(*(plan.goal_xy - here)) > 0.1
+    return replace(
+        plan,
+        short_term_goal=path[min(1, len(path) - 1)],
+        length_m=math.inf if lost else length(path),
+        reachable=plan.reachable and not lost,
+    )
 
 
 def _ends(

@@ -13,6 +13,7 @@ Left out: matching without overlap, which leaves the prediction as it is; loop c
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,8 +137,9 @@ def match_scan(
     pose = predicted.astype(float).copy()
     nothing = np.zeros(len(scan.points), bool)
     unmatched = Match(pose=pose.copy(), information=np.zeros((3, 3)), paired=nothing)
+    moved_m = math.inf
     for iteration in range(config.iterations):
-        if iteration < 3:
+        if iteration == 0 or moved_m > 2e-3:
             world = to_map(pose, scan.points)
             mean, normal, found = surfaces.nearest(world, to_map(np.array([0, 0, pose[2]]), scan.normals))
             if found.sum() < config.min_pairs:
@@ -153,7 +155,9 @@ def match_scan(
         information = weighted.T @ jacobian
         step = np.linalg.solve(information + prior, weighted.T @ residual + prior @ departure)
         pose = pose - step
-        if abs(step[2]) < 1e-5 and np.hypot(step[0], step[1]) < 1e-4 and iteration >= 2:
+        # A turn moves points a metre or two away by as many metres per radian.
+        moved_m = math.hypot(step[0], step[1]) + 2 * abs(step[2])
+        if moved_m < 2e-4:
             break
     pose[2] = wrap(pose[2])
     paired = np.zeros(len(scan.points), bool)

@@ -23,16 +23,18 @@ class SurfaceGrid:
 
     def __init__(self, frame: GridFrame):
         self.frame = frame
-        # Sums over the points of a cell: weight, offset from its centre (x, y) [m], normal (x, y), squares of the offset
-        # (xx, xy, yy).
+        # Sums over the points of a cell: weight, offset from its centre (x, y) [m], normal (x, y), squares of the
+        # offset (xx, xy, yy).
         self.sums = np.zeros((*frame.shape, 8), np.float32)
+        # What follows from them: mean offset, mean normal, and 1 where they make a surface to match against.
+        self._planes = np.zeros((*frame.shape, 5), np.float32)
         self.front_m = np.zeros((*frame.shape, 2), np.float32)
         """Where the surface of each cell begins, from the centre of the cell (x, y) [m]; 0 where none is known."""
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
         ny, nx = self.frame.shape
-        for name in ("sums", "front_m"):
+        for name in ("sums", "_planes", "front_m"):
             old = getattr(self, name)
             new = np.zeros((*frame.shape, old.shape[2]), np.float32)
             new[below : below + ny, left : left + nx] = old
@@ -54,24 +56,26 @@ class SurfaceGrid:
         terms = np.column_stack([np.ones(len(points)), offset, normals, squares]) * weights[:, None]
         cell = iy * self.frame.shape[1] + ix
         np.add.at(self.sums.reshape(-1, 8), cell, terms.astype(np.float32))
-        self._find_front(np.unique(cell))
+        self._summarise(np.unique(cell))
 
-    def _find_front(self, cell: Int[np.ndarray, "n"]) -> None:
+    def _summarise(self, cell: Int[np.ndarray, "n"]) -> None:
         sums = self.sums.reshape(-1, 8)[cell].astype(float)
         weight = np.maximum(sums[:, :1], 1e-6)
         mean = sums[:, 1:3] / weight
-        unit = sums[:, 3:5] / np.maximum(np.hypot(sums[:, 3], sums[:, 4]), 1e-6)[:, None]
+        facing = np.hypot(sums[:, 3], sums[:, 4])
+        unit = sums[:, 3:5] / np.maximum(facing, 1e-6)[:, None]
+        usable = (sums[:, 0] >= MIN_WEIGHT) & (facing >= MIN_AGREEMENT * sums[:, 0])
+        self._planes.reshape(-1, 5)[cell] = np.column_stack([mean, unit, usable])
         xx, xy, yy = (sums[:, 5:] / weight).T
         along = unit[:, 0] ** 2 * xx + 2 * unit[:, 0] * unit[:, 1] * xy + unit[:, 1] ** 2 * yy
         spread = np.sqrt(np.maximum(along - (unit * mean).sum(axis=1) ** 2, 0))
         half = 0.5 * self.frame.resolution_m
-        front = np.clip(mean + unit * spread[:, None], -half, half)
-        self.front_m.reshape(-1, 2)[cell] = front
+        self.front_m.reshape(-1, 2)[cell] = np.clip(mean + unit * spread[:, None], -half, half)
 
     def clear(self, rows: slice, columns: slice, mask: Bool[np.ndarray, "ny nx"]) -> None:
         """Forget the surfaces of the cells of a window where `mask` holds."""
-        self.sums[rows, columns][mask] = 0.0
-        self.front_m[rows, columns][mask] = 0.0
+        for array in (self.sums, self._planes, self.front_m):
+            array[rows, columns][mask] = 0.0
 
     def nearest(
         self,
@@ -88,23 +92,23 @@ class SurfaceGrid:
             Mean point [m] and unit normal of the surface found, and whether one was found.
         """
         ny, nx = self.frame.shape
-        cells = np.floor(self.frame.to_cells(points)).astype(np.int64)
-        cells = cells[:, None, :] + _NEIGHBOURS
-        ix, iy = cells[..., 0], cells[..., 1]
+        local = self.frame.to_cells(points)
+        own = np.floor(local).astype(np.intp)
+        ix = own[:, 0, None] + _NEIGHBOURS[:, 0]
+        iy = own[:, 1, None] + _NEIGHBOURS[:, 1]
         inside = (ix >= 0) & (ix < nx) & (iy >= 0) & (iy < ny)
-        flat = np.where(inside, iy * nx + ix, 0)
-        sums = self.sums.reshape(-1, 8)[flat]
-        weight = np.maximum(sums[..., 0], 1e-6)
-        length = np.hypot(sums[..., 3], sums[..., 4])
-        facing = np.maximum(length, 1e-6)
-        unit = sums[..., 3:5] / facing[..., None]
-        usable = inside & (sums[..., 0] >= MIN_WEIGHT) & (length >= MIN_AGREEMENT * weight)
-        usable &= (unit * normals[:, None, :]).sum(axis=-1) > 0.7
-        mean = self.frame.to_points(cells + 0.5) + sums[..., 1:3] / weight[..., None]
-        gap = ((mean - points[:, None, :]) ** 2).sum(axis=-1)
-        best = np.argmin(np.where(usable, gap, np.inf), axis=1)
+        planes = self._planes.reshape(-1, 5)[np.where(inside, iy * nx + ix, 0)]
+        unit = planes[..., 2:4]
+        facing = unit[..., 0] * normals[:, 0, None] + unit[..., 1] * normals[:, 1, None]
+        usable = inside & (planes[..., 4] > 0) & (facing > 0.7)
+        # From the point to the mean, in the float32 of small numbers: offsets within the neighbourhood only.
+        cell = self.frame.resolution_m
+        dx = planes[..., 0] + (ix + 0.5 - local[:, 0, None]) * cell
+        dy = planes[..., 1] + (iy + 0.5 - local[:, 1, None]) * cell
+        best = np.argmin(np.where(usable, dx * dx + dy * dy, np.inf), axis=1)
         rows = np.arange(len(points))
-        return mean[rows, best], unit[rows, best].astype(float), usable[rows, best]
+        gap = np.column_stack([dx[rows, best], dy[rows, best]])
+        return points + gap, unit[rows, best].astype(float), usable[rows, best]
 
 
 _NEIGHBOURS: Int[np.ndarray, "9 2"] = np.array([(dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1)])

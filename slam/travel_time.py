@@ -32,23 +32,25 @@ class TravelTime:
     """Cost of a metre in each cell; inf in walls."""
 
     def at(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
-        """Cost from points (x, y) [m]; inf outside of the grid and where there is no way.
+        """Cost from points (x, y) [m]; inf outside of the grid and where there is no way."""
+        return self.at_and_downhill(points)[0]
+
+    def at_and_downhill(
+        self, points: Float[np.ndarray, "*batch 2"]
+    ) -> tuple[Float[np.ndarray, "*batch"], Float[np.ndarray, "*batch"]]:
+        """Cost from points (x, y) [m], and azimuth [rad] in which it falls fastest (0 where it does not fall).
 
         Linear in each cell, along the gradient there, so that walls next to it play no part.
         """
         iy, ix, inside = self._cell(points)
-        cell = self.cost_m[iy, ix]
-        slope = self._slopes(iy, ix)
+        cell, slope = self.cost_m[iy, ix], self._slopes(iy, ix)
         centre = self.frame.to_points(np.stack([ix, iy], axis=-1) + 0.5)
         with np.errstate(invalid="ignore"):
-            cost = cell + (slope * (points - centre)).sum(axis=-1)
-        return np.where(inside & np.isfinite(cell), np.maximum(cost, 0.0), np.inf)
-
-    def direction(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"] | np.floating:
-        """Azimuth [rad] in which the cost falls fastest; 0 where it does not fall."""
-        iy, ix, _ = self._cell(points)
-        slope = self._slopes(iy, ix)
-        return np.arctan2(-slope[..., 1], -slope[..., 0])
+            cost = (
+                cell + slope[..., 0] * (points - centre)[..., 0] + slope[..., 1] * (points - centre)[..., 1]
+            )
+        cost = np.where(inside & np.isfinite(cell), np.maximum(cost, 0.0), np.inf)
+        return cost, np.asarray(np.arctan2(-slope[..., 1], -slope[..., 0]))
 
     def of_legs(
         self, start: Float[np.ndarray, "2"], ends: Float[np.ndarray, "k 2"]
@@ -62,10 +64,10 @@ class TravelTime:
         per_m = np.where(inside, self.cost_per_m[iy, ix], np.inf)
         return per_m.mean(axis=1) * length
 
-    def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray | np.bool_]:
+    def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         iy, ix = self.frame.index(points)
         inside = self.frame.inside(iy, ix)
-        return np.where(inside, iy, 0), np.where(inside, ix, 0), inside
+        return np.where(inside, iy, 0), np.where(inside, ix, 0), np.asarray(inside)
 
     def _slopes(self, iy: np.ndarray, ix: np.ndarray) -> Float[np.ndarray, "*batch 2"]:
         """Upwind gradient of the cost: on each axis towards the cheaper neighbour only."""
