@@ -1,8 +1,8 @@
 """Where to look next: frontiers between what the camera has seen and what it has not.
 
-A frontier is a run of seen, free cells beside unseen ones. One travel-time field from the robot prices the way to all of
-them; the few cheapest are then priced in decisions (turns of 10 degrees and steps of a quarter metre) along the real way,
-and rated by the unseen area that could be looked at from there. "nearest" takes the cheapest, the named
+A frontier is a run of seen, free cells beside unseen ones. One travel-time field from the robot prices the way to
+all of them; the few cheapest are then priced in decisions (turns of 10 degrees and steps of a quarter metre) along the
+real way, and rated by the unseen area that could be looked at from there. "nearest" takes the cheapest, the named
 baseline; "gain" lets seen area make up for decisions. The goal is kept until its frontier is gone or another one is
 clearly better, and a frontier that stays although the robot stands before it is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
@@ -10,6 +10,7 @@ Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 
 
 import math
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Literal
 
 import cv2
@@ -193,7 +194,7 @@ class FrontierExplorer:
         iy, ix = iy[order], ix[order]
         starts = np.searchsorted(label[iy, ix], np.arange(1, count + 1))
         found = []
-        for a, b in zip(starts[:-1], starts[1:], strict=True):
+        for a, b in pairwise(starts):
             if b - a < self.config.min_cells:
                 continue
             f = _frontier(frame, np.column_stack([iy[a:b], ix[a:b]]), reach)
