@@ -2,7 +2,7 @@
 
 Processes are apart since each camera chooses what OpenGL runs on for its whole process. They take turns of a
 fraction of a second, so that whatever else the machine is doing hits all of them; the ratio of two is formed turn
-by turn, and the median of the ratios counts.
+by turn, and the median of the ratios counts. On a busy machine look at the processor time.
 
 What counts is the rate that a camera keeps up. All take some 1200 pictures before, about as many as an episode
 does: stock pyrender on OSMesa compiles its shaders for each one, and takes longer still once llvmpipe holds as many
@@ -81,8 +81,8 @@ class Runner:
         except EOFError:
             return "the process died"
 
-    def turn(self, least_s: float) -> float:
-        """Seconds per picture, going through the poses until some time has passed."""
+    def turn(self, least_s: float) -> tuple[float, float]:
+        """Seconds per picture by the clock and of processor time, going through the poses for some time."""
         self._pipe.send(least_s)
         return self._pipe.recv()
 
@@ -112,11 +112,12 @@ def _serve(pipe: Connection, name: str, heat_file: str, config: CameraConfig, wa
         return
     while True:
         least_s = pipe.recv()
-        first, begin = taken, time.perf_counter()
+        first, begin, cpu_begin = taken, time.perf_counter(), time.process_time()
         while taken == first or time.perf_counter() - begin < least_s:
             shot(heat.poses[taken % len(heat.poses)])
             taken += 1
-        pipe.send((time.perf_counter() - begin) / (taken - first))
+        count = taken - first
+        pipe.send(((time.perf_counter() - begin) / count, (time.process_time() - cpu_begin) / count))
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,8 +125,10 @@ class Result:
     """How one camera did."""
 
     name: str
-    seconds: Float[np.ndarray, "n_turns"] | None = None
-    """Seconds per picture, turn by turn; None if it could not take any."""
+    seconds: Float[np.ndarray, "n_turns"]
+    """Seconds per picture, turn by turn; empty if it could not take any."""
+    cpu_s: Float[np.ndarray, "n_turns"]
+    """Processor time per picture, of all its threads; the same as `seconds` if nothing else runs."""
     depth: Any = None
     """Depth of all poses [m]."""
     trouble: str = ""
@@ -152,7 +155,7 @@ def race(
         runners = [Runner(name, heat_file, heat.config, warm_up) for name in names]
         answers = {runner.name: runner.ready() for runner in runners}
         able = [runner for runner in runners if not isinstance(answers[runner.name], str)]
-        times: dict[str, list[float]] = {runner.name: [] for runner in able}
+        times: dict[str, list[tuple[float, float]]] = {runner.name: [] for runner in able}
         for _ in range(turns):
             for runner in able:
                 times[runner.name].append(runner.turn(turn_s))
@@ -160,8 +163,8 @@ def race(
         for runner in runners:
             runner.stop()
     return [
-        Result(name, trouble=str(answers[name]))
+        Result(name, np.empty(0), np.empty(0), trouble=str(answers[name]))
         if isinstance(answers[name], str)
-        else Result(name, seconds=np.array(times[name]), depth=answers[name])
+        else Result(name, np.array(times[name])[:, 0], np.array(times[name])[:, 1], answers[name])
         for name in names
     ]
