@@ -1,26 +1,25 @@
-"""Where to look next: frontiers between what the camera has seen and what it has not.
+"""Where to look next: one frontier after another, until nothing is left to see.
 
-A frontier is a run of seen, free cells beside unseen ones. One travel-time field from the robot prices the way to
-all of them; the few cheapest are then priced in decisions (turns of 10 degrees and steps of a quarter metre) along the
-real way, and rated by the unseen area that could be looked at from there. "nearest" takes the cheapest, the named
-baseline; "gain" lets seen area make up for decisions. The goal is kept until its frontier is gone or another one is
-clearly better, and a frontier that stays although the robot stands before it is given up.
+One travel-time field from the robot prices the ways to all frontiers. The most promising are then priced in
+decisions (turns of 10 degrees and steps of a quarter metre, along the real way) and rated: "nearest" takes the
+cheapest, the named baseline; "gain" lets the unseen area behind make up for decisions. A goal is kept until its
+frontier has been seen or another one is clearly better. A frontier that stays although the robot stands before it,
+or that is not reached in good time, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
 import math
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Literal
 
-import cv2
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.cost_map import EASES, Box, CostConfig, cost_map, cut_box, known_box
-from slam.grid import GridFrame, MapEstimate
-from slam.paths import downhill, taut
+from slam.frontiers import Frontier, find_frontiers, unseen_area
+from slam.grid import MapEstimate
+from slam.paths import downhill, length, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
 
@@ -37,43 +36,29 @@ class ExplorerConfig:
     """Range of the camera that counts as seeing [m]."""
     min_cells: int = 3
     """Shorter frontiers are ignored [cells]."""
+    piece_m: float = 1.6
+    """Longer frontiers are cut into pieces of about this size [m]."""
+    depth_m: float = 1.5
+    """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
     gain_weight: float = 10.0
     """Decisions that a square metre of unseen area is worth."""
     max_gain_m2: float = 5.0
     """More unseen area than this makes a frontier no better [m^2]."""
-    depth_m: float = 1.5
-    """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
     keep: float = 4.0
     """Decisions by which another frontier must be better before the goal is changed."""
-    candidates: int = 10
+    candidates: int = 6
     """Frontiers whose way is priced exactly."""
     every: int = 8
     """Decisions after which frontiers are rated anew even if the goal still stands."""
     patience: int = 12
-    """Decisions near a frontier that shows nothing new after which it is given up."""
+    """Decisions near a frontier that show nothing new after which it is given up."""
 
     def __post_init__(self) -> None:
         if self.rating not in ("gain", "nearest"):
             raise ValueError(f"rating = {self.rating!r}, expected 'gain' or 'nearest'.")
-        if self.min_cells < 1 or self.candidates < 1 or self.every < 1:
-            raise ValueError(
-                f"min_cells = {self.min_cells}, candidates = {self.candidates}, every = {self.every}, "
-                "expected at least 1 each."
-            )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Frontier:
-    """A run of seen cells beside unseen ones."""
-
-    cells: Int[np.ndarray, "n 2"]
-    """Rows and columns in the window."""
-    look_xy: Float[np.ndarray, "2"]
-    """Its middle cell [m]: seen itself, beside what is to be looked at."""
-    stand: tuple[int, int]
-    """Row and column in the window of the cell to go to."""
-    cost_m: float
-    """Cost of the way there [m]."""
+        for name in ("min_cells", "candidates", "every", "patience"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
 
 
 class FrontierExplorer:
@@ -85,16 +70,16 @@ class FrontierExplorer:
 
     def reset(self) -> None:
         """Forget goal and frontiers given up."""
-        self._goal: Float[np.ndarray, 2] | None = None
+        self._goal: Float[np.ndarray, "2"] | None = None
         self._given_up: list[tuple[float, float]] = []
         self._age = 0
         self._waited = 0
         self._budget = 0.0
         self._spin = 0
-        self._looked_around: list[Float[np.ndarray, 2]] = []
+        self._looked_around: list[Float[np.ndarray, "2"]] = []
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The spot to go to and look at, in `map` [m]; None when nothing is left to see.
+        """The spot to go to, in `map` [m]; None when nothing is left to see.
 
         Args:
             estimate: Map and pose.
@@ -104,36 +89,34 @@ class FrontierExplorer:
             return estimate.pose[:2]
         self._age += 1
         self._budget -= 1
-        if self._goal is not None and self._age < self.config.every and self._still_there(estimate):
-            return self._goal
-        self._goal = self._choose(estimate)
-        self._age = 0
+        if self._goal is None or self._age >= self.config.every or not self._worth_it(estimate, self._goal):
+            self._goal = self._choose(estimate)
+            self._age = 0
         if self._goal is None and self._look_around(estimate.pose[:2]):
             return estimate.pose[:2]
         return self._goal
 
     def _look_around(self, here: Float[np.ndarray, "2"]) -> bool:
-        """Before all is taken to be seen: turn once, unless that was done here, and give frontiers another chance.
+        """Before all is taken to be seen: turn once, if not done here before, and give frontiers another chance.
 
         A robot that begins in a niche has all that is left to see behind its back.
         """
-        if any(np.hypot(*(here - place)) < 0.5 for place in self._looked_around):
+        if any(math.hypot(*(here - place)) < 0.5 for place in self._looked_around):
             return False
         self._looked_around.append(here.copy())
         self._given_up.clear()
         self._spin = round(2 * math.pi / TURN_RAD)
         return True
 
-    def _still_there(self, estimate: MapEstimate) -> bool:
-        """Whether the spot to look at is unseen yet; gives it up when looking does not help."""
-        assert self._goal is not None
+    def _worth_it(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> bool:
+        """Whether something unseen is left at the goal; gives it up when going there does not help."""
+        x, y = goal
         r = 2 * estimate.frame.resolution_m
-        x, y = self._goal
         rows, columns, _ = estimate.frame.window((x - r, y - r), (x + r, y + r))
         unseen = ~estimate.explored[rows, columns] & (estimate.obstacle_probability[rows, columns] <= 0.5)
         if not unseen.any():
             return False
-        near = np.hypot(*(self._goal - estimate.pose[:2])) < 0.6
+        near = math.hypot(*(goal - estimate.pose[:2])) < 0.6
         self._waited = self._waited + 1 if near else 0
         if self._waited > self.config.patience or self._budget < 0:
             self._given_up.append((float(x), float(y)))
@@ -142,125 +125,71 @@ class FrontierExplorer:
         return True
 
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The best frontier's goal; where bumps alone cut off all of them, they are disregarded."""
+        """The goal of the best frontier; where none can be reached, the map is taken less strictly."""
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
-        low, high = low - margin, high + margin
         for ease in EASES:
-            box = cut_box(estimate, low, high, ease)
-            window = cost_map(box, self.config.cost, ease)
-            window = replace(window, passable=window.passable & (box.probability < 0.5))
-            window = window.reachable_from(estimate.pose[:2]).halved()
-            here = window.cell(estimate.pose[:2])
-            way = travel_time(window.frame, window.cost.astype(float), window.passable, here)
-            frontiers = self._frontiers(box, way)
+            box = cut_box(estimate, low - margin, high + margin, ease)
+            way = self._ways(box, ease)
+            frontiers = find_frontiers(
+                box,
+                way,
+                min_cells=self.config.min_cells,
+                piece_m=self.config.piece_m,
+                given_up=np.array(self._given_up).reshape(-1, 2),
+            )
             if frontiers:
-                break
-        if not frontiers:
-            return None
-        frontiers.sort(key=lambda f: f.cost_m)
+                return self._best(box, way, frontiers)
+        return None
+
+    def _ways(self, box: Box, ease: int) -> TravelTime:
+        """Cost of ways from the robot through known space, on cells twice as large as those of the box."""
+        costs = cost_map(box, self.config.cost, ease)
+        costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
+        costs = costs.reachable_from(box.pose[:2]).halved()
+        return travel_time(costs.frame, costs.cost.astype(float), costs.passable, costs.cell(box.pose[:2]))
+
+    def _best(self, box: Box, way: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
+        """Goal of the frontier with the best rating."""
+        promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))[: self.config.candidates]
         rated = []
-        frame_m = box.frame.resolution_m
-        for f in frontiers[: self.config.candidates]:
-            decisions = self._decisions(way, f, estimate.pose)
-            gain = min(self._gain(box, f), self.config.depth_m * len(f.cells) * frame_m)
-            rating = decisions
+        for frontier in promising:
+            decisions = self._decisions(way, frontier, box.pose)
+            rating = decisions - self._bonus(frontier)
             if self.config.rating == "gain":
-                rating -= self.config.gain_weight * min(gain, self.config.max_gain_m2)
-            if self._goal is not None and np.hypot(*(f.look_xy - self._goal)) < 0.5:
-                rating -= self.config.keep
-            rated.append((rating, decisions, f))
-        rating, decisions, best = min(rated, key=lambda r: r[0])
-        if self._goal is None or np.hypot(*(best.look_xy - self._goal)) > 0.5:
+                area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
+                rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
+            rated.append((rating, decisions, frontier))
+        _, decisions, best = min(rated, key=lambda r: r[0])
+        if self._goal is None or math.hypot(*(best.goal_xy - self._goal)) > 0.5:
             self._budget = 3 * decisions + 40
             self._waited = 0
-        return best.look_xy
+        return best.goal_xy
 
-    def _frontiers(self, box: Box, way: TravelTime) -> list[Frontier]:
-        """Frontiers that the robot can get near to."""
-        frame = box.frame
-        unseen = ~box.explored & (box.probability <= 0.5)
-        beside = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-        edge = box.explored & (box.probability < 0.5) & beside
-        for x, y in self._given_up:
-            r = 0.25
-            rows, columns, _ = frame.window((x - r, y - r), (x + r, y + r))
-            edge[rows, columns] = False
-        count, label = cv2.connectedComponents(edge.astype(np.uint8), connectivity=8)
-        # The cost of getting near: least cost within about half a metre of each cell.
-        reach = np.where(np.isfinite(way.cost_m), way.cost_m, 1e6).repeat(2, axis=0).repeat(2, axis=1)
-        iy, ix = np.nonzero(edge)
-        order = np.argsort(label[iy, ix], kind="stable")
-        iy, ix = iy[order], ix[order]
-        starts = np.searchsorted(label[iy, ix], np.arange(1, count + 1))
-        found = []
-        for a, b in pairwise(starts):
-            if b - a < self.config.min_cells:
-                continue
-            f = _frontier(frame, np.column_stack([iy[a:b], ix[a:b]]), reach)
-            if f is not None:
-                found.append(f)
-        return found
+    def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
+        """Rating without looking along the way or at the area behind."""
+        x, y = frontier.near_xy - pose[:2]
+        turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
+        guess = frontier.cost_m / FORWARD_M + turn - self._bonus(frontier)
+        if self.config.rating == "gain":
+            area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
+            guess -= self.config.gain_weight * area
+        return guess
 
-    def _decisions(self, way: TravelTime, f: Frontier, pose: Float[np.ndarray, "3"]) -> float:
-        """Turns and steps that the way to a frontier takes."""
-        points = downhill(way, (f.stand[0] // 2, f.stand[1] // 2))
-        corners = np.vstack([pose[:2], taut(points, way)[-2::-1], f.look_xy])
+    def _bonus(self, frontier: Frontier) -> float:
+        """What is granted to the frontier that the robot is on its way to [decisions]."""
+        kept = self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5
+        return self.config.keep if kept else 0.0
+
+    def _decisions(self, way: TravelTime, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
+        """Turns and steps that the way to a frontier takes; half a metre before it, it is seen."""
+        iy, ix = way.frame.index(frontier.near_xy)
+        corners = taut(downhill(way, (int(iy), int(ix))), way)[::-1]
+        corners = np.vstack([pose[:2], corners[1:], frontier.goal_xy])
         legs = np.diff(corners, axis=0)
-        length = np.hypot(*legs.T)
-        legs, length = legs[length > 0.1], length[length > 0.1]
+        legs = legs[np.hypot(*legs.T) > 0.1]
         if not len(legs):
             return 0.0
         yaw = np.concatenate([[pose[2]], np.arctan2(legs[:, 1], legs[:, 0])])
         turns = sum(abs(wrap(float(d))) for d in np.diff(yaw)) / TURN_RAD
-        return turns + max(0.0, float(length.sum()) - 0.5) / FORWARD_M
-
-    def _gain(self, box: Box, f: Frontier) -> float:
-        """Unseen area in view from a frontier [m^2], if what is unknown were open."""
-        frame, (y, x) = box.frame, f.stand
-        angles = np.arange(60) * (2 * math.pi / 60)
-        reach = np.arange(1, int(self.config.view_m / frame.resolution_m / 2)) * 2.0
-        iy = np.rint(y + np.sin(angles)[:, None] * reach).astype(int)
-        ix = np.rint(x + np.cos(angles)[:, None] * reach).astype(int)
-        inside = frame.inside(iy, ix)
-        iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
-        open_ = np.logical_and.accumulate(~inside | (box.probability[iy, ix] <= 0.5), axis=1)
-        new = open_ & (~inside | ~box.explored[iy, ix])
-        # Each sample stands for a piece of its ring.
-        piece = reach * (2 * math.pi / 60) * 2.0 * frame.resolution_m**2
-        return float((new * piece).sum())
-
-
-def _frontier(
-    frame: GridFrame,
-    cells: Int[np.ndarray, "n 2"],
-    reach: Float[np.ndarray, "ny nx"],
-) -> Frontier | None:
-    """A frontier with the cell to go to; None if the robot cannot get near."""
-    cost = reach[cells[:, 0], cells[:, 1]]
-    k = int(np.argmin(cost))
-    stand = (int(cells[k, 0]), int(cells[k, 1]))
-    if cost[k] >= 1e6:
-        stand, least = _nearest_reachable(reach, cells)
-        if least >= 1e6:
-            return None
-    middle = cells[int(np.argmin(((cells - cells.mean(axis=0)) ** 2).sum(axis=1)))]
-    return Frontier(
-        cells=cells,
-        look_xy=frame.to_points(middle[::-1] + 0.5),
-        stand=stand,
-        cost_m=float(reach[stand]),
-    )
-
-
-def _nearest_reachable(
-    reach: Float[np.ndarray, "ny nx"], cells: Int[np.ndarray, "n 2"]
-) -> tuple[tuple[int, int], float]:
-    """Cheapest cell within half a metre of a frontier's middle."""
-    y, x = (int(v) for v in cells[len(cells) // 2])
-    n = 10
-    y0, x0 = max(y - n, 0), max(x - n, 0)
-    part = reach[y0 : y + n + 1, x0 : x + n + 1]
-    k = int(np.argmin(part))
-    iy, ix = divmod(k, part.shape[1])
-    return (iy + y0, ix + x0), float(part[iy, ix])
+        return turns + max(0.0, length(corners) - 0.5) / FORWARD_M
