@@ -70,13 +70,13 @@ class FrontierExplorer:
 
     def reset(self) -> None:
         """Forget goal and frontiers given up."""
-        self._goal: Float[np.ndarray, "2"] | None = None
+        self._goal: np.ndarray | None = None
         self._given_up: list[tuple[float, float]] = []
         self._age = 0
         self._waited = 0
         self._budget = 0.0
         self._spin = 0
-        self._looked_around: list[Float[np.ndarray, "2"]] = []
+        self._looked_around: list[np.ndarray] = []
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to, in `map` [m]; None when nothing is left to see.

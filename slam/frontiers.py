@@ -59,7 +59,7 @@ def find_frontiers(
     key = (run.astype(np.int64) * 4096 + tile[:, 0]) * 4096 + tile[:, 1]
     order = np.argsort(key, kind="stable")
     starts = np.flatnonzero(np.diff(key[order])) + 1
-    lengths = size[run[order]][np.append(0, starts)] * box.frame.resolution_m
+    lengths = size[run[order]][[0, *starts]] * box.frame.resolution_m
     pieces = np.split(cells[order], starts)
     found = [_frontier(box, way, piece, float(n)) for piece, n in zip(pieces, lengths, strict=True)]
     return [frontier for frontier in found if frontier is not None]

@@ -101,7 +101,7 @@ class Planner:
         """Forget the last plan."""
         self._far: _Far | None = None
         self._plan: Plan | None = None
-        self._hand_over: Float[np.ndarray, 2] | None = None
+        self._hand_over: np.ndarray | None = None
         self._space_m = 0.0
         self._ease = 0
         self._far_age = self._near_age = 0
