@@ -14,7 +14,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test install system clean
 
 demo: install
-	$(BIN)/robosim episode flat --goal oracle --seed 1 --out $(OUT)
+	$(BIN)/robosim episode flat --goal oracle --seed 2 --out $(OUT)
 
 test: $(VENV)/.test-installed
 	$(BIN)/ruff check .
