@@ -6,7 +6,9 @@
 # Both make a virtual environment in .venv, and install the system's software renderer if it is missing.
 
 VENV ?= .venv
-PYTHON ?= $(firstword $(foreach v,3.13 3.12 3.11,$(shell command -v python$(v))) python3)
+FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
+PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+  $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 BIN := $(VENV)/bin
@@ -32,8 +34,7 @@ system:
 	fi
 
 $(BIN)/python: | system
-	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' || \
-	  { echo "robosim needs Python 3.11 to 3.13, $(PYTHON) is $$($(PYTHON) -V). Pass PYTHON=/path/to/python."; exit 1; }
+	@test -n "$(PYTHON)" || { echo "robosim needs Python 3.11 to 3.13. Install one, or pass PYTHON=/path/to/python."; exit 1; }
 	@$(PYTHON) -m venv $(VENV) 2>/dev/null || \
 	  { $(APT) update -qq && $(APT) install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); }
 
