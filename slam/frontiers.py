@@ -88,7 +88,8 @@ def _frontier(box: Box, way: TravelTime, piece: Int[np.ndarray, "n 2"], length_m
         n = max(1, round(0.5 / way.frame.resolution_m))
         y0, x0 = np.maximum(middle // 2 - n, 0)
         part = way.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
-        near = (*np.array(np.unravel_index(int(np.argmin(part)), part.shape)), y0, x0)
+        row, column = divmod(int(np.argmin(part)), part.shape[1])
+        near = np.array([y0 + row, x0 + column])
         least = float(part.min())
         if not math.isfinite(least):
             return None
