@@ -149,7 +149,7 @@ def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
     area_m2 = config.area_m2 or max(14.0, float(area_m2))
     typical_m2 *= (area_m2 / 70) ** 0.3
     rooms = config.rooms or max(1, round(area_m2 / (typical_m2 * np.exp(0.4 * room_size))))
-    furniture = 0.2 * crowd if empty < 0.16 else 0.65 + crowd
+    furniture = 0.2 * crowd if empty < 0.2 else 0.7 + 1.1 * crowd
     if config.furniture is not None:
         furniture = config.furniture
     yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)
