@@ -109,7 +109,7 @@ def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
     process = subprocess.Popen([*command, "--physics", "kinematic"], stdout=subprocess.PIPE, text=True)
     video = threading.Event()
     while process.poll() is None and not video.wait(0.1):
-        started = [path for path in tmp_path.iterdir() if path.stat().st_size > 50_000]
+        started = [path for path in tmp_path.iterdir() if path.stat().st_size > 5_000]
         if started:
             process.send_signal(signal.SIGINT)
             video.set()
