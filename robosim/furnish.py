@@ -10,7 +10,8 @@ import numpy as np
 
 from robosim.canvas import Canvas, Window, fits
 from robosim.furniture import Entry, Piece, box, entries, turn
-from robosim.layout import Layout, Opening, Rect, beside
+from robosim.layout import Layout, Opening
+from robosim.rect import Rect, beside
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5

@@ -16,11 +16,13 @@ from typing import Literal
 import cv2
 import numpy as np
 
+from robosim.building_style import STYLES
 from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.furnish import furnish
-from robosim.layout import STYLES, Layout, Rect, lay_out
+from robosim.layout import Layout, lay_out
 from robosim.planfiles import write_ros
+from robosim.rect import Rect
 from robosim.rooms import hull_places, largest_piece
 
 #: Radius of the agent that the published navigable areas were made for [m].

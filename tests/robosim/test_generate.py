@@ -11,9 +11,10 @@ import pytest
 from scipy import ndimage
 
 from robosim.building import make_building
+from robosim.building_style import STYLES
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
-from robosim.layout import STYLES, Layout, lay_out
+from robosim.layout import Layout, lay_out
 from robosim.outline import free_polygons
 from robosim.planfiles import find_plans, read_plan
 from robosim.planstats import PlanStatistics, compare_plans, ks_distance, perimeter_m, plan_statistics

@@ -8,8 +8,8 @@ import shapely
 
 from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.layout import Rect
 from robosim.planstats import ks_distance, perimeter_m, plan_statistics, plot_comparison
+from robosim.rect import Rect
 from robosim.rooms import clearance, find_rooms
 
 CELL_M = 0.05
