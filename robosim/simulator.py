@@ -22,6 +22,7 @@ from robosim.target import target_mesh
 from robosim.tasks import Task
 from robosim.world import Motion, World
 from slam.actions import Action
+from slam.poses import between
 
 Physics = Literal["dynamic", "kinematic"]
 CameraEngine = Literal["pyrender", "embree"]
@@ -86,7 +87,7 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.move(commanded)
-        moved = relative_pose(before, self.pose)
+        moved = between(before, self.pose)
         return self._observe(self.config.noise.sense(action, moved, self._rng)), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
@@ -98,7 +99,7 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.drive(v_mps, w_radps, duration_s)
-        moved = relative_pose(before, self.pose)
+        moved = between(before, self.pose)
         return self._observe(self.config.noise.sense_motion(moved, self._rng)), motion
 
     @property
@@ -125,11 +126,3 @@ class Simulator:
             meshes = [self._shaded, target_mesh(target, ceiling_m=self.building.height_m)]
             self._camera = make_camera(meshes, self.config.image, backend=self.config.camera)
         self._target = tuple(target)
-
-
-def relative_pose(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-    """Pose b as seen from pose a: dx forward [m], dy left [m], dyaw [rad] in [-pi, pi)."""
-    c, s = np.cos(a[2]), np.sin(a[2])
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    dyaw = (b[2] - a[2] + np.pi) % (2 * np.pi) - np.pi
-    return np.array([c * dx + s * dy, c * dy - s * dx, dyaw])

@@ -23,11 +23,12 @@ from scipy.constants import speed_of_light
 
 from wireless.extruded import LEAN, Extruded, find_extruded
 from wireless.geometry import find_surfaces
-from wireless.links import Setting, Table, trace_links, views_of
+from wireless.links import trace_links, views_of
 from wireless.materials import permittivity
 from wireless.paths import Paths
 from wireless.plan import Locator, make_plan
 from wireless.space import make_space, trace_space
+from wireless.table import Setting, Table
 
 logger = logging.getLogger(__name__)
 

@@ -16,9 +16,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from wireless.compiled import compiled
-from wireless.fields import DIFFRACTION, REFLECTION, path_gain
+from wireless.fields import DIFFRACTION, REFLECTION
 from wireless.geometry import Surfaces
-from wireless.links import (
+from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, planes
+from wireless.table import (
     Room,
     Setting,
     Table,
@@ -26,10 +27,9 @@ from wireless.links import (
     make_room,
     make_table,
     most_interactions,
-    weighted,
+    weigh,
     write_row,
 )
-from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, planes
 
 
 class Space(NamedTuple):
@@ -260,24 +260,7 @@ def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, f
             n = surfaces.edge_gap_rad[thing] / np.pi
             for i in range(2):
                 room.wedge_eps[i] = setting.wall_eps[surfaces.edge_facets[thing, i]]
-    length = path_gain(
-        room.point,
-        room.kind,
-        m,
-        room.normal,
-        room.eps,
-        room.wedge,
-        n,
-        room.wedge_eps,
-        setting.wavenumber,
-        setting.thickness_m,
-        room.gain,
-        room.work,
-        room.field,
-    )
-    if length < 0:
-        return length, 0.0
-    return length, weighted(setting, room.gain)
+    return weigh(setting, m, n, room)
 
 
 @compiled
