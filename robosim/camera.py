@@ -21,7 +21,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.gl_binding import GLSystem, bind_opengl
+from robosim.rendering.gl_binding import GLSystem, bind_opengl
 
 Backend = Literal["pyrender", "embree"]
 
@@ -142,12 +142,12 @@ def make_camera(
         RuntimeError: If OpenGL serves another platform in this process already.
     """
     if backend == "embree":
-        from robosim.embree_camera import EmbreeCamera
+        from robosim.rendering.embree_camera import EmbreeCamera
 
         return EmbreeCamera(meshes, config)
     if backend == "pyrender":
         system = bind_opengl(platform)  # has to come before pyrender is imported
-        from robosim.pyrender_camera import PyrenderCamera
+        from robosim.rendering.pyrender_camera import PyrenderCamera
 
         return PyrenderCamera(meshes, config, system)
     raise ValueError(f"backend is {backend!r}, expected 'pyrender' or 'embree'.")

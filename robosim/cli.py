@@ -310,8 +310,8 @@ def figures_plans(
     from rich.progress import track
 
     from robosim.generate import GeneratorConfig, generate_plan
+    from robosim.generator.planstats import plot_comparison
     from robosim.planfiles import find_plans, read_plan
-    from robosim.planstats import plot_comparison
 
     real = [read_plan(path) for path in track(find_plans(plans), "reading", console=_console, transient=True)]
     config = GeneratorConfig(navigable=True)

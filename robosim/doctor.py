@@ -150,7 +150,7 @@ def _camera(kind: Literal["osmesa", "egl"]) -> Callable[[], str]:
 def measure_camera(kind: Literal["osmesa", "egl"]) -> None:
     """Draw a room on one OpenGL platform, check a depth, and write the frame rate to standard output."""
     from robosim.camera import CameraConfig, camera_pose, make_camera
-    from robosim.shading import shaded_mesh
+    from robosim.rendering.shading import shaded_mesh
 
     config = CameraConfig()
     camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=kind)

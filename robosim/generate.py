@@ -16,14 +16,14 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from robosim.building_style import STYLES
-from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.furnish import furnish
-from robosim.layout import Layout, lay_out
+from robosim.generator.building_style import STYLES
+from robosim.generator.canvas import Canvas
+from robosim.generator.furnish import furnish
+from robosim.generator.layout import Layout, lay_out
+from robosim.generator.rect import Rect
+from robosim.generator.rooms import hull_places, largest_piece
 from robosim.planfiles import write_ros
-from robosim.rect import Rect
-from robosim.rooms import hull_places, largest_piece
 
 #: Radius of the agent that the published navigable areas were made for [m].
 AGENT_RADIUS_M = 0.1

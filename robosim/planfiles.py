@@ -2,12 +2,12 @@
 
 `read_plan` picks the reader by the file's ending:
 
-- ``.yaml``, ``.yml``: ROS map_server map and the image it names (`robosim.ros_map`);
-- ``.pgm``, ``.png`` and other images: light is free; needs the resolution (`robosim.plan_image`);
-- ``.out``: top-down grid of mmwRobotNav (`robosim.mmwrobotnav`);
-- ``.json``: HouseExpo (`robosim.houseexpo`);
-- ``.npy``: NumPy array; needs the resolution (`robosim.plan_array`);
-- ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.mesh_slice`).
+- ``.yaml``, ``.yml``: ROS map_server map and the image it names (`robosim.formats.ros_map`);
+- ``.pgm``, ``.png`` and other images: light is free; needs the resolution (`robosim.formats.plan_image`);
+- ``.out``: top-down grid of mmwRobotNav (`robosim.formats.mmwrobotnav`);
+- ``.json``: HouseExpo (`robosim.formats.houseexpo`);
+- ``.npy``: NumPy array; needs the resolution (`robosim.formats.plan_array`);
+- ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.formats.mesh_slice`).
 
 A bare name is a plan that comes with the package (`robosim.assets`). `write_ros` and `write_png` write.
 """
@@ -18,15 +18,15 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim import mesh_slice
 from robosim.assets import shipped_plans
 from robosim.floorplan import FloorPlan, MapError
-from robosim.houseexpo import read_houseexpo
-from robosim.mesh_slice import UpAxis, read_mesh
-from robosim.mmwrobotnav import read_mmwrobotnav
-from robosim.plan_array import plan_from_array, read_npy
-from robosim.plan_image import read_image_plan, write_png
-from robosim.ros_map import read_ros, write_ros
+from robosim.formats import mesh_slice
+from robosim.formats.houseexpo import read_houseexpo
+from robosim.formats.mesh_slice import UpAxis, read_mesh
+from robosim.formats.mmwrobotnav import read_mmwrobotnav
+from robosim.formats.plan_array import plan_from_array, read_npy
+from robosim.formats.plan_image import read_image_plan, write_png
+from robosim.formats.ros_map import read_ros, write_ros
 
 __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros"]
 

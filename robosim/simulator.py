@@ -15,8 +15,8 @@ from robosim.building import Building
 from robosim.camera import Camera, CameraConfig, camera_pose, make_camera
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
+from robosim.rendering.shading import shaded_mesh
 from robosim.robot import RobotConfig
-from robosim.shading import shaded_mesh
 from robosim.stopwatch import Stopwatch
 from robosim.target import target_mesh
 from robosim.tasks import Task

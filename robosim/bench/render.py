@@ -26,7 +26,7 @@ from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose
 from robosim.files import whole_file, write_json
 from robosim.planfiles import read_plan
-from robosim.shading import shaded_mesh
+from robosim.rendering.shading import shaded_mesh
 
 #: The camera that the others are compared with: the one of each kind of picture.
 OURS = {"rgb+depth": "pyrender", "depth": "pyrender-depth"}

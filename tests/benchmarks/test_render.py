@@ -14,7 +14,7 @@ from robosim.bench.true_depth import DepthJudge
 from robosim.building import Building, make_building
 from robosim.camera import CameraConfig
 from robosim.floorplan import FloorPlan
-from robosim.shading import shaded_mesh
+from robosim.rendering.shading import shaded_mesh
 
 SMALL = {"sizes": (48,), "warm_up": 3, "turns": 3, "turn_s": 0.02, "n_poses": 2}
 

@@ -13,7 +13,7 @@ from robosim.building import Building, make_building
 from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
 from robosim.floorplan import FloorPlan
 from robosim.planfiles import read_plan
-from robosim.shading import shaded_mesh
+from robosim.rendering.shading import shaded_mesh
 
 ENGINES = ("pyrender", "embree")
 ROOM = (4.0, 3.0, 2.5)

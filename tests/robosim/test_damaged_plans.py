@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from robosim.floorplan import FloorPlan, MapError
-from robosim.pgm import encode_pgm
+from robosim.formats.pgm import encode_pgm
 from robosim.planfiles import read_plan
 
 GREY = np.where(np.add.outer(np.arange(12), np.arange(16)) % 5 == 0, 0, 254).astype(np.uint8)

@@ -11,15 +11,21 @@ import pytest
 from scipy import ndimage
 
 from robosim.building import make_building
-from robosim.building_style import STYLES
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
-from robosim.layout import Layout, lay_out
+from robosim.generator.building_style import STYLES
+from robosim.generator.layout import Layout, lay_out
+from robosim.generator.planstats import (
+    PlanStatistics,
+    compare_plans,
+    ks_distance,
+    perimeter_m,
+    plan_statistics,
+)
+from robosim.generator.rooms import find_rooms, largest_piece
 from robosim.outline import free_polygons
 from robosim.planfiles import find_plans, read_plan
-from robosim.planstats import PlanStatistics, compare_plans, ks_distance, perimeter_m, plan_statistics
 from robosim.reach import reach
-from robosim.rooms import find_rooms, largest_piece
 
 NAVIGABLE = GeneratorConfig(navigable=True)
 EMPTY = GeneratorConfig(furniture=0)

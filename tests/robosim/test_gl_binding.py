@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim import gl_binding
 from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
+from robosim.rendering import gl_binding
 
 
 def room(size: tuple[float, float, float] = (4.0, 3.0, 2.5)) -> trimesh.Trimesh:
@@ -224,7 +224,7 @@ def test_pyopengl_for_a_display_is_reported():
 import sys, types
 class GLXPlatform: pass
 sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
-from robosim.gl_binding import bind_opengl
+from robosim.rendering.gl_binding import bind_opengl
 bind_opengl()
 """
     )

@@ -5,8 +5,8 @@ import pytest
 import shapely
 import trimesh
 
-from robosim.mesh_raster import MARGIN, cells_touched, section
-from robosim.scanline import winding_numbers
+from robosim.formats.mesh_raster import MARGIN, cells_touched, section
+from robosim.formats.scanline import winding_numbers
 
 SHAPE = (12, 15)
 

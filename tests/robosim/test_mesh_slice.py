@@ -10,9 +10,9 @@ import trimesh
 from robosim.building import make_building
 from robosim.export import export_mesh
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan, MapError
-from robosim.mesh_slice import plan_from_triangles
+from robosim.formats.mesh_slice import plan_from_triangles
+from robosim.formats.storeys import find_storeys
 from robosim.planfiles import read_plan
-from robosim.storeys import find_storeys
 
 #: '.' is free; one cell is 0.1 m. Two rooms with a door, a column, a wall one cell thick and a diagonal one.
 PICTURE = """

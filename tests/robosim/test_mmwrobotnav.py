@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from robosim.floorplan import FREE, OCCUPIED, MapError
-from robosim.mmwrobotnav import parse_grid
+from robosim.formats.mmwrobotnav import parse_grid
 from robosim.planfiles import find_plans, read_plan, write_ros
 
 GRID = np.array([[0, 2, 2, 0], [0, 2, 1, 2], [0, 0, 2, 0]])

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from robosim.floorplan import MapError
-from robosim.pgm import decode_pgm, encode_pgm
+from robosim.formats.pgm import decode_pgm, encode_pgm
 
 
 def plain(samples, white, comment=""):

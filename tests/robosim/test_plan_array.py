@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, MapError
-from robosim.plan_array import plan_from_array
+from robosim.formats.plan_array import plan_from_array
 from robosim.planfiles import read_plan
 
 NAN = float("nan")

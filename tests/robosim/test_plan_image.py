@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.plan_image import decode_image
+from robosim.formats.plan_image import decode_image
 from robosim.planfiles import read_plan, write_png
 
 GREY = np.array([[0, 205, 254], [255, 100, 1]], np.uint8)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.canvas import Canvas
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.planstats import ks_distance, perimeter_m, plan_statistics, plot_comparison
-from robosim.rect import Rect
-from robosim.rooms import clearance, find_rooms
+from robosim.generator.canvas import Canvas
+from robosim.generator.planstats import ks_distance, perimeter_m, plan_statistics, plot_comparison
+from robosim.generator.rect import Rect
+from robosim.generator.rooms import clearance, find_rooms
 
 CELL_M = 0.05
 

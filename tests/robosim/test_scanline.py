@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import shapely
 
-from robosim.scanline import parts, winding_numbers
+from robosim.formats.scanline import parts, winding_numbers
 
 
 def centres(shape):

@@ -10,8 +10,8 @@ import trimesh
 from robosim.building import KINDS, Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.planfiles import read_plan
-from robosim.shading import ShadingConfig, ambient_light, cosine_directions, shaded_mesh
-from robosim.tessellation import Patches, tessellate
+from robosim.rendering.shading import ShadingConfig, ambient_light, cosine_directions, shaded_mesh
+from robosim.rendering.tessellation import Patches, tessellate
 
 FLOOR, WALL = KINDS.index("floor"), KINDS.index("wall")
 

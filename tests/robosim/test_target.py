@@ -8,7 +8,7 @@ import trimesh
 from robosim.building import make_building
 from robosim.camera import CameraConfig, camera_pose, make_camera
 from robosim.floorplan import FloorPlan
-from robosim.shading import shaded_mesh
+from robosim.rendering.shading import shaded_mesh
 from robosim.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
 
 PLACE = np.array([3.2, 2.9])

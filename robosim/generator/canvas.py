@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim.rect import Polygon, Rect
+from robosim.generator.rect import Polygon, Rect
 
 Window = tuple[slice, slice]
 """Rows and columns of a canvas."""

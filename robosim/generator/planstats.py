@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
 from robosim.floorplan import FloorPlan
-from robosim.rooms import clearance, find_rooms, largest_piece
+from robosim.generator.rooms import clearance, find_rooms, largest_piece
 
 #: Smaller islands are specks of the raster rather than things [m2].
 SMALLEST_THING_M2 = 0.02

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Shaped, UInt8
 
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
 
 
 def plan_from_array(

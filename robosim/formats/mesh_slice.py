@@ -23,10 +23,10 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
-from robosim.mesh_raster import cells_touched, cut, section, unit_normals
-from robosim.plan_bytes import read_plan_bytes
-from robosim.scanline import winding_numbers
-from robosim.storeys import LEVEL_COSINE, Storey, find_storeys
+from robosim.formats.mesh_raster import cells_touched, cut, section, unit_normals
+from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.formats.scanline import winding_numbers
+from robosim.formats.storeys import LEVEL_COSINE, Storey, find_storeys
 
 logger = logging.getLogger(__name__)
 

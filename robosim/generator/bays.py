@@ -6,8 +6,8 @@ door and no recess is in the way.
 
 import numpy as np
 
-from robosim.building_style import Style
-from robosim.rect import Polygon, Rect, beside, bounding_box
+from robosim.generator.building_style import Style
+from robosim.generator.rect import Polygon, Rect, beside, bounding_box
 
 
 def draw_recesses(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robosim.mesh_raster import unit_normals
+from robosim.formats.mesh_raster import unit_normals
 
 #: Surfaces less steep than this are floors, ceilings or table tops (cosine of 45 degrees).
 LEVEL_COSINE = 0.7

@@ -4,7 +4,7 @@ The context is pyrender's own (EGL_DEVICE_ID in the environment chooses the devi
 of one sample a pixel: as on OSMesa, a pixel holds the colour and the depth at its centre. Where pyrender ends
 the whole display together with one context, here the other cameras go on.
 
-Import only after `robosim.gl_binding.bind_opengl("egl")`.
+Import only after `robosim.rendering.gl_binding.bind_opengl("egl")`.
 """
 
 import os
@@ -15,9 +15,9 @@ from jaxtyping import Integer, UInt8
 from OpenGL import EGL, GL
 from pyrender.platforms import egl
 
-from robosim import gl_calls as gl
-from robosim.gl_calls import GLCalls
-from robosim.gl_platform import read_depth_code
+from robosim.rendering import gl_calls as gl
+from robosim.rendering.gl_calls import GLCalls
+from robosim.rendering.gl_platform import read_depth_code
 
 
 class EGLPlatform(egl.EGLPlatform):

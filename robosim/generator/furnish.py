@@ -8,10 +8,10 @@ that leads through all doors of the room; where nothing of the kind is found it 
 import cv2
 import numpy as np
 
-from robosim.canvas import Canvas, Window, fits
-from robosim.furniture import Entry, Piece, box, entries, turn
-from robosim.layout import Layout, Opening
-from robosim.rect import Rect, beside
+from robosim.generator.canvas import Canvas, Window, fits
+from robosim.generator.furniture import Entry, Piece, box, entries, turn
+from robosim.generator.layout import Layout, Opening
+from robosim.generator.rect import Rect, beside
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5

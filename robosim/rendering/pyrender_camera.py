@@ -1,6 +1,6 @@
 """An RGB-D camera by pyrender, on OSMesa or EGL.
 
-pyrender holds the scene, the shaders and the meshes; `robosim.flat_pass` draws them. Made by
+pyrender holds the scene, the shaders and the meshes; `robosim.rendering.flat_pass` draws them. Made by
 `robosim.camera.make_camera`, which binds PyOpenGL before this module imports pyrender.
 
 Things are drawn as far as infinity, and left out afterwards if they are beyond the far plane. With 0 at infinity
@@ -19,11 +19,11 @@ from jaxtyping import Float, Float32, Int32, UInt8
 from OpenGL import contextdata
 
 from robosim.camera import RGBD, CameraConfig
-from robosim.flat_pass import FlatPass
-from robosim.gl_binding import GLSystem
-from robosim.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
-from robosim.scenery import Scenery, merge
-from robosim.visibility import Parts, Visibility
+from robosim.rendering.flat_pass import FlatPass
+from robosim.rendering.gl_binding import GLSystem
+from robosim.rendering.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
+from robosim.rendering.scenery import Scenery, merge
+from robosim.rendering.visibility import Parts, Visibility
 
 
 class PyrenderCamera:
@@ -187,6 +187,6 @@ def _free(platform: Any, renderer: pyrender.Renderer) -> None:
 def _make_platform(system: GLSystem, config: CameraConfig) -> Any:
     if system == "osmesa":
         return OSMesaPlatform(config.width, config.height)
-    from robosim.egl_platform import EGLPlatform
+    from robosim.rendering.egl_platform import EGLPlatform
 
     return EGLPlatform(config.width, config.height)

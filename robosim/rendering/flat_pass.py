@@ -10,7 +10,7 @@ That is enough for opaque triangles without textures, in the colours of their ve
 draws (lights, textures, transparency) still goes through `pyrender.Renderer.render` in the same context.
 
 Uses internals of pyrender 0.1.45, the version that this project pins. Import only after
-`robosim.gl_binding.bind_opengl`.
+`robosim.rendering.gl_binding.bind_opengl`.
 """
 
 import ctypes
@@ -23,8 +23,8 @@ from OpenGL import GL
 from OpenGL.GL import shaders
 from pyrender.constants import GLTF, BufFlags, RenderFlags
 
-from robosim import gl_calls as gl
-from robosim.gl_calls import GLCalls
+from robosim.rendering import gl_calls as gl
+from robosim.rendering.gl_calls import GLCalls
 
 _VERTEX = """
 #version 330 core

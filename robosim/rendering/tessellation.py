@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int, UInt8
 
 from robosim.building import Building
-from robosim.cut_grid import CutGrid
+from robosim.rendering.cut_grid import CutGrid
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

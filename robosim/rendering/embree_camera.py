@@ -17,7 +17,7 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32
 
 from robosim.camera import RGBD, CameraConfig
-from robosim.scenery import merge
+from robosim.rendering.scenery import merge
 
 
 class EmbreeCamera:

@@ -13,9 +13,9 @@ import cv2
 import numpy as np
 from jaxtyping import Integer, UInt8
 
-from robosim import gl_calls as gl
-from robosim.gl_binding import load_osmesa
-from robosim.gl_calls import GLCalls
+from robosim.rendering import gl_calls as gl
+from robosim.rendering.gl_binding import load_osmesa
+from robosim.rendering.gl_calls import GLCalls
 
 #: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1

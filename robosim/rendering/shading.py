@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 
 from robosim.building import Building
 from robosim.extrusion import CEILING, FLOOR, FURNITURE, WALL
-from robosim.tessellation import Patches, tessellate
+from robosim.rendering.tessellation import Patches, tessellate
 
 _SKIRTING_M = 0.10
 _STAIRS_M = 0.30

@@ -2,7 +2,7 @@
 
 Needed are `image`, `resolution`, `origin`, `negate`, `occupied_thresh` and `free_thresh`, as by map_server;
 `mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line` and `eroded_m` are keys of our own.
-What the values do to the image is told in `robosim.ros_map`.
+What the values do to the image is told in `robosim.formats.ros_map`.
 """
 
 import logging
@@ -16,8 +16,8 @@ from typing import Any, Literal, get_args
 import yaml
 
 from robosim.floorplan import MapError, WallLine
-from robosim.plan_bytes import read_plan_bytes
-from robosim.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
 
 logger = logging.getLogger(__name__)
 

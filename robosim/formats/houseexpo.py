@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan, MapError, grid_size
-from robosim.plan_bytes import read_plan_bytes
-from robosim.scanline import winding_numbers
+from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.formats.scanline import winding_numbers
 
 RESOLUTION_M = 0.05
 

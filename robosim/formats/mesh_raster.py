@@ -12,7 +12,7 @@ ends, so that touching a border does not count.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim.scanline import pairs, parts
+from robosim.formats.scanline import pairs, parts
 
 #: How far surfaces are moved to their back, and intervals shortened [cells].
 MARGIN = 0.01

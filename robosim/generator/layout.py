@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robosim.bays import draw_recesses, draw_wedges
-from robosim.building_style import OFFICE, Style
-from robosim.rect import Polygon, Rect
-from robosim.subdivision import SharedWall, cut, joined, leave_out, shared_walls, to_area
+from robosim.generator.bays import draw_recesses, draw_wedges
+from robosim.generator.building_style import OFFICE, Style
+from robosim.generator.rect import Polygon, Rect
+from robosim.generator.subdivision import SharedWall, cut, joined, leave_out, shared_walls, to_area
 
 #: Wall left standing beside a door, at least [m].
 JAMB_M = 0.08

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError
-from robosim.plan_bytes import read_plan_bytes
+from robosim.formats.plan_bytes import read_plan_bytes
 
 RESOLUTION_M = 0.05
 ERODED_M = 0.1

@@ -26,7 +26,7 @@ import yaml
 from jaxtyping import UInt8, UInt16
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.plan_image import (
+from robosim.formats.plan_image import (
     FREE_THRESH,
     GREY,
     OCCUPIED_THRESH,
@@ -37,7 +37,7 @@ from robosim.plan_image import (
     write_png,
     write_whole,
 )
-from robosim.ros_header import RosHeader, read_header
+from robosim.formats.ros_header import RosHeader, read_header
 
 logger = logging.getLogger(__name__)
 
