@@ -1,0 +1,70 @@
+"""`robosim bench`: speed against error."""
+
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from robosim.commands.terminal import console, folder_for, read
+
+
+def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path | None = None) -> None:
+    """Measure cameras: frames per second against depth error, with the usual alternatives beside ours.
+
+    Args:
+        plan: Floor plan to draw.
+        sizes: Widths of the square pictures [pixels].
+        out: Folder for the table and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.render import run
+    from robosim.building import make_building
+
+    folder = folder_for(out, "bench-render")
+    console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
+    console.print(f"Wrote the table and the plot in {folder}")
+
+
+def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = None) -> None:
+    """Measure driving: steps per second against motion error, over time steps and against kinematic.
+
+    Args:
+        plans: Floor plans to drive in.
+        out: Folder for the table and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.physics import run
+    from robosim.building import make_building
+
+    folder = folder_for(out, "bench-physics")
+    console.print(run([make_building(read(name)) for name in plans], out=folder))
+    console.print(f"Wrote the table and the plot in {folder}")
+
+
+def navigation(
+    plans: Positional[tuple[str, ...]],
+    *,
+    goals: tuple[Literal["oracle", "explore"], ...] = ("oracle", "explore"),
+    seed: int = 1,
+    noise: float = 1.0,
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Measure navigation: one task a plan, arrival, SPL, wall penetration, coverage and pose error.
+
+    The results do not depend on the number of workers.
+
+    Example: robosim bench navigation flat office --out out/navigation
+
+    Args:
+        plans: Floor plans, or folders of them.
+        goals: Goal policies to run on each.
+        seed: Seed of the tasks and of the noise.
+        noise: Level of actuation and odometry noise.
+        workers: Processes to run at once.
+        out: Folder for the table; a new one under runs/ if not given.
+    """
+    from robosim.bench.navigation import run
+
+    folder = folder_for(out, "bench-navigation")
+    table = run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=console)
+    console.print(table)
+    console.print(f"Wrote navigation.json and one folder an episode in {folder}")

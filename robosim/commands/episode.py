@@ -1,0 +1,99 @@
+"""`robosim episode`."""
+
+import sys
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from tyro.conf import Positional
+
+from robosim.commands.terminal import XY, Pose, console, folder_for, read
+
+
+def episode(
+    plan: Positional[str],
+    *,
+    target: XY | None = None,
+    start: Pose | None = None,
+    goal: Literal["oracle", "explore"] = "oracle",
+    seed: int = 0,
+    physics: Literal["dynamic", "kinematic"] = "dynamic",
+    camera: Literal["pyrender", "embree"] = "pyrender",
+    robot: Literal["turtlebot", "locobot"] = "turtlebot",
+    noise: float = 1.0,
+    size: int = 128,
+    max_steps: int = 1000,
+    tolerance: float = 0.0,
+    resolution: float | None = None,
+    floor_height: float | None = None,
+    video: bool = True,
+    out: Path | None = None,
+) -> None:
+    """Drive a robot through a building, and record what it did and saw.
+
+    Writes result.json, trajectory.tum (true) and estimate.tum, the built map (map.yaml, map.pgm), map.png and
+    episode.mp4. Ctrl-C ends the episode and leaves the same files of what was done until then. One seed gives
+    one result.
+
+    Example: robosim episode flat --goal explore --seed 3 --out out/explore
+
+    Args:
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
+        target: Where the target stands [m], in the plan's frame; drawn from the seed if not given.
+        start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
+        goal: Who chooses the goals. oracle knows the target; explore goes where the map ends.
+        seed: Seed of everything random: task and noise.
+        physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, much faster.
+        camera: pyrender draws with OpenGL; embree casts rays, slower, and needs no OpenGL.
+        robot: turtlebot has a hull of radius 0.10 m, locobot 0.18 m.
+        noise: Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot.
+        size: Width and height of the camera's pictures [pixels].
+        max_steps: Actions before giving up.
+        tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
+        resolution: Metres per pixel, for plans that do not say (images).
+        floor_height: Height of the storey's floor [m], for meshes of several storeys.
+        video: Whether to write episode.mp4.
+        out: Folder for the results; a new one under runs/ if not given.
+    """
+    from robosim.building import BuildingConfig
+    from robosim.camera import CameraConfig
+    from robosim.episode import EpisodeConfig
+    from robosim.odometry import NoiseModel
+    from robosim.robot import ROBOTS
+    from robosim.run import record_episode
+    from robosim.simulator import SimulatorConfig
+
+    config = EpisodeConfig(
+        goal=goal,
+        seed=seed,
+        max_steps=max_steps,
+        building=BuildingConfig(tolerance_m=tolerance),
+        simulator=SimulatorConfig(
+            physics=physics,
+            camera=camera,
+            image=CameraConfig(width=size, height=size),
+            robot=ROBOTS[robot],
+            noise=NoiseModel(level=noise),
+        ),
+    )
+    folder = folder_for(out, "episode")
+    result = record_episode(
+        read(plan, resolution, floor_height),
+        config,
+        folder,
+        start=None if start is None else np.array([start[0], start[1], np.radians(start[2])]),
+        target=None if target is None else np.array(target),
+        video=video,
+        console=console,
+    )
+    seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
+    console.print(
+        f"[bold]{result['ended']}[/] after {result['steps']} steps and {result['path_length_m']:.2f} m "
+        f"(shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f}), {seen}, "
+        f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
+    )
+    files = ["result.json", "map.png", "map.yaml", "trajectory.tum", "estimate.tum"]
+    console.print(f"Wrote {', '.join(files + ['episode.mp4'] * video)} in {folder}")
+    console.print(f"Next: evo_ape tum {folder}/trajectory.tum {folder}/estimate.tum")
+    if result["ended"] == "interrupted":
+        sys.exit(130)

@@ -1,0 +1,95 @@
+"""`robosim plan` and `robosim generate`."""
+
+from pathlib import Path
+from typing import Literal
+
+from tyro.conf import Positional
+
+from robosim.commands.terminal import console, folder_for, read
+
+
+def plan(
+    plan: Positional[str],
+    *,
+    resolution: float | None = None,
+    floor_height: float | None = None,
+    tolerance: float = 0.0,
+    radius: float = 0.10,
+    out: Path | None = None,
+) -> None:
+    """Show a floor plan: its size, its rooms and what a robot can reach; and export it and its building.
+
+    Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, and a
+    Mitsuba scene with ITU radio materials (mitsuba/) that other radio tools load.
+
+    Example: robosim plan office --radius 0.18 --out out/office
+
+    Args:
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
+        resolution: Metres per pixel, for plans that do not say (images).
+        floor_height: Height of the storey's floor [m], for meshes of several storeys.
+        tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
+        radius: Radius of the robot's hull [m].
+        out: Folder for the files; a new one under runs/ if not given.
+    """
+    from robosim.building import BuildingConfig, make_building
+    from robosim.export import export_mesh, export_mitsuba
+    from robosim.planfiles import write_png, write_ros
+    from robosim.plots import plot_plan
+    from robosim.reach import reach
+
+    floor_plan = read(plan, resolution, floor_height)
+    building = make_building(floor_plan, config=BuildingConfig(tolerance_m=tolerance))
+    places = reach(building, radius)
+    folder = folder_for(out, "plan")
+    write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
+    write_png(floor_plan, folder / f"{floor_plan.name}.png")
+    plot_plan(folder / "reach.png", building, places)
+    export_mesh(building, folder / "building.glb")
+    export_mesh(building, folder / "building.ply")
+    export_mitsuba(building, folder / "mitsuba")
+    rows, columns = floor_plan.shape
+    console.print(
+        f"[bold]{floor_plan.name}[/]: {columns} x {rows} cells of {floor_plan.resolution_m:g} m, "
+        f"{building.free.area:.1f} m2 free, {len(building.walls_2d)} wall pieces, "
+        f"{len(building.mesh.faces)} triangles"
+    )
+    console.print(f"A hull of radius {radius:g} m can drive in {places.n_parts} separate part(s) of it.")
+    for room in places.cut_off(1) if places.n_parts else []:
+        at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
+        console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
+    console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
+    console.print(f"Next: robosim episode {plan} --out out/episode")
+
+
+def generate(
+    *,
+    seed: int = 0,
+    count: int = 1,
+    style: Literal["home", "office"] = "home",
+    navigable: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Make floor plans of buildings like real ones, each from its own seed.
+
+    Example: robosim generate --seed 100 --count 20 --out out/plans
+
+    Args:
+        seed: Seed of the first plan; the others count up from it.
+        count: How many plans.
+        style: home or office.
+        navigable: Write the area navigable for a 0.1 m robot, as the published grids are.
+        out: Folder for the plans; a new one under runs/ if not given.
+    """
+    from rich.progress import track
+
+    from robosim.generate import GeneratorConfig, generate_plan
+    from robosim.planfiles import write_ros
+
+    folder = folder_for(out, "generate")
+    config = GeneratorConfig(style=style, navigable=navigable)
+    for number in track(range(seed, seed + count), "plans", console=console, transient=True):
+        made = generate_plan(number, config=config)
+        write_ros(made, folder / f"{made.name}.yaml")
+    console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
+    console.print(f"Next: robosim plan {folder / made.name}.yaml")
