@@ -1,4 +1,4 @@
-"""From a depth image of a level camera to points, to a scan, and to a map around the robot.
+"""From a depth image of a level camera to points, and to a scan.
 
 A pixel (u, v) with depth z lies z ahead of the camera, z (c_u - u) / f to its left and z (v - c_v) / f below
 it. All pixels of one column share their bearing, so what a robot on a flat floor needs of an image is, for
@@ -9,8 +9,7 @@ A surface must fill `support` neighbouring rows of a column, which single wild p
 mean over the rows that see it, which averages sensor noise. Depth that is 0, not finite, or outside of
 the limits means: nothing measured there.
 Left out: tilted cameras, lens distortion, pixels that straddle an edge.
-Reference: the egocentric map of Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020:
-64 x 64 cells of 0.05 m, robot at the middle of the near edge, channels obstacle and explored.
+Reference: Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed., 2004, section 6.1 (the pinhole).
 """
 
 import math
