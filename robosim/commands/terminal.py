@@ -18,7 +18,7 @@ console = Console(width=None if sys.stdout.isatty() else 150)
 def _numbers(count: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
-    def read(words: list[str]) -> tuple[float, ...]:
+    def parse(words: list[str]) -> tuple[float, ...]:
         values = tuple(float(word) for word in words[0].split(","))
         if len(values) != count or not np.isfinite(values).all():
             raise ValueError(f"expected {metavar}, {count} finite numbers with commas and no spaces")
@@ -27,7 +27,7 @@ def _numbers(count: int, metavar: str) -> tyro.constructors.PrimitiveConstructor
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=metavar,
-        instance_from_str=read,
+        instance_from_str=parse,
         is_instance=lambda value: isinstance(value, tuple),
         str_from_instance=lambda value: [",".join(f"{v:g}" for v in value)],
     )
