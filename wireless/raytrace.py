@@ -21,6 +21,7 @@ import trimesh
 from jaxtyping import Complex, Float, Int
 from scipy.constants import speed_of_light
 
+from wireless.blocks import Rows, trace_blocks
 from wireless.extruded import LEAN, Extruded, find_extruded
 from wireless.geometry import find_surfaces
 from wireless.links import trace_links, views_of
@@ -32,14 +33,8 @@ from wireless.table import Setting, Table
 
 logger = logging.getLogger(__name__)
 
-#: Receivers traced at once: bounds memory (about 15 kB each in a building of 1000 corners).
-CHUNK = 2048
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
-
-
-#: For each transmitter, tables of receivers in a row and the first one's number.
-Rows = list[list[tuple[Table, int]]]
 
 
 class SceneError(ValueError):
@@ -124,8 +119,10 @@ class _PlanScene:
             "Floor plan of %d walls and %d corners", len(extruded.walls), len(self.plan.corner_vertex)
         )
 
-    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
-        """Paths of each transmitter, to receivers in chunks."""
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
         low, high = self.extruded.low_m, self.extruded.high_m
         for name, points in (("tx", tx), ("rx", rx)):
             z = points[:, 2]
@@ -134,20 +131,28 @@ class _PlanScene:
                     f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
                     "floor and ceiling. Trace other points with scene='space'."
                 )
-        tx_start, tx_triangle = self._locate(tx[:, :2])
-        rows: Rows = [[] for _ in tx]
-        for first in range(0, len(rx), CHUNK):
-            some = rx[first : first + CHUNK]
-            start, triangle = self._locate(some[:, :2])
-            order = self._setting.edge_reflections
-            through = self._setting.max_through
+        around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
+        order, through = self._setting.edge_reflections, self._setting.max_through
+
+        def trace(txs: slice, rxs: slice) -> list[Table]:
+            some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
             views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
             targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
-            for i, one in enumerate(tx):
-                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                table = trace_links(self.plan, self._setting, one, around, some, *targets, views)
-                rows[i].append((_packed(table), first))
-        return rows
+            tx_start, tx_triangle = _part(*around_tx, txs)
+            return [
+                trace_links(
+                    self.plan,
+                    self._setting,
+                    one,
+                    tx_triangle[tx_start[i] : tx_start[i + 1]],
+                    some,
+                    *targets,
+                    views,
+                )
+                for i, one in enumerate(tx[txs])
+            ]
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
 
 
 class _SpaceScene:
@@ -175,14 +180,15 @@ class _SpaceScene:
         self._setting = setting(face_eps[surfaces.facet_face])
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
 
-    def tables(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Rows:
-        """Paths of each transmitter, to receivers in chunks."""
-        rows: Rows = [[] for _ in tx]
-        for i, one in enumerate(tx):
-            for first in range(0, len(rx), CHUNK):
-                table = trace_space(self.space, self._setting, one, rx[first : first + CHUNK])
-                rows[i].append((_packed(table), first))
-        return rows
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
+
+        def trace(txs: slice, rxs: slice) -> list[Table]:
+            return [trace_space(self.space, self._setting, one, rx[rxs]) for one in tx[txs]]
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
 
 
 class Tracer:
@@ -236,18 +242,27 @@ class Tracer:
         else:
             self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
 
-    def trace(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"]) -> Paths:
+    def trace(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        *,
+        workers: int | None = None,
+    ) -> Paths:
         """Paths of all links between transmitters and receivers.
 
         Args:
             tx: Positions of transmitters [m].
             rx: Positions of receivers [m].
+            workers: Threads that many links are traced in; None for one on each available core. The paths
+                do not depend on it.
 
         Returns:
             Paths by transmitter, receiver and falling power.
 
         Raises:
-            ValueError: If a point is not finite, or in a floor plan not between floor and ceiling.
+            ValueError: If a point is not finite, or in a floor plan not between floor and ceiling, or there
+                is no worker.
         """
         tx, rx = np.asarray(tx, float), np.asarray(rx, float)
         for name, points in (("tx", tx), ("rx", rx)):
@@ -255,7 +270,9 @@ class Tracer:
                 raise ValueError(
                     f"{name} has shape {points.shape}, expected (n, 3) with finite positions [m]."
                 )
-        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin)
+        if workers is not None and workers < 1:
+            raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
+        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
         return self._paths(tx, rx, tables)
 
     def _setting(self, eps: Complex[np.ndarray, "n"]) -> Setting:
@@ -326,8 +343,9 @@ def _by_triangle(
     return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
 
 
-def _packed(table: Table) -> Table:
-    """The same without the rows that no path fills."""
-    keep = len(table.power) // max(1, len(table.found))
-    used = (np.arange(keep) < table.found[:, None]).ravel()
-    return Table(table.found, *(column[used] for column in table[1:]))
+def _part(
+    start: Int[np.ndarray, "r1"], triangle: Int[np.ndarray, "s"], some: slice
+) -> tuple[Int[np.ndarray, "p1"], Int[np.ndarray, "q"]]:
+    """The triangles of some points in a row, counted from their own first."""
+    first, last = start[some.start], start[some.stop]
+    return start[some.start : some.stop + 1] - first, triangle[first:last]
