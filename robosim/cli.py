@@ -15,6 +15,7 @@ from robosim.commands import bench, figures
 from robosim.commands.episode import episode
 from robosim.commands.machine import doctor
 from robosim.commands.scenes import generate, plan
+from robosim.commands.trace import trace
 
 _Commands = dict[str, Callable[..., None]]
 
@@ -24,7 +25,13 @@ _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),
 }
-_COMMANDS: _Commands = {"episode": episode, "plan": plan, "generate": generate, "doctor": doctor}
+_COMMANDS: _Commands = {
+    "episode": episode,
+    "plan": plan,
+    "trace": trace,
+    "generate": generate,
+    "doctor": doctor,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -33,7 +33,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
     """Draw plan, built map, both trajectories and the target of an episode."""
-    figure, axes = _plan_axes(building)
+    figure, axes = plan_axes(building)
     shade = np.full(estimate.obstacle.shape, 0.85)
     shade[estimate.explored] = 1.0
     shade[estimate.obstacle] = 0.15
@@ -42,7 +42,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     axes.imshow(
         shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(x, x + width, y, y + height), zorder=0
     )
-    _draw_walls(axes, building)
+    draw_walls(axes, building)
     poses, estimates = np.array(log.poses), np.array(log.estimates)
     axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
     axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
@@ -62,8 +62,8 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
 
 def plot_plan(path: Path, building: Building, places: Reach) -> None:
     """Draw a plan's walls and what parts of its floor a hull can drive through, each in its own colour."""
-    figure, axes = _plan_axes(building)
-    _draw_walls(axes, building)
+    figure, axes = plan_axes(building)
+    draw_walls(axes, building)
     parts = places.plan.centres(places.parts > 0)
     number = places.parts[places.parts > 0]
     axes.scatter(parts[:, 0], parts[:, 1], c=(number - 1) % 10, cmap="tab10", vmin=0, vmax=9, s=1.5, lw=0)
@@ -75,7 +75,8 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
     save_figure(figure, path)
 
 
-def _plan_axes(building: Building) -> tuple[Figure, Axes]:
+def plan_axes(building: Building) -> tuple[Figure, Axes]:
+    """Figure and axes in metres that show a whole plan."""
     west, south, east, north = building.free.bounds
     aspect = (north - south + 1) / (east - west + 1)
     width = 8.0 if aspect < 1.3 else 8.0 / aspect * 1.3
@@ -86,5 +87,6 @@ def _plan_axes(building: Building) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def _draw_walls(axes: Axes, building: Building) -> None:
+def draw_walls(axes: Axes, building: Building) -> None:
+    """Draw walls and furniture from above."""
     axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9))

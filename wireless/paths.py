@@ -142,7 +142,7 @@ class Paths:
         width = self.interaction.shape[1]
         columns["interaction"] = _lists(self.interaction, width)
         columns["thing"] = _lists(self.thing, width)
-        columns["point_m"] = _lists(self.point.reshape(len(self), -1), 3 * width)
+        columns["point_m"] = _lists(self.point.reshape(len(self), 3 * width), 3 * width)
         scene = {
             "frequency_hz": repr(self.frequency_hz),
             "tx_position_m": self.tx_position.tobytes(),
@@ -161,11 +161,23 @@ class Paths:
         Raises:
             ValueError: If the file is not one of radio paths.
         """
-        table = pq.read_table(path)
+        return cls.from_table(pq.read_table(path), str(path))
+
+    @classmethod
+    def from_table(cls, table: pa.Table, source: str = "The table") -> "Paths":
+        """What `to_table` made, or some of its rows.
+
+        Args:
+            table: Rows with all columns, and the metadata.
+            source: Where it is from, for the message.
+
+        Raises:
+            ValueError: If the table is not one of radio paths.
+        """
         scene = table.schema.metadata or {}
         if b"frequency_hz" not in scene:
             raise ValueError(
-                f"{path} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}."
+                f"{source} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}."
             )
         column = {name: table[name].combine_chunks() for name in table.column_names}
         gain = np.empty((len(table), 2, 2), complex)

@@ -15,13 +15,13 @@ from robosim.floorplan import FloorPlan
 console = Console(width=None if sys.stdout.isatty() else 150)
 
 
-def _numbers(count: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
+def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:
         values = tuple(float(word) for word in words[0].split(","))
-        if len(values) != count or not np.isfinite(values).all():
-            raise ValueError(f"expected {metavar}, {count} finite numbers with commas and no spaces")
+        if not least <= len(values) <= most or not np.isfinite(values).all():
+            raise ValueError(f"expected {metavar}, finite numbers with commas and no spaces")
         return values
 
     return tyro.constructors.PrimitiveConstructorSpec(
@@ -33,8 +33,9 @@ def _numbers(count: int, metavar: str) -> tyro.constructors.PrimitiveConstructor
     )
 
 
-XY = Annotated[tuple[float, ...], _numbers(2, "X,Y")]
-Pose = Annotated[tuple[float, ...], _numbers(3, "X,Y,YAW")]
+XY = Annotated[tuple[float, ...], _numbers(2, 2, "X,Y")]
+Place = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
+Pose = Annotated[tuple[float, ...], _numbers(3, 3, "X,Y,YAW")]
 
 
 def read(plan: str, resolution_m: float | None = None, floor_height_m: float | None = None) -> FloorPlan:

@@ -30,7 +30,7 @@ def _fails(arguments, capsys) -> str:
 
 @pytest.mark.parametrize(
     "command",
-    ["", "episode", "plan", "generate", "doctor", "bench", "bench render", "bench physics", "bench navigation",
+    ["", "episode", "plan", "trace", "generate", "doctor", "bench", "bench render", "bench physics", "bench navigation",
      "figures", "figures plans"],
 )  # fmt: skip
 def test_every_command_explains_itself(command, capsys):

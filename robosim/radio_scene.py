@@ -1,0 +1,111 @@
+"""A floor plan made ready for radio: its building, the tracer of it, and what places in it are fit."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+
+from robosim.building import BuildingConfig, make_building
+from robosim.floorplan import FloorPlan
+from robosim.receivers import check_height
+from wireless.dataset import mesh_digest
+from wireless.raytrace import Tracer, TracerConfig
+
+#: A place this far from free space still counts as on its edge [m].
+ON_EDGE_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadioConfig:
+    """What is traced and how."""
+
+    frequency_hz: float = 28e9
+    """Carrier frequency."""
+    height_m: float = 1.5
+    """Height of receivers, and of transmitters that do not say theirs [m]."""
+    tx_power_dbm: float = 23.0
+    """Power sent, which received powers count from."""
+    threshold_dbm: float | None = None
+    """Paths received with less do not count for link states; None counts all."""
+    tracer: TracerConfig = field(default_factory=TracerConfig)
+    """Which paths are looked for."""
+    building: BuildingConfig = field(default_factory=BuildingConfig)
+    """How the plan becomes walls."""
+
+    def __post_init__(self) -> None:
+        if not np.isfinite(self.tx_power_dbm):
+            raise ValueError(f"tx_power_dbm is {self.tx_power_dbm}, expected a power such as 23.")
+        if self.threshold_dbm is not None and not np.isfinite(self.threshold_dbm):
+            raise ValueError(
+                f"threshold_dbm is {self.threshold_dbm}, expected a power such as -100, or None."
+            )
+
+    @property
+    def threshold_db(self) -> float:
+        """Least power gain of paths that count for link states."""
+        return -np.inf if self.threshold_dbm is None else self.threshold_dbm - self.tx_power_dbm
+
+
+class RadioScene:
+    """The building of a plan, ready for tracing.
+
+    Args:
+        plan: The floor plan.
+        config: How it is built and traced.
+
+    Raises:
+        MapError: If the plan has no free area.
+        ValueError: If a material is unknown at this frequency.
+    """
+
+    def __init__(self, plan: FloorPlan, config: RadioConfig):
+        self.config = config
+        self.building = make_building(plan, config=config.building)
+        self.face_material = self.building.face_material.astype(np.int64)
+        self.tracer = Tracer(
+            self.building.mesh,
+            materials=self.building.materials,
+            face_material=self.face_material,
+            frequency_hz=config.frequency_hz,
+            config=config.tracer,
+        )
+
+    @property
+    def digest(self) -> str:
+        """A text that changes with the building."""
+        return mesh_digest(self.building.mesh, self.building.materials, self.face_material)
+
+    def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
+        """Points (x, y) or (x, y, z) [m] as positions.
+
+        Args:
+            points: The points; without z they are at the configured height.
+            name: What the message calls them.
+
+        Raises:
+            ValueError: If one is not in free space; the message says where the nearest free point is.
+        """
+        at = np.array([[*point, self.config.height_m][:3] for point in points], float).reshape(-1, 3)
+        for x, y, z in at:
+            check_height(self.building, float(z), f"height of {name} ({x:g}, {y:g})")
+            point = shapely.Point(x, y)
+            if self.building.free.distance(point) > ON_EDGE_M:
+                near = shapely.shortest_line(self.building.free, point).coords[0]
+                raise ValueError(
+                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}; the "
+                    f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."
+                )
+        return at
+
+    def cut_off(self, at: Float[np.ndarray, "3"]) -> str | None:
+        """What to tell of a transmitter that is not in the largest part of free space, if it is not."""
+        parts = shapely.get_parts(self.building.free)
+        own = int(np.argmin(shapely.distance(parts, shapely.Point(*at[:2]))))
+        areas = shapely.area(parts)
+        if areas[own] == areas.max() or self.config.tracer.max_transmissions:
+            return None
+        return (
+            f"tx ({at[0]:g}, {at[1]:g}) is in a part of {areas[own]:.1f} m2 with no way to the largest one, of "
+            f"{areas.max():.1f} m2: only receivers in its own part have paths."
+        )

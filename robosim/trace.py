@@ -1,0 +1,274 @@
+"""Radio over a whole floor plan: traced paths, in the formats that others read, and pictures.
+
+The grid is traced into `paths.parquet` unit by unit (`wireless.dataset`), so that a run that was killed goes
+on; the other files are made from that one, a transmitter at a time.
+"""
+
+import importlib.metadata
+import shutil
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+
+from robosim.files import whole_file, write_json
+from robosim.floorplan import FloorPlan
+from robosim.radio_plots import choose_link, plot_grid, plot_rays
+from robosim.radio_scene import RadioConfig, RadioScene
+from robosim.receivers import ReceiverGrid, receiver_grid
+from wireless.dataset import read_transmitter, trace_grid
+from wireless.deepmimo_scenario import scenario_name, write_matrices, write_scenario
+from wireless.paths import LinkState, Paths
+from wireless.traced_csv import write_traced_csv
+
+SCENARIOS = "deepmimo_scenarios"
+
+
+def trace_plan(
+    plan: FloorPlan,
+    config: RadioConfig,
+    out: Path,
+    *,
+    tx: tuple[tuple[float, ...], ...],
+    grid_m: float = 0.15,
+    rx: tuple[float, ...] | None = None,
+    plots: bool = True,
+    workers: int | None = None,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Trace transmitters to a grid of receivers over a plan, and write all about it into a folder.
+
+    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and
+    `NAME_tx_pos.csv` as mmwRobotNav has them; pictures of each transmitter; `trace.json`. Run again after an
+    interruption it goes on, to the same files.
+
+    Args:
+        plan: Where.
+        config: How.
+        out: The folder, made if it is missing.
+        tx: Transmitters [m], with or without height.
+        grid_m: Step between receivers [m].
+        rx: Receiver whose rays are drawn; one with many paths if not given.
+        plots: Whether to draw pictures.
+        workers: Threads; None for one on each available core. The results do not depend on it.
+        console: Where progress is shown; nowhere if not given.
+
+    Returns:
+        What `trace.json` holds.
+
+    Raises:
+        ValueError: If a position, the grid or the folder does not fit.
+        MapError: If the plan has no free area.
+    """
+    out, console = Path(out), console or Console(quiet=True)
+    scene, senders = _prepare(plan, config, tx, console)
+    asked = None if rx is None else scene.places((rx,), "rx")[0]
+    grid = receiver_grid(scene.building, grid_m, config.height_m)
+    path, timing = _trace(scene, senders, grid, out, workers, console)
+    states = _write_formats(scene, senders, grid, path, out, console)
+    if plots:
+        for i in range(len(senders)):
+            with console.status(f"drawing transmitter {i + 1} of {len(senders)} ..."):
+                _plot(scene, grid, read_transmitter(path, i), i, asked, out)
+    result = {
+        "plan": plan.name,
+        "tx_m": senders,
+        "receivers": len(grid.position),
+        "links": len(senders) * len(grid.position),
+        "states": {one.name.lower(): int(states[one]) for one in LinkState},
+        "deepmimo": scenario_name(plan.name),
+        "config": asdict(config),
+        "timing": timing,
+    }
+    write_json(out / "trace.json", result)
+    return result
+
+
+def trace_link(
+    plan: FloorPlan,
+    config: RadioConfig,
+    out: Path,
+    *,
+    tx: tuple[tuple[float, ...], ...],
+    rx: tuple[float, ...],
+    console: Console | None = None,
+) -> Paths:
+    """Trace transmitters to one receiver; writes `paths.parquet`, and the rays of each as a picture.
+
+    Raises:
+        ValueError: If a position does not fit, or the folder holds a grid.
+        MapError: If the plan has no free area.
+    """
+    out, console = Path(out), console or Console(quiet=True)
+    if (out / "settings.json").exists():
+        raise ValueError(
+            f"{out} holds the paths of a grid, which one link would overwrite. Use another folder."
+        )
+    scene, senders = _prepare(plan, config, tx, console)
+    paths = scene.tracer.trace(senders, scene.places((rx,), "rx"))
+    out.mkdir(parents=True, exist_ok=True)
+    with whole_file(out / "paths.parquet") as partial:
+        paths.write_parquet(partial)
+    for i in range(len(senders)):
+        plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
+    return paths
+
+
+def _prepare(
+    plan: FloorPlan, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
+) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
+    """The building, and where transmitters are; tells of those in small parts of it."""
+    if not tx:
+        raise ValueError("tx is missing: give at least one transmitter, such as --tx 2.0,1.5.")
+    with console.status("preparing the building ..."):
+        scene = RadioScene(plan, config)
+    senders = scene.places(tx, "tx")
+    for at in senders:
+        if told := scene.cut_off(at):
+            console.print(told, style="yellow", highlight=False)
+    return scene, senders
+
+
+def _trace(
+    scene: RadioScene,
+    senders: Float[np.ndarray, "n 3"],
+    grid: ReceiverGrid,
+    out: Path,
+    workers: int | None,
+    console: Console,
+) -> tuple[Path, dict[str, float]]:
+    """Trace what is missing; the file of paths, and how long that took."""
+    about = {
+        "plan": scene.building.plan.name,
+        "tolerance_m": scene.config.building.tolerance_m,
+        "building_sha256": scene.digest,
+        "version": importlib.metadata.version("robosim"),
+    }
+    start, found = time.perf_counter(), None
+    with _progress(console) as progress:
+        bar = progress.add_task("links", total=len(senders) * len(grid.position), note="")
+
+        def report(done: int, total: int) -> None:
+            nonlocal found
+            if found is None:
+                found = done
+                if done > 0:
+                    progress.console.print(f"{out} holds {done} of the {total} links; going on from there.")
+            new, seconds = done - found, time.perf_counter() - start
+            left = timedelta(seconds=round((total - done) * seconds / new)) if new else "?"
+            progress.update(bar, completed=done, note=f"{new / seconds:.0f} links/s, {left} left")
+
+        path = trace_grid(
+            scene.tracer, senders, grid.position, out, about=about, report=report, workers=workers
+        )
+    seconds = time.perf_counter() - start
+    traced = len(senders) * len(grid.position) - (found or 0)
+    return path, {"seconds": round(seconds, 3), "traced": traced, "links_per_s": round(traced / seconds, 1)}
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[note]}"),
+        console=console,
+        refresh_per_second=4,
+    )
+
+
+def _write_formats(
+    scene: RadioScene,
+    senders: Float[np.ndarray, "n 3"],
+    grid: ReceiverGrid,
+    path: Path,
+    out: Path,
+    console: Console,
+) -> Int[np.ndarray, "4"]:
+    """Write the paths as a DeepMIMO scenario and as CSV files; how many links have each state."""
+    config, name = scene.config, scene.building.plan.name
+    states, reached = np.zeros(4, np.int64), np.zeros(len(grid.position), bool)
+    with (
+        _whole_folder(out / SCENARIOS / scenario_name(name)) as folder,
+        console.status("writing ...") as status,
+    ):
+        for i in range(len(senders)):
+            status.update(f"writing transmitter {i + 1} of {len(senders)} ...")
+            paths = read_transmitter(path, i)
+            states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
+            reached |= paths.count()[i] > 0
+            write_matrices(folder, paths, i, horizontal=config.tracer.polarisation == "horizontal")
+            with whole_file(out / f"{name}_Tx_{i + 1}.csv") as partial:
+                write_traced_csv(
+                    partial,
+                    paths,
+                    i,
+                    grid.cell,
+                    grid.shape,
+                    tx_power_dbm=config.tx_power_dbm,
+                    threshold_db=config.threshold_db,
+                )
+        write_scenario(
+            folder,
+            mesh=scene.building.mesh,
+            materials=scene.building.materials,
+            face_material=scene.face_material,
+            frequency_hz=config.frequency_hz,
+            config=config.tracer,
+            n_tx=len(senders),
+            n_rx=len(grid.position),
+            n_rx_active=int(reached.sum()),
+        )
+    with whole_file(out / f"{name}_tx_pos.csv") as partial:
+        rows = [f"{i},{x:g},{y:g},{z:g}" for i, (x, y, z) in enumerate(senders)]
+        partial.write_text("\n".join([",x,y,z", *rows]) + "\n", encoding="ascii")
+    return states
+
+
+def _plot(
+    scene: RadioScene,
+    grid: ReceiverGrid,
+    paths: Paths,
+    tx: int,
+    asked: Float[np.ndarray, "3"] | None,
+    out: Path,
+) -> None:
+    """Draw one transmitter, with the rays to the receiver asked for or to a chosen one."""
+    if asked is None:
+        link = paths, tx, choose_link(paths, tx)
+    else:
+        link = scene.tracer.trace(paths.tx_position[tx : tx + 1], asked[None]), 0, 0
+    plot_grid(
+        out,
+        f"_tx{tx + 1}",
+        scene.building,
+        grid,
+        paths,
+        tx,
+        link=link,
+        tx_power_dbm=scene.config.tx_power_dbm,
+        threshold_db=scene.config.threshold_db,
+    )
+
+
+@contextmanager
+def _whole_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder that takes the place of `path` when the block ends without an error."""
+    partial = path.with_name(f".{path.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        yield partial
+        shutil.rmtree(path, ignore_errors=True)
+        partial.rename(path)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)

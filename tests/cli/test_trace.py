@@ -1,0 +1,139 @@
+"""`robosim trace`: its files, going on, and how it fails."""
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from robosim.cli import main
+from robosim.planfiles import write_ros
+from tests.robosim.plans import two_rooms
+from wireless import LinkState, Paths
+
+PICTURES = {"power", "state", "aoa", "rays", "overview"}
+
+
+@pytest.fixture(scope="module")
+def plan_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "pair.yaml"
+    write_ros(two_rooms(0.8), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def traced(plan_file, tmp_path_factory):
+    """A folder that two transmitters were traced into."""
+    out = tmp_path_factory.mktemp("traced")
+    main(f"trace {plan_file} --tx 0.7,1.5 --tx 5.5,2.5,2.0 --grid 0.4 --out {out}".split())
+    return out
+
+
+def fails(arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main([str(argument) for argument in arguments])
+    assert stop.value.code == 2
+    return re.sub(r"\s+", " ", capsys.readouterr().err)
+
+
+def test_all_formats_hold_the_same_links(traced):
+    """Parquet, CSV, DeepMIMO and JSON agree on receivers, paths and states."""
+    paths = Paths.read_parquet(traced / "paths.parquet")
+    assert paths.tx_position.tolist() == [[0.7, 1.5, 1.5], [5.5, 2.5, 2.0]]
+    n_rx = len(paths.rx_position)
+    result = json.loads((traced / "trace.json").read_text())
+    assert result["links"] == 2 * n_rx
+    counted = np.bincount(paths.link_state().ravel(), minlength=4)
+    assert [result["states"][one.name.lower()] for one in LinkState] == counted.tolist()
+    for tx in range(2):
+        with open(traced / f"two rooms_Tx_{tx + 1}.csv") as file:
+            rows = list(csv.DictReader(file))
+        assert [int(row["npaths"]) for row in rows] == paths.count()[tx].tolist()
+        assert [int(row["link_state"]) for row in rows] == paths.link_state()[tx].tolist()
+        with np.load(traced / f"deepmimo_scenarios/two_rooms/power_t000_tx{tx:03}_r001.npz") as file:
+            assert np.isfinite(file["power"]).sum(axis=1).tolist() == paths.count()[tx].tolist()
+        assert {f"{name}_tx{tx + 1}.png" for name in PICTURES} <= {file.name for file in traced.iterdir()}
+    assert (traced / "two rooms_tx_pos.csv").read_text().splitlines() == [
+        ",x,y,z",
+        "0,0.7,1.5,1.5",
+        "1,5.5,2.5,2",
+    ]
+    left_behind = [p for p in traced.rglob("*") if "partial" in p.name or p.name in ("units", ".lock")]
+    assert not left_behind
+
+
+def test_the_same_command_again_traces_nothing(traced, plan_file, capsys):
+    before = (traced / "paths.parquet").read_bytes()
+    main(f"trace {plan_file} --tx 0.7,1.5 --tx 5.5,2.5,2.0 --grid 0.4 --no-plots --out {traced}".split())
+    assert "0 traced" in capsys.readouterr().out
+    assert (traced / "paths.parquet").read_bytes() == before
+
+
+def test_another_command_does_not_touch_the_folder(traced, plan_file, capsys):
+    again = ["trace", plan_file, "--tx", "0.7,1.5", "--tx", "5.5,2.5,2.0", "--grid", "0.4", "--out", traced]
+    message = fails([*again, "--max-reflections", "1"], capsys)
+    assert "max_reflections 3 there, 1 now" in message
+    assert "tolerance_m 0.0 there, 0.1 now" in fails([*again, "--tolerance", "0.1"], capsys)
+    assert "holds the paths of a grid" in fails(
+        ["trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced], capsys
+    )
+
+
+def test_one_link_with_every_option(plan_file, tmp_path, capsys):
+    out = tmp_path / "link"
+    main(
+        f"trace {plan_file} --tx 1,1 --rx 5,1.2,1.1 --frequency-ghz 60 --max-reflections 2 --no-diffraction "
+        f"--diffraction-reflections 0 --floor-ceiling --max-transmissions 1 --wall-thickness 0.1 --max-paths 9 "
+        f"--polarisation both --material concrete --tolerance 0.05 --height 1.4 --tx-power-dbm 10 "
+        f"--threshold-dbm -90 --workers 1 --out {out}".split()
+    )
+    assert "paths from 1 transmitter" in capsys.readouterr().out
+    paths = Paths.read_parquet(out / "paths.parquet")
+    assert paths.frequency_hz == 60e9
+    assert paths.tx_position.tolist() == [[1, 1, 1.4]]
+    assert paths.rx_position.tolist() == [[5, 1.2, 1.1]]
+    assert 0 < len(paths) <= 9
+    assert set(np.unique(paths.interaction)) <= {0, 1, 4}
+    assert (out / "rays_tx1.png").exists()
+
+
+def test_a_transmitter_in_a_part_of_its_own_is_told(tmp_path, capsys):
+    """Rooms without a door: the one with the transmitter has 9 m2; half of all links are in outage."""
+    plan = two_rooms(0.0)
+    occupancy = plan.occupancy.copy()
+    occupancy[:10, :60] = 1  # the first room is the smaller one
+    write_ros(type(plan)(occupancy=occupancy, resolution_m=0.05, name="apart"), tmp_path / "apart.yaml")
+    main(f"trace {tmp_path}/apart.yaml --tx 1,2 --grid 0.5 --no-plots --out {tmp_path}/out".split())
+    said = re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "tx (1, 2) is in a part of 7.5 m2 with no way to the largest one, of 9.0 m2" in said
+    paths = Paths.read_parquet(tmp_path / "out" / "paths.parquet")
+    assert (paths.link_state()[0][paths.rx_position[:, 0] > 3.1] == LinkState.OUTAGE).all()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            "--tx 3.1,0.5",
+            "tx is (3.1, 0.5) m, outside of the free space of two rooms; the nearest free point is (3.",
+        ),
+        ("--tx -1,1", "the nearest free point is (0.00, 1.00) m"),
+        ("--tx 1,1 --rx 3.1,0.5", "rx is (3.1, 0.5) m"),
+        ("--tx 1,1,2.7", "height of tx (1, 1) is 2.7 m, expected 0 to 2.5 m"),
+        ("--tx 1,1 --grid 0", "grid is 0.0 m, expected a positive step"),
+        ("--tx 1,1 --grid -0.15", "grid is -0.15 m"),
+        ("--tx 1,1 --height 3", "is 3.0 m, expected 0 to 2.5 m"),
+        ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
+        ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
+        ("--tx 1,1 --max-transmissions 1", "wall_thickness_m"),
+        ("--tx 1,1 --material concret", "Did you mean 'concrete'"),
+        ("--tx 1,1 --tx-power-dbm nan", "tx_power_dbm is nan"),
+        ("--tx 1,1 --threshold-dbm nan", "threshold_dbm is nan"),
+        ("--tx 1,1 --workers 0", "workers is 0"),
+        ("--tx 1", "X,Y[,Z]"),
+        ("--grid 0.5", "--tx"),
+    ],
+)
+def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, capsys):
+    assert message in fails(["trace", plan_file, *arguments.split(), "--out", tmp_path], capsys)
