@@ -13,7 +13,9 @@ import numpy as np
 import shapely
 from jaxtyping import Float, UInt8
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
+from matplotlib.colorbar import Colorbar
 from matplotlib.colors import BoundaryNorm, ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -130,9 +132,7 @@ def draw_power(
     known = values[np.isfinite(values)]
     low, high = np.percentile(known, [1, 99.5]) if len(known) else (0, 1)
     image = _cells(axes, grid, values, cmap="cividis", vmin=low, vmax=high)
-    axes.figure.colorbar(
-        image, ax=axes, label=f"received power [dBm], {tx_power_dbm:g} dBm sent", extend="both"
-    )
+    _bar(axes, image, f"received power [dBm], {tx_power_dbm:g} dBm sent", extend="both")
     _shade_free(axes, building)
     _frame(axes, building, "power of the strongest path")
     _mark(axes, tx_position)
@@ -178,7 +178,7 @@ def draw_arrival(
     values = np.full(len(grid.position), np.nan)
     values[first.rx] = np.degrees(first.aoa_az)
     image = _cells(axes, grid, values, cmap="twilight", vmin=-180, vmax=180)
-    bar = axes.figure.colorbar(image, ax=axes, label="azimuth of arrival [degrees from +x]")
+    bar = _bar(axes, image, "azimuth of arrival [degrees from +x]")
     bar.set_ticks([-180, -90, 0, 90, 180])
     _shade_free(axes, building)
     _frame(axes, building, "direction of arrival of the strongest path")
@@ -187,7 +187,7 @@ def draw_arrival(
     cell = grid.cell[first.rx]
     some = np.all(cell % every == every // 2, axis=1)
     at, angle = grid.position[first.rx][some, :2], first.aoa_az[some]
-    for colour, width in (("white", 3.2), ("black", 1.4)):
+    for colour, width in (("white", 0.025), ("black", 0.011)):
         axes.quiver(
             *at.T,
             np.cos(angle),
@@ -197,7 +197,7 @@ def draw_arrival(
             pivot="mid",
             scale_units="xy",
             scale=1 / (0.8 * every * step_m),
-            units="dots",
+            units="inches",
             width=width,
             headwidth=3.5 if colour == "black" else 2.6,
             zorder=4,
@@ -223,7 +223,7 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
     rays.set_array(power[::-1])
     axes.add_collection(rays)
     if len(link):
-        axes.figure.colorbar(rays, ax=axes, label=f"received power [dBm], {tx_power_dbm:g} dBm sent")
+        _bar(axes, rays, f"received power [dBm], {tx_power_dbm:g} dBm sent")
     handles = [
         _tx_handle(),
         Line2D([], [], marker="P", color=RX_COLOUR, mec="white", ms=9, lw=0, label="receiver"),
@@ -285,6 +285,12 @@ def _cells(axes: Axes, grid: ReceiverGrid, values: Float[np.ndarray, "n"], **sty
     full = np.full(grid.shape, np.nan)
     full[tuple(grid.cell.T)] = values
     return axes.pcolormesh(grid.edges[..., 0], grid.edges[..., 1], full, rasterized=True, zorder=2, **style)
+
+
+def _bar(axes: Axes, values: ScalarMappable, label: str, **style: Any) -> Colorbar:
+    """Colour bar as high as the axes."""
+    beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
+    return axes.figure.colorbar(values, cax=beside, label=label, **style)
 
 
 def _frame(axes: Axes, building: Building, title: str) -> None:

@@ -111,6 +111,17 @@ def test_a_transmitter_in_a_part_of_its_own_is_told(tmp_path, capsys):
     assert (paths.link_state()[0][paths.rx_position[:, 0] > 3.1] == LinkState.OUTAGE).all()
 
 
+def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, capsys):
+    def interrupted(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("robosim.trace.trace_grid", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
+    assert stop.value.code == 130
+    assert "Go on with the same command" in re.sub(r"\s+", " ", capsys.readouterr().out)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
