@@ -152,7 +152,8 @@ class _Units:
     ) -> None:
         """Trace the units that have no file."""
         self.folder.mkdir(exist_ok=True)
-        calls = list(self.calls(available_cores() if workers is None else max(1, workers)))
+        # Two units for each thread, so that none waits long for the slowest one.
+        calls = list(self.calls(2 * (available_cores() if workers is None else max(1, workers))))
         total = self.n_tx * self.n_rx
         done = total - sum(len(txs) * (self.end(firsts[-1]) - firsts[0]) for txs, firsts in calls)
         report(done, total)

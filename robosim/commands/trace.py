@@ -42,7 +42,7 @@ def trace(
     the rays of one link. A long run that was interrupted or killed goes on when the same command is given
     again, with the same result. With --rx and no --grid, one link is traced.
 
-    Example: robosim trace office --tx 2,1.5 --grid 0.15 --out out/radio
+    Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
 
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
