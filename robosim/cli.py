@@ -19,7 +19,12 @@ from robosim.commands.trace import trace
 
 _Commands = dict[str, Callable[..., None]]
 
-_BENCH: _Commands = {"render": bench.render, "physics": bench.physics, "navigation": bench.navigation}
+_BENCH: _Commands = {
+    "render": bench.render,
+    "physics": bench.physics,
+    "navigation": bench.navigation,
+    "wireless": bench.wireless,
+}
 _FIGURES: _Commands = {"plans": figures.plans}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),

@@ -4,12 +4,17 @@ A triangle hides what lies strictly on both sides of its plane, if the way betwe
 `NEAR_M` of it. So ways may start, end and turn on triangles, or run in their planes, whatever the length,
 and cracks below `NEAR_M` are shut. Single-precision ray engines need an offset for this, which is what loses
 short ways and leaks far from the origin.
+
+Embree answers 6 to 7 times as many segments per second (8 against 1.2 million a core), and is wrong on 1 in 4000
+to 6000 with ends moved by 0.1 mm, on 1 in 7 without, and on 1 in 7 in either case 10 km from the origin; the
+tree is on none (`robosim bench wireless`). Sight takes 1 to 18 % of the time of tracing in space, so that a
+faster engine in front of it would save no more; views of floor plans decide 60 million pairs without asking.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from wireless.compiled import compiled
 
@@ -158,3 +163,14 @@ def holds(
         if inside:
             return True
     return False
+
+
+@compiled
+def hidden_each(
+    tree: Tree, p: Float[np.ndarray, "n 3"], q: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, "n"]:
+    """Whether any triangle is between each p and its q."""
+    result = np.empty(len(p), np.bool_)
+    for i in range(len(p)):
+        result[i] = hidden(tree, p[i], q[i])
+    return result

@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 import trimesh
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
 from wireless.blocks import Rows, trace_blocks
@@ -211,7 +211,7 @@ class Tracer:
         mesh: trimesh.Trimesh,
         *,
         materials: tuple[str, ...] = ("drywall",),
-        face_material: Int[np.ndarray, "n_faces"] | None = None,
+        face_material: Integer[np.ndarray, "n_faces"] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
     ):

@@ -68,3 +68,33 @@ def navigation(
     table = run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=console)
     console.print(table)
     console.print(f"Wrote navigation.json and one folder an episode in {folder}")
+
+
+def wireless(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    receivers: int = 400,
+    workers: int | None = None,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Measure the radio tracer: links per second against errors, over outline tolerance, reflections, diffraction.
+
+    Also growth with walls and receivers, latency of one link, and visibility against Embree.
+
+    Example: robosim bench wireless flat office --out out/wireless
+
+    Args:
+        plans: Floor plans, or folders of them.
+        receivers: Receivers of each plan when settings are compared.
+        workers: Most threads; one on each available core if not given.
+        seed: Seed of the places of transmitters and receivers.
+        out: Folder for the tables and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.wireless import run
+    from robosim.planfiles import find_plans
+
+    folder = folder_for(out, "bench-wireless")
+    found = [read(str(plan)) for plan in find_plans(plans)]
+    console.print(run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console))
+    console.print(f"Wrote wireless.json and wireless.png in {folder}")
