@@ -1,0 +1,151 @@
+"""A step that falls short marks the cells before the hull, once, where nothing on the map explains it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slam.actions import FORWARD_M, Action
+from slam.collisions import CollisionConfig, CollisionMarks
+from slam.grid import GridFrame
+from slam.poses import to_map
+
+FRAME = GridFrame(origin_xy=(-2.0, -2.0), resolution_m=0.05, shape=(80, 80))
+OPEN = np.zeros(FRAME.shape, bool)
+POSES = [(0.013, 0.021, 0.0), (0.3, -0.4, math.pi / 2), (-0.2, 0.6, 2.1), (0.0, 0.0, -0.7)]
+
+
+def _stop(marks, pose, *, step=1, obstacle=OPEN, gone_m=0.0) -> bool:
+    return marks.update(step, Action.FORWARD, np.array([gone_m, 0.0, 0.0]), np.array(pose, float), obstacle)
+
+
+def _in_robot(marks, pose):
+    """Centres of the blocked cells, ahead and left of the robot [m]."""
+    points = marks.frame.centres(marks.blocked) - np.array(pose[:2])
+    return points @ np.array(
+        [[math.cos(pose[2]), -math.sin(pose[2])], [math.sin(pose[2]), math.cos(pose[2])]]
+    )
+
+
+@pytest.mark.parametrize("pose", POSES)
+@pytest.mark.parametrize("radius_m", [0.10, 0.18])
+def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
+    """From the hull to 0.1 m before it, within half a cell's diagonal (0.036 m); the point of contact is marked.
+
+    Nothing beside or behind the robot is, and nothing under it: it must be able to leave.
+    """
+    marks = CollisionMarks(FRAME, CollisionConfig(radius_m=radius_m))
+    assert _stop(marks, pose)
+    ahead, left = _in_robot(marks, pose).T
+    assert len(ahead) >= 2
+    assert ahead.min() > radius_m - 0.011 and ahead.max() < radius_m + 0.1 + 0.061
+    assert np.abs(left).max() < 0.05 + 0.036
+    iy, ix = FRAME.index(to_map(np.array(pose), np.array([radius_m + 0.03, 0.0])))
+    assert marks.blocked[iy, ix]
+    assert np.hypot(ahead, left).min() > radius_m - 0.011
+
+
+@pytest.mark.parametrize(
+    ("action", "gone_m", "stopped"),
+    [
+        (Action.FORWARD, 0.0, True),
+        (Action.FORWARD, 0.19, True),
+        (Action.FORWARD, 0.21, False),
+        (Action.FORWARD, FORWARD_M, False),
+        (Action.LEFT, 0.0, False),
+        (Action.RIGHT, 0.0, False),
+    ],
+)
+def test_only_a_step_forward_that_falls_short_is_a_stop(action, gone_m, stopped):
+    """Shorter than 0.2 m of 0.25 m; turns go nowhere by design and mark nothing."""
+    marks = CollisionMarks(FRAME)
+    moved = np.array([gone_m, 0.0, 0.0])
+    assert marks.update(1, action, moved, np.zeros(3), OPEN) == stopped
+    assert marks.blocked.any() == stopped
+
+
+def test_a_wall_on_the_map_explains_a_stop_and_one_behind_does_not():
+    """An obstacle cell at the bow: nothing new is learned, twice; at the third stop in a row it is marked.
+
+    The same cell at the stern explains nothing: marked at once.
+    """
+    bow, stern = OPEN.copy(), OPEN.copy()
+    bow[40, 42], stern[40, 37] = True, True
+    marks = CollisionMarks(FRAME)
+    for k in (1, 2, 3):
+        assert _stop(marks, (0.0, 0.025, 0.0), step=k, obstacle=bow)
+        assert marks.blocked.any() == (k == 3)
+    marks = CollisionMarks(FRAME)
+    _stop(marks, (0.0, 0.025, 0.0), obstacle=stern)
+    assert marks.blocked.any()
+
+
+def test_marks_widen_while_the_robot_goes_on_bumping_up_to_a_bound():
+    """Each stop widens the strip by 2 cells, to at most 0.45 m and the cells that it touches; a free step ends that."""
+    marks, widths = CollisionMarks(FRAME), []
+    for k in range(1, 9):
+        _stop(marks, (0.0, 0.025, 0.0), step=k)
+        widths.append(float(np.ptp(_in_robot(marks, (0.0, 0.025, 0.0))[:, 1])))
+    assert (np.diff(widths) >= 0).all()
+    assert widths[3] > widths[1] > widths[0]
+    assert widths[-1] == widths[-2] <= 0.45 + 0.05
+    _stop(marks, (0.0, 0.025, 0.0), step=9, gone_m=FORWARD_M)
+    marks.blocked[:] = False
+    _stop(marks, (0.0, 0.025, 0.0), step=10)
+    assert np.ptp(_in_robot(marks, (0.0, 0.025, 0.0))[:, 1]) == pytest.approx(widths[0])
+
+
+def test_marks_fade_and_a_second_bump_lasts_twice_as_long():
+    """Made at decision 1: there at 150, gone at 151. Made again in the same place at 200: there at 499, gone at 500."""
+    marks, pose = CollisionMarks(FRAME), (0.0, 0.025, 0.0)
+    turn = np.array([0.0, 0.0, 0.1])
+
+    def standing(step):
+        marks.update(step, Action.LEFT, turn, np.array(pose), OPEN)
+        return bool(marks.blocked.any())
+
+    _stop(marks, pose, step=1)
+    assert standing(150)
+    assert not standing(151)
+    _stop(marks, pose, step=200, gone_m=0.15)
+    assert standing(499)
+    assert not standing(500)
+
+
+def test_the_hull_takes_marks_off_where_it_stands():
+    """Brute force: gone are exactly those whose centres are nearer than the radius."""
+    marks = CollisionMarks(FRAME)
+    marks.blocked[30:60, 30:60] = True
+    before = marks.blocked.copy()
+    pose = np.array([0.113, 0.267, 1.0])
+    marks.stand(pose)
+    centres = FRAME.centres(np.ones(FRAME.shape, bool)).reshape(*FRAME.shape, 2)
+    under = np.hypot(*(centres - pose[:2]).transpose(2, 0, 1)) < 0.10
+    assert under.sum() > 8
+    np.testing.assert_array_equal(marks.blocked, before & ~under)
+
+
+def test_marks_stay_in_their_place_when_the_map_grows():
+    """The centres in `map` are the same before and after, and they fade at the same decision."""
+    marks, pose = CollisionMarks(FRAME), (0.3, -0.4, 2.1)
+    _stop(marks, pose)
+    before = FRAME.centres(marks.blocked)
+    grown = FRAME.padded(80, 0, 160, 80)
+    marks.grow(grown, 80, 160)
+    np.testing.assert_allclose(grown.centres(marks.blocked), before, atol=1e-9)
+    marks.update(151, Action.LEFT, np.zeros(3), np.array(pose), np.zeros(grown.shape, bool))
+    assert not marks.blocked.any()
+
+
+def test_a_stop_at_the_edge_of_the_map_is_no_error():
+    """Cells beyond are left out."""
+    marks = CollisionMarks(FRAME)
+    assert _stop(marks, (1.99, 0.0, 0.0))
+    assert not marks.blocked.any()
+
+
+@pytest.mark.parametrize("values", [{"radius_m": 0.0}, {"short_m": 0.3}, {"short_m": 0.0}])
+def test_settings_that_cannot_be_are_refused(values):
+    """By name."""
+    with pytest.raises(ValueError, match=next(iter(values))):
+        CollisionConfig(**values)
