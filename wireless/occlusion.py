@@ -21,6 +21,8 @@ from wireless.compiled import compiled
 #: What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it.
 NEAR_M = 1e-9
 LEAF = 4
+#: Walls that are passed closer to each other than this [m] are one.
+SAME_M = 1e-6
 
 
 class Tree(NamedTuple):
@@ -32,6 +34,8 @@ class Tree(NamedTuple):
     """Highest corner of each box [m]."""
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first triangle, and the number of triangles."""
+    number: Int[np.ndarray, "t"]
+    """What number each triangle had before it was sorted into the tree."""
     triangle: Float[np.ndarray, "t 3 3"]
     """Corners of triangles, in the tree's order [m]."""
     normal: Float[np.ndarray, "t 3"]
@@ -81,6 +85,7 @@ def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
         low=np.array([box[0] for box in boxes]),
         high=np.array([box[1] for box in boxes]),
         child=np.array(children, np.int64),
+        number=np.array(order, np.int64),
         triangle=triangle[order],
         normal=normal[order],
         inward=inward[order],
@@ -163,6 +168,54 @@ def holds(
         if inside:
             return True
     return False
+
+
+@compiled
+def passed(
+    tree: Tree,
+    p: Float[np.ndarray, "3"],
+    q: Float[np.ndarray, "3"],
+    where: Float[np.ndarray, "k"],
+    which: Int[np.ndarray, "k"],
+) -> int:
+    """Walls between p and q in order: shares of the way and triangles; their number, -1 if there are more than k.
+
+    Triangles that are met in one point, at a side that they share or doubled, are one wall.
+    """
+    stack = np.empty(64, np.int64)
+    length = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+    stack[0], depth, count = 0, 1, 0
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if _box_missed(tree.low[box], tree.high[box], p, q):
+            continue
+        one, other = tree.child[box]
+        if one >= 0:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+            continue
+        for t in range(-1 - one, -1 - one + other):
+            if not _hides(tree, t, p, q):
+                continue
+            dp, dq = 0.0, 0.0
+            for i in range(3):
+                dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
+                dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
+            f = dp / (dp - dq)
+            place, known = count, False
+            for j in range(count):
+                known = known or abs(where[j] - f) * length < SAME_M
+            if known:
+                continue
+            if count == len(where):
+                return -1
+            while place > 0 and where[place - 1] > f:
+                where[place], which[place] = where[place - 1], which[place - 1]
+                place -= 1
+            where[place], which[place] = f, t
+            count += 1
+    return count
 
 
 @compiled

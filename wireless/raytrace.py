@@ -7,8 +7,7 @@ A mesh that was extruded from a floor plan is traced as one: views through its e
 (`wireless.space`), slower, to the same paths. All decide in double precision. The building's own work
 (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
-Left out: transmission through walls other than those of floor plans, more than one diffraction on a path,
-scattering by rough walls.
+Left out: more than one diffraction on a path, scattering by rough walls.
 """
 
 import logging
@@ -54,7 +53,7 @@ class TracerConfig:
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 0
-    """Most walls that a path goes straight through; needs wall_thickness_m. In floor plans only."""
+    """Most walls that a path goes straight through; needs wall_thickness_m."""
     wall_thickness_m: float | None = None
     """Thickness of all walls, which are layers then [m]; None for half-spaces."""
     max_paths: int = 25
@@ -166,8 +165,6 @@ class _SpaceScene:
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
-        if config.max_transmissions:
-            raise SceneError("Transmission is traced in extruded floor plans only, and this mesh is none.")
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
         surfaces = find_surfaces(moved, face_material, config.snap_m)

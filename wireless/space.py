@@ -2,9 +2,9 @@
 
 The transmitter is mirrored at chains of facets; a chain goes on only to facets that reach behind the last
 one and that its bounding cone meets. For each receiver a chain is walked back from the receiver, and is a
-path if each point lies in its facet and nothing hides any leg. At an edge the ways from both ends are
-unfolded into one straight line (the ray leaves at the angle it arrives, Keller's law), which gives the point
-on the edge.
+path if each point lies in its facet and its legs meet no more walls than may be passed. At an edge the ways
+from both ends are unfolded into one straight line (the ray leaves at the angle it arrives, Keller's law),
+which gives the point on the edge.
 
 Everything is tried, and nothing is sampled: the cost grows with the number of facets to the power of the
 number of reflections. Floor plans have a faster way (`wireless.links`), to the same paths.
@@ -16,9 +16,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from wireless.compiled import compiled
-from wireless.fields import DIFFRACTION, REFLECTION
+from wireless.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.geometry import Surfaces
-from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, planes
+from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, passed, planes
 from wireless.table import (
     Room,
     Setting,
@@ -253,7 +253,7 @@ def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, f
     surfaces, n = space.surfaces, 1.0
     for j in range(m):
         thing = room.thing[j]
-        if room.kind[j] == REFLECTION:
+        if room.kind[j] != DIFFRACTION:
             room.normal[j], room.eps[j] = surfaces.facet_normal[thing], setting.wall_eps[thing]
         else:
             room.wedge[:] = surfaces.edge_wedge[thing]
@@ -264,24 +264,66 @@ def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, f
 
 
 @compiled
+def _pass_walls(
+    space: Space,
+    setting: Setting,
+    m: int,
+    room: Room,
+    where: Float[np.ndarray, "k"],
+    which: Int[np.ndarray, "k"],
+) -> int:
+    """Put the walls between the points of a path into it; its new number of interactions, -1 if it is hidden."""
+    left = setting.max_through
+    leg, end = 0, m
+    while leg <= end:
+        p, q = room.point[leg].copy(), room.point[leg + 1].copy()
+        if left == 0:
+            if hidden(space.tree, p, q):
+                return -1
+            leg += 1
+            continue
+        n = passed(space.tree, p, q, where[:left], which[:left])
+        if n < 0:
+            return -1
+        for j in range(end + 1, leg, -1):
+            room.point[j + n] = room.point[j]
+        for j in range(end - 1, leg - 1, -1):
+            room.kind[j + n], room.thing[j + n] = room.kind[j], room.thing[j]
+        for j in range(n):
+            for i in range(3):
+                room.point[leg + 1 + j, i] = p[i] + where[j] * (q[i] - p[i])
+            room.kind[leg + j] = TRANSMISSION
+            room.thing[leg + j] = space.surfaces.triangle_facet[space.tree.number[which[j]]]
+        left, end, leg = left - n, end + n, leg + n + 1
+    return end
+
+
+@compiled
 def _try(
     space: Space,
     setting: Setting,
     m: int,
     who: tuple[int, int, int],
     room: Room,
+    where: Float[np.ndarray, "k"],
+    which: Int[np.ndarray, "k"],
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k 4"],
     count: int,
 ) -> int:
-    """Enter the path in `room` into a link's list, if nothing hides it; new length of the list."""
+    """Enter the path in `room` into a link's list, unless it is hidden; new length of the list."""
     if m < 0:
         return count
     length, power = _weigh(space, setting, m, room)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
-    for j in range(m + 1):
-        if hidden(space.tree, room.point[j], room.point[j + 1]):
+    bare = m
+    m = _pass_walls(space, setting, m, room, where, which)
+    if m < 0:
+        return count
+    if m > bare:
+        length, power = _weigh(space, setting, m, room)
+        if count == len(rank) and power <= rank[count - 1, 0]:
             return count
     p, new = room.point, np.empty(5)
     new[0], new[1] = power, length
@@ -311,6 +353,7 @@ def trace_space(
     n_edges = len(space.surfaces.edge) if setting.edge_reflections >= 0 else 0
     room, rank, best = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     points, facets = np.empty((most, 3)), np.empty(most, np.int64)
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
     for r in range(len(rx)):
         here, count = rx[r], 0
         far_image, far_chain = mirror_chains(space, here, max(setting.edge_reflections, 0))
@@ -318,7 +361,7 @@ def trace_space(
             if chain[node, 2] > setting.max_reflections:
                 break
             m = _lay(space, tx, here, image, chain, node, -1, image, chain, 0, points, facets, room)
-            count = _try(space, setting, m, (node, -1, 0), room, rank, best, count)
+            count = _try(space, setting, m, (node, -1, 0), room, where, which, rank, best, count)
         for edge in range(n_edges):
             for node in range(len(image)):
                 if chain[node, 2] > setting.edge_reflections:
@@ -341,13 +384,14 @@ def trace_space(
                         facets,
                         room,
                     )
-                    count = _try(space, setting, m, (node, edge, far), room, rank, best, count)
+                    count = _try(space, setting, m, (node, edge, far), room, where, which, rank, best, count)
         table.found[r] = count
         for j in range(count):
             node, edge, far = best[j, 0], best[j, 1], best[j, 2]
             m = _lay(
                 space, tx, here, image, chain, node, edge, far_image, far_chain, far, points, facets, room
             )
+            m = _pass_walls(space, setting, m, room, where, which)
             length, power = _weigh(space, setting, m, room)
             write_row(table, r * keep + j, length, power, m, room)
     return table

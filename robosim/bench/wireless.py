@@ -105,7 +105,7 @@ def run(
         "receivers": receivers,
         "compile_s": compile_s,
         "peak_memory_gb": _peak_memory_gb(),
-        "growth_with_walls": _slope([s["walls"] for s in speeds], [1 / s["links_per_s_1"] for s in speeds]),
+        "growth_with_walls": {plan.name: _growth(speeds, plan.name) for plan in plans},
     }
     summary = _pooled(settings)
     write_json(
@@ -279,6 +279,12 @@ def _slope(x: Sequence[float], y: Sequence[float]) -> float:
     return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
+def _growth(speeds: list[dict[str, Any]], plan: str) -> float:
+    """Exponent of the time per link over the number of walls, by a plan's tolerances."""
+    mine = [row for row in speeds if row["plan"] == plan]
+    return _slope([row["walls"] for row in mine], [1 / row["links_per_s_1"] for row in mine])
+
+
 def _peak_memory_gb() -> float:
     """Most memory that this process has held."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -288,7 +294,7 @@ def _peak_memory_gb() -> float:
 def _error_table(rows: list[dict[str, Any]]) -> Table:
     caption = (
         "Links per second on one worker · links with the link state of the fullest setting · strongest paths "
-        f"within {np.degrees(SAME_RAD):g}° of its · mean error of total power of links that both reach [dB]."
+        f"within {np.degrees(SAME_RAD):g}° of its · mean error in dB of total power where both reach."
     )
     table = Table(title="Speed against error", caption=caption, box=None, pad_edge=False)
     table.add_column("diffraction")
@@ -311,10 +317,11 @@ def _error_table(rows: list[dict[str, Any]]) -> Table:
 
 
 def _speed_table(rows: list[dict[str, Any]], about: dict[str, Any]) -> Table:
+    growth = ", ".join(f"{power:.2f} ({plan})" for plan, power in about["growth_with_walls"].items())
     caption = (
         f"Reflections to {USUAL.max_reflections}, diffraction with {USUAL.diffraction_reflections} reflection. "
         f"First trace {about['compile_s']:.1f} s (compiling, or loading what was). Time grows with walls to "
-        f"the power of {about['growth_with_walls']:.2f}. Peak memory {about['peak_memory_gb']:.2f} GB."
+        f"the power of {growth}. Peak memory {about['peak_memory_gb']:.2f} GB."
     )
     table = Table(title="Rates and latency, warm", caption=caption, box=None, pad_edge=False)
     table.add_column("plan")

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from wireless.geometry import find_surfaces
 from wireless.occlusion import hidden_each, make_tree
+from wireless.paths import Interaction
 from wireless.raytrace import SceneError, Tracer, TracerConfig
 
 BEND = (0.0, 0.0), (9.0, 0.0), (9.0, 3.0), (4.0, 3.0), (4.0, 7.0), (0.0, 7.0)
@@ -151,3 +152,44 @@ def test_wall_on_a_floor_has_no_edge_at_its_foot(extruded):
     expected = shapely.linestrings([[(0, 0), (0, 3)], [(0, 3), (4, 3)], [(4, 3), (4, 0)]])
     assert shapely.union_all(lines).equals(shapely.union_all(expected))
     np.testing.assert_allclose(surfaces.edge_gap_rad, 2 * np.pi, atol=1e-9)
+
+
+def test_walls_are_passed_alike_in_floor_plan_and_space(extruded, ring):
+    """Partitions and a pillar that let through two walls a path: both ways find the same paths, to 1e-8.
+
+    Each reflected and each diffracted path may pass walls on any leg; the layers' ratios depend on the angle and
+    the polarisation there. The outline is convex: outside of others the rims of floor and ceiling diffract,
+    which floor plans leave out.
+    """
+    outer = ring((0, 0), (9, 0), (9, 7), (0, 7))
+    inner = [[(4, 0.2), (4, 3)], [(4, 3), (4, 6)], [(4, 3), (8, 3)]]
+    mesh = extruded(np.concatenate([outer, ring(*PILLAR), inner]), floor=True, ceiling=True)
+    plan, space = (
+        Tracer(
+            mesh,
+            config=TracerConfig(
+                scene=scene,
+                max_reflections=2,
+                max_transmissions=2,
+                wall_thickness_m=0.1,
+                floor_ceiling=True,
+                max_paths=2000,
+            ),
+        ).trace(TX, RX)
+        for scene in ("plan", "space")
+    )
+    through = (plan.interaction == Interaction.TRANSMISSION).sum(axis=1)
+    assert (np.bincount(through, minlength=3) > 50).all()
+    assert len(plan) == len(space)
+    np.testing.assert_allclose(table(space), table(plan), rtol=0, atol=1e-8)
+
+
+def test_a_wall_passed_where_its_triangles_meet_is_one_wall(extruded):
+    """Through the middle of a rectangle, which lies on its diagonal, and through it doubled: one interaction."""
+    wall = extruded([[(0, 0), (4, 0)]], low=0, high=4)
+    options = {"max_reflections": 0, "diffraction": False, "max_transmissions": 3, "wall_thickness_m": 0.1}
+    for mesh in (wall, trimesh.util.concatenate([wall, wall])):
+        tracer = Tracer(mesh, config=TracerConfig(scene="space", **options))
+        paths = tracer.trace(np.array([[2.0, -1, 2]]), np.array([[2.0, 1, 2]]))
+        assert paths.order.tolist() == [1]
+        np.testing.assert_allclose(paths.point[0, 0], (2, 0, 2), atol=1e-12)
