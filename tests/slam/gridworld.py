@@ -37,7 +37,7 @@ def cells_of(box) -> tuple[slice, slice]:
 class GridWorld:
     """A robot among solid cells."""
 
-    def __init__(self, solid, pose, *, glass=None, radius_m=RADIUS_M, explored_range_m=3.2, range_m=5.0):
+    def __init__(self, solid, pose, *, glass=None, radius_m=RADIUS_M, explored_range_m=3.2, range_m=4.0):
         self.solid = solid
         self.hard = solid if glass is None else solid | glass
         self.pose = np.array(pose, float)
@@ -66,7 +66,7 @@ class GridWorld:
         if self.explored.all():
             return
         x, y, yaw = self.pose
-        azimuth = yaw + np.linspace(-math.pi / 4, math.pi / 4, 241)[:, None]
+        azimuth = yaw + np.linspace(-math.pi / 4, math.pi / 4, 181)[:, None]
         ix = np.floor((x + np.cos(azimuth) * self._reach) / CELL).astype(int)
         iy = np.floor((y + np.sin(azimuth) * self._reach) / CELL).astype(int)
         solid = self.solid[iy.clip(0, self.solid.shape[0] - 1), ix.clip(0, self.solid.shape[1] - 1)]
