@@ -59,7 +59,7 @@ def record_episode(
     console = console or Console(quiet=True)
     watch = Stopwatch()
     with watch.stage("scene"):
-        building = make_building(plan)
+        building = make_building(plan, config=config.building)
         places = reach(building, config.simulator.robot.radius_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
     _tell_cut_off(places, task.start, console)
@@ -87,11 +87,12 @@ def record_episode(
             if writer is not None:
                 with watch.stage("video"):
                     writer.close()
+    # The picture last: it takes a second, in which an impatient second Ctrl-C would cost the result.
+    result = _result(plan, building, config, log, watch)
+    write_json(out / "result.json", result)
     log.save_trajectories(out)
     write_ros(built_plan(estimate, plan.name), out / "map.yaml")
     plot_episode(out / "map.png", building, log, estimate)
-    result = _result(plan, building, config, log, watch)
-    write_json(out / "result.json", result)
     return result
 
 

@@ -10,8 +10,9 @@ import av
 import numpy as np
 import pytest
 
-from robosim.building import make_building
+from robosim.building import BuildingConfig, make_building
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.planfiles import read_plan
 from robosim.reach import reach
 from robosim.run import record_episode
@@ -79,6 +80,22 @@ def test_recorded_files_tell_the_same_story(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {
         "result.json", "trajectory.tum", "estimate.tum", "map.yaml", "map.pgm", "map.png", "episode.mp4",
     }  # fmt: skip
+
+
+def test_the_episode_runs_in_the_building_asked_for(tmp_path):
+    """A staircase of cells is a slope of 6 cm or less beside it: 4 walls and a slope with that tolerance."""
+    free = np.tri(40, 60, 10, dtype=bool)
+    plan = FloorPlan(occupancy=np.where(free, FREE, OCCUPIED).astype(np.uint8), resolution_m=0.05)
+    walls = {}
+    for tolerance_m in (0.0, 0.06):
+        config = EpisodeConfig(
+            simulator=KINEMATIC, max_steps=1, building=BuildingConfig(tolerance_m=tolerance_m)
+        )
+        result = record_episode(plan, config, tmp_path, video=False)
+        assert result["config"]["building"]["tolerance_m"] == tolerance_m
+        walls[tolerance_m] = result["walls"]
+    assert walls[0.0] > 60
+    assert walls[0.06] < 10
 
 
 def test_results_do_not_depend_on_the_run(tmp_path):
