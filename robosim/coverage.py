@@ -29,9 +29,9 @@ class Coverage:
             hfov_rad: The camera's horizontal field of view [rad].
         """
         self.plan = plan
-        self._cells = np.argwhere(region)
-        self._points = plan.centres(region)
-        self._seen = np.zeros(len(self._points), bool)
+        self._region = np.array(region)
+        self._unseen = self._region.copy()
+        self._n_region, self._n_seen = int(self._region.sum()), 0
         self._tan_half = float(np.tan(hfov_rad / 2))
         # Half a cell: the wall that a border cell touches may lie before that cell's centre.
         self._slack_m = plan.resolution_m / 2
@@ -43,33 +43,38 @@ class Coverage:
             pose: True pose of the robot in `map`, with the camera above its centre.
             depth: Depth along the camera's axis [m]; 0 where nothing was hit.
         """
-        unseen = np.flatnonzero(~self._seen)
-        offset = self._points[unseen] - pose[:2]
+        # Only around the robot, so that a look costs the same in a building of any size.
+        column, row = self.plan.to_cells(pose[:2])
+        reach = VISION_RANGE_M / self.plan.resolution_m + 1
+        corner = np.maximum(np.floor([row - reach, column - reach]), 0).astype(int)
+        end = np.maximum(np.ceil([row + reach, column + reach]), 0).astype(int)
+        cells = np.argwhere(self._unseen[corner[0] : end[0], corner[1] : end[1]]) + corner
+        offset = self.plan.to_map(cells[:, ::-1] + 0.5) - pose[:2]
         c, s = np.cos(pose[2]), np.sin(pose[2])
         ahead = offset @ (c, s)
         left = offset @ (-s, c)
         inside = (ahead > 0) & (np.abs(left) < ahead * self._tan_half)
         inside &= ahead**2 + left**2 <= VISION_RANGE_M**2
-        unseen, ahead, left = unseen[inside], ahead[inside], left[inside]
+        cells, ahead, left = cells[inside], ahead[inside], left[inside]
         horizon = depth[depth.shape[0] // 2]
         reaches = np.where(horizon > 0, horizon, np.inf)
         width = len(horizon)
-        column = ((1 - left / ahead / self._tan_half) * width / 2).astype(int)
-        self._seen[unseen[reaches[np.clip(column, 0, width - 1)] + self._slack_m >= ahead]] = True
+        pixel = ((1 - left / ahead / self._tan_half) * width / 2).astype(int)
+        seen = cells[reaches[np.clip(pixel, 0, width - 1)] + self._slack_m >= ahead]
+        self._unseen[seen[:, 0], seen[:, 1]] = False
+        self._n_seen += len(seen)
 
     @property
     def area_m2(self) -> float:
         """Area seen [m2]."""
-        return float(self._seen.sum()) * self.plan.resolution_m**2
+        return self._n_seen * self.plan.resolution_m**2
 
     @property
     def fraction(self) -> float:
         """Part of the region that was seen, 0 to 1; 1 for an empty region."""
-        return float(self._seen.mean()) if len(self._seen) else 1.0
+        return self._n_seen / self._n_region if self._n_region else 1.0
 
     @property
     def seen(self) -> Bool[np.ndarray, "ny nx"]:
         """Which cells of the plan were seen."""
-        mask = np.zeros(self.plan.shape, bool)
-        mask[tuple(self._cells[self._seen].T)] = True
-        return mask
+        return self._region & ~self._unseen

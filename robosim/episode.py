@@ -41,6 +41,8 @@ class EpisodeConfig:
     def __post_init__(self) -> None:
         if self.max_steps < 1:
             raise ValueError(f"max_steps = {self.max_steps}, expected at least one action.")
+        if self.seed < 0:
+            raise ValueError(f"seed = {self.seed}, expected a whole number of 0 or more.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +66,8 @@ def run_episode(
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
 
-    An interrupt (Ctrl-C) ends the episode early; what was done until then is returned.
+    An interrupt (Ctrl-C) ends the episode early; what was done until then is returned. One before the first look
+    is passed on, as nothing was done.
 
     Args:
         building: Where.
@@ -111,6 +114,8 @@ def run_episode(
             view, motion = simulator.step(action)
             log.motions.append(motion)
     except KeyboardInterrupt:
+        if not log.poses:
+            raise
         log.ended = "interrupted"
     finally:
         simulator.close()

@@ -96,6 +96,8 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
         A plan whose free cells are 4-connected, and so are the places of the hull's centre in it. Cells well
         outside of the building are unknown.
     """
+    if seed < 0:
+        raise ValueError(f"seed is {seed}, expected a whole number of 0 or more.")
     rng = np.random.default_rng(seed)
     draft = _draft(rng, config)
     style = STYLES[config.style]

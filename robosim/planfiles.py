@@ -43,6 +43,7 @@ def read_plan(
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] | None = None,
     up: UpAxis = "auto",
+    unit_m: float = 1.0,
 ) -> FloorPlan:
     """Read a floor plan from a file of any known format, or a shipped one by its name.
 
@@ -54,6 +55,7 @@ def read_plan(
         slice_m: For meshes: heights above the floor between which nothing may stand in free cells [m];
             0.2 to 1.5 if not given.
         up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
+        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres.
 
     Returns:
         The plan; rows of images, which grow downwards, are turned so that y grows upwards.
@@ -72,7 +74,12 @@ def read_plan(
         raise MapError(
             f"{path}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
-    mesh_options = {"floor height": floor_height_m, "slice": slice_m, "up axis": None if up == "auto" else up}
+    mesh_options = {
+        "floor height": floor_height_m,
+        "slice": slice_m,
+        "up axis": None if up == "auto" else up,
+        "unit": None if unit_m == 1.0 else unit_m,
+    }
     for name, value in mesh_options.items():
         if value is not None and suffix not in MESHES:
             raise MapError(f"{path}: {name} is {value}, but this is no mesh. Leave the option out.")
@@ -93,6 +100,7 @@ def read_plan(
             floor_height_m=floor_height_m,
             slice_m=slice_m or mesh_slice.SLICE_M,
             up=up,
+            unit_m=unit_m,
         )
     except MapError as error:
         # What is wrong with the plan as such is said by its name; the user knows it by its file.

@@ -96,14 +96,22 @@ class Reach:
         return travel
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
-        """Travel at a point between cell centres: the best way over a cell within two cells of it [m]."""
+        """Travel at a point between cell centres: the best way over a cell within two cells of it [m].
+
+        Where none of them is reached, in a passage that the sampling has closed, over the nearest one that is.
+        """
         column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
         iy, ix = round(float(row)), round(float(column))
         window = np.s_[max(iy - 2, 0) : max(iy + 3, 0), max(ix - 2, 0) : max(ix + 3, 0)]
         rows, columns = np.mgrid[window]
         near = travel[window]
         gap = np.hypot(rows - row, columns - column)[: near.shape[0], : near.shape[1]]
-        return float(np.min(near + gap * self.plan.resolution_m, initial=np.inf))
+        best = float(np.min(near + gap * self.plan.resolution_m, initial=np.inf))
+        if np.isinf(best) and len(cells := np.argwhere(np.isfinite(travel))):
+            gaps = np.hypot(cells[:, 0] - row, cells[:, 1] - column)
+            nearest = int(np.argmin(gaps))
+            best = float(travel[tuple(cells[nearest])] + gaps[nearest] * self.plan.resolution_m)
+        return best
 
     def cut_off(self, part: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""

@@ -64,6 +64,8 @@ def record_episode(
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
     _tell_cut_off(places, task.start, console)
     picture = Picture(building, task)
+    # A film of an earlier episode must not stand beside this one's files.
+    (out / "episode.mp4").unlink(missing_ok=True)
     writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
     with _progress(console) as progress:
         bar = progress.add_task(plan.name, total=config.max_steps, note="")

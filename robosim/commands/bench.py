@@ -64,6 +64,8 @@ def navigation(
     """
     from robosim.bench.navigation import run
 
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least one process.")
     folder = folder_for(out, "bench-navigation")
     table = run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=console)
     console.print(table)

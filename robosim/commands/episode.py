@@ -2,12 +2,13 @@
 
 import sys
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
 import numpy as np
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import XY, Pose, console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
 
 
 def episode(
@@ -24,8 +25,7 @@ def episode(
     size: int = 128,
     max_steps: int = 1000,
     tolerance: float = 0.0,
-    resolution: float | None = None,
-    floor_height: float | None = None,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     video: bool = True,
     out: Path | None = None,
 ) -> None:
@@ -50,8 +50,7 @@ def episode(
         size: Width and height of the camera's pictures [pixels].
         max_steps: Actions before giving up.
         tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
-        resolution: Metres per pixel, for plans that do not say (images).
-        floor_height: Height of the storey's floor [m], for meshes of several storeys.
+        reading: How to read the plan, where it does not say.
         video: Whether to write episode.mp4.
         out: Folder for the results; a new one under runs/ if not given.
     """
@@ -78,7 +77,7 @@ def episode(
     )
     folder = folder_for(out, "episode")
     result = record_episode(
-        read(plan, resolution, floor_height),
+        read(plan, reading),
         config,
         folder,
         start=None if start is None else np.array([start[0], start[1], np.radians(start[2])]),
@@ -92,8 +91,10 @@ def episode(
         f"(shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f}), {seen}, "
         f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
-    files = ["result.json", "map.png", "map.yaml", "trajectory.tum", "estimate.tum"]
-    console.print(f"Wrote {', '.join(files + ['episode.mp4'] * video)} in {folder}")
-    console.print(f"Next: evo_ape tum {folder}/trajectory.tum {folder}/estimate.tum")
+    files = ["result.json", "map.png", "map.yaml", "trajectory.tum", "estimate.tum", "episode.mp4"]
+    # An episode that ends where it starts has no decision to film.
+    console.print(f"Wrote {', '.join(name for name in files if (folder / name).exists())} in {folder}")
+    true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))
+    console.print(f"Next: evo_ape tum {true} {estimated}")
     if result["ended"] == "interrupted":
         sys.exit(130)

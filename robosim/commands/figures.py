@@ -26,6 +26,8 @@ def plans(
     from robosim.generator.planstats import plot_comparison
     from robosim.planfiles import find_plans, read_plan
 
+    if count < 1:
+        raise ValueError(f"count is {count}, expected at least one plan to compare with.")
     real = [read_plan(path) for path in track(find_plans(plans), "reading", console=console, transient=True)]
     config = GeneratorConfig(navigable=True)
     numbers = track(range(seed, seed + count), "generating", console=console, transient=True)

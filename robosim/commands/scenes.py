@@ -1,18 +1,18 @@
 """`robosim plan` and `robosim generate`."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, folder_for, read
 
 
 def plan(
     plan: Positional[str],
     *,
-    resolution: float | None = None,
-    floor_height: float | None = None,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     tolerance: float = 0.0,
     radius: float = 0.10,
     out: Path | None = None,
@@ -26,8 +26,7 @@ def plan(
 
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
-        resolution: Metres per pixel, for plans that do not say (images).
-        floor_height: Height of the storey's floor [m], for meshes of several storeys.
+        reading: How to read the plan, where it does not say.
         tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
         radius: Radius of the robot's hull [m].
         out: Folder for the files; a new one under runs/ if not given.
@@ -38,7 +37,7 @@ def plan(
     from robosim.plots import plot_plan
     from robosim.reach import reach
 
-    floor_plan = read(plan, resolution, floor_height)
+    floor_plan = read(plan, reading)
     building = make_building(floor_plan, config=BuildingConfig(tolerance_m=tolerance))
     places = reach(building, radius)
     folder = folder_for(out, "plan")
@@ -59,7 +58,8 @@ def plan(
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
         console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
     console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
-    console.print(f"Next: robosim episode {plan} --out out/episode")
+    # The file just written, since it says by itself what the options said of the plan.
+    console.print(f"Next: robosim episode {quote(str(folder / floor_plan.name))}.yaml --out out/episode")
 
 
 def generate(
@@ -86,10 +86,12 @@ def generate(
     from robosim.generate import GeneratorConfig, generate_plan
     from robosim.planfiles import write_ros
 
+    if count < 1:
+        raise ValueError(f"count is {count}, expected at least one plan.")
     folder = folder_for(out, "generate")
     config = GeneratorConfig(style=style, navigable=navigable)
     for number in track(range(seed, seed + count), "plans", console=console, transient=True):
         made = generate_plan(number, config=config)
         write_ros(made, folder / f"{made.name}.yaml")
     console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
-    console.print(f"Next: robosim plan {folder / made.name}.yaml")
+    console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

@@ -4,9 +4,9 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import Place, console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, Place, PlanOptions, console, folder_for, read
 
 
 def trace(
@@ -29,8 +29,7 @@ def trace(
     height: float = 1.5,
     tx_power_dbm: float = 23.0,
     threshold_dbm: float | None = None,
-    resolution: float | None = None,
-    floor_height: float | None = None,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     plots: bool = True,
     workers: int | None = None,
     out: Path | None = None,
@@ -63,8 +62,7 @@ def trace(
         height: Of receivers, and of transmitters that do not say theirs [m].
         tx_power_dbm: Power sent, for pictures and the CSV file [dBm].
         threshold_dbm: Paths received with less do not count for the link state [dBm].
-        resolution: Metres per pixel, for plans that do not say (images).
-        floor_height: Height of the storey's floor [m], for meshes of several storeys.
+        reading: How to read the plan, where it does not say.
         plots: Whether to draw pictures.
         workers: Threads to trace in; one on each core if not given. The results do not depend on it.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
@@ -93,7 +91,7 @@ def trace(
         ),
         building=BuildingConfig(tolerance_m=tolerance, wall_material=material, furniture_material=material),
     )
-    floor_plan = read(plan, resolution, floor_height)
+    floor_plan = read(plan, reading)
     folder = folder_for(out, "trace")
     if grid is None and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)

@@ -6,7 +6,8 @@ floor inside solid walls are not free: leaving there, one comes out of more soli
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
 standard and are taken to have z upwards, as in robotics. Many files break this custom: the other one of the
-two axes is taken if it makes the largest floor more than twice as large. Lengths are metres.
+two axes is taken if it makes the largest floor more than twice as large. Nor do most formats say their unit of
+length, which is a metre unless told otherwise.
 Left out: doors that are closed in the mesh stay closed; floors steeper than 45 degrees.
 
 Reference: glTF 2.0 specification, 3.4 (axes and units).
@@ -55,17 +56,19 @@ def read_mesh(
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] = SLICE_M,
     up: UpAxis = "auto",
+    unit_m: float = 1.0,
 ) -> FloorPlan:
     """Floor plan of a storey of a mesh file that trimesh reads (GLB, PLY, OBJ, STL and others).
 
     Args:
-        path: The mesh; lengths in metres.
+        path: The mesh.
         resolution_m: Side of a cell [m].
-        floor_height_m: Height of the storey's floor in the mesh's own coordinates, to within half a metre;
+        floor_height_m: Height of the storey's floor above the mesh's own zero [m], to within half a metre;
             the lowest storey if not given.
         slice_m: Heights above the floor between which nothing may stand in free cells [m].
         up: Axis that points up; "auto" is y for glTF and z for all others, unless the other one of the two
             has a floor more than twice as large.
+        unit_m: The mesh's unit of length [m], for example 0.001 for millimetres.
 
     Raises:
         MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
@@ -74,7 +77,9 @@ def read_mesh(
     """
     if up not in get_args(UpAxis):
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
-    triangles = load_triangles(path)
+    if not (np.isfinite(unit_m) and unit_m > 0):
+        raise ValueError(f"unit_m is {unit_m:g}, expected a positive number of metres, such as 0.001 for mm.")
+    triangles = load_triangles(path) * unit_m
     axis = up if up != "auto" else _likely_up(path, triangles)
     triangles = turned_up(triangles, axis)
     try:
@@ -87,7 +92,8 @@ def read_mesh(
         )
     except MapError as error:
         raise MapError(
-            f"{path}: {error} The {axis} axis was taken to point up; if wrong, pass up={_OTHER[axis]!r}."
+            f"{path}: {error} The {axis} axis was taken to point up, and the unit of length for {unit_m:g} m; if "
+            f"wrong, pass up={_OTHER[axis]!r} (--up {_OTHER[axis]}), or unit_m=0.001 for mm (--unit 0.001)."
         ) from error
 
 
@@ -109,11 +115,12 @@ def _likely_up(path: Path, triangles: Triangles) -> str:
         return usual
     logger.warning(
         "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s "
-        "axis. If this is wrong, pass up=%r.",
+        "axis. If this is wrong, pass up=%r (--up %s).",
         path,
         _OTHER[usual],
         largest[_OTHER[usual]],
         largest[usual],
+        usual,
         usual,
         usual,
     )

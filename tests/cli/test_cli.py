@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from robosim.cli import main
 from robosim.planfiles import read_plan, write_ros
@@ -67,6 +68,45 @@ def test_a_plan_is_shown_and_exported(plan_file, tmp_path, capsys):
     assert {"building.glb", "building.ply", "mitsuba", "reach.png"} <= names
     again = read_plan(next((tmp_path / "shown").glob("*.yaml")))
     assert (again.occupancy == two_rooms(0.8).occupancy).all()
+
+
+def test_a_mesh_in_another_unit_with_another_axis_up(tmp_path, capsys):
+    """A room of 4 m x 3 m in millimetres, y up, as an OBJ: the options of both reach the reader."""
+    room = trimesh.creation.box(bounds=[[0, 0, -3000], [4000, 2500, 0]])
+    room.invert()
+    room.export(tmp_path / "room.obj")
+    main(f"plan {tmp_path}/room.obj --unit 0.001 --up y --out {tmp_path}/out".split())
+    printed = re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "12.0 m2 free" in printed
+    assert f"Next: robosim episode {tmp_path}/out/room.yaml" in printed
+
+
+@pytest.mark.parametrize(
+    ("command", "word"),
+    [
+        ("generate --count 0", "count is 0"),
+        ("generate --seed -1", "seed is -1"),
+        ("figures plans flat --count 0", "count is 0"),
+        ("bench navigation flat --workers 0", "workers is 0"),
+        ("episode flat --seed -1", "seed = -1"),
+    ],
+)
+def test_senseless_numbers_are_named(command, word, tmp_path, capsys):
+    assert word in _fails([*command.split(), "--out", tmp_path], capsys)
+
+
+def test_out_may_not_be_a_file(plan_file, capsys):
+    assert "which cannot be a folder" in _fails(["plan", plan_file, "--out", plan_file], capsys)
+
+
+def test_an_episode_that_ends_at_once_says_what_it_wrote(plan_file, tmp_path, capsys):
+    """Start at the target: no decision, so no film, and none of an earlier episode is left beside the result."""
+    (tmp_path / "episode.mp4").write_text("of an earlier episode")
+    main(f"episode {plan_file} --start 1,0.6,0 --target 1,0.6 --physics kinematic --out {tmp_path}".split())
+    printed = capsys.readouterr().out
+    assert "arrived after 0 steps" in printed
+    assert "episode.mp4" not in printed
+    assert not (tmp_path / "episode.mp4").exists()
 
 
 def test_plans_are_generated(tmp_path, capsys):

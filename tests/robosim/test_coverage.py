@@ -49,6 +49,20 @@ def test_columns_of_the_image_run_from_left_to_right():
     assert (iy < 100).sum() > 10 * (iy >= 100).sum()
 
 
+def test_a_turned_plan_with_the_robot_at_its_edge_is_seen_alike():
+    """Three quarter disks, one from half a metre outside, in a plan turned and moved too: no cell is lost."""
+    seen = []
+    for origin in ((0.0, 0.0, 0.0), (30.0, -7.0, 2.1)):
+        plan = room(10, 10, origin=origin)
+        coverage = Coverage(plan, plan.free, HFOV)
+        for x, y, yaw in ((0.0, 0.0, 0.8), (-0.5, 5.0, 0.1), (9.9, 9.9, -2.3)):
+            place = plan.to_map(np.array([x, y]) / plan.resolution_m)
+            coverage.update(np.array([*place, yaw + origin[2]]), _wall_at(0))
+        seen.append(coverage.seen)
+    assert (seen[0] != seen[1]).sum() <= 5, "cells on the rim of a view may be rounded either way"
+    assert seen[0].sum() * 0.05**2 == pytest.approx(3 * np.pi / 4 * VISION_RANGE_M**2 - 0.5**2, rel=0.01)
+
+
 def test_only_the_region_counts_and_counts_once():
     plan = room(10, 10)
     region = np.zeros(plan.shape, bool)

@@ -154,6 +154,12 @@ room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 """
 
 
+def test_a_servers_setting_for_mujoco_is_no_obstacle():
+    """MUJOCO_GL=egl made `import mujoco` fail beside the old PyOpenGL that pyrender asks for."""
+    result = run_alone("import robosim.world", MUJOCO_GL="egl")
+    assert result.returncode == 0, result.stderr
+
+
 def test_mujocos_renderer_works_in_the_same_process():
     """MUJOCO_GL=osmesa, frames in turns, both closed: a wall 2 m ahead is at 2 m for both, every time."""
     result = run_alone(

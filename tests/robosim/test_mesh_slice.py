@@ -305,6 +305,17 @@ def test_millimetres_are_suspected(tmp_path):
         read_plan(tmp_path / "mm.ply")
 
 
+@pytest.mark.parametrize("unit_m", [0.001, 0.0254])
+def test_other_units_of_length_are_told(tmp_path, unit_m):
+    """Millimetres and inches, the floor of the storey still asked for in metres."""
+    mesh = solids(floor_m=3.0)
+    mesh.apply_scale(1 / unit_m)
+    mesh.export(tmp_path / "house.stl")
+    assert_same(read_plan(tmp_path / "house.stl", resolution_m=0.1, unit_m=unit_m, floor_height_m=3.0))
+    with pytest.raises(ValueError, match="unit_m is -1"):
+        read_plan(tmp_path / "house.stl", unit_m=-1.0)
+
+
 def test_a_lone_wall_has_no_floor(tmp_path):
     wall = trimesh.Trimesh([[0, 0, 0], [4, 0, 0], [4, 0, 2.5], [0, 0, 2.5]], [[0, 1, 2], [0, 2, 3]])
     wall.export(tmp_path / "wall.ply")

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.building import make_building
+from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.reach import reach
 from tests.robosim.plans import room, two_rooms
 
@@ -73,7 +74,23 @@ def test_remaining_way_is_continuous_between_cells():
     line = np.column_stack([np.arange(1.0, 3.0, 0.01), np.full(200, 1.33)])
     ways = np.array([places.remaining_m(travel, p) for p in line])
     assert np.abs(np.diff(ways)).max() < 0.012
-    assert places.remaining_m(travel, np.array([50.0, 50.0])) == np.inf
+
+
+def test_the_remaining_way_is_a_number_where_the_sampling_has_closed_a_passage():
+    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m beside it there.
+
+    The hull fits, and drives in: a reward of such a step was minus infinity, and those after it not a number.
+    """
+    occupancy = np.full((80, 120), OCCUPIED, np.uint8)
+    occupancy[10:70, 5:70] = FREE
+    occupancy[40:46, 70:115] = FREE
+    plan = FloorPlan(occupancy=occupancy, resolution_m=0.05, wall_line="cell_centre")
+    places = reach(make_building(plan), 0.1)
+    travel = places.travel_m(np.array([0.6, 1.0]))
+    line = np.column_stack([np.arange(3.0, 5.5, 0.01), np.full(250, 2.15)])
+    ways = np.array([places.remaining_m(travel, point) for point in line])
+    assert np.diff(ways) == pytest.approx(0.01, abs=0.012)
+    assert places.remaining_m(np.full(plan.shape, np.inf), line[0]) == np.inf
 
 
 def test_a_radius_must_be_positive():
