@@ -50,7 +50,14 @@ class Terminal:
     def weight(self) -> Complex[np.ndarray, "n_beams ports"]:
         """Unit weights at the ports of the array that sends."""
         signature = self.platform.signature(self.beam_rad)[np.arange(self.n_beams), self.beam_array]
-        return signature / np.linalg.norm(signature, axis=-1, keepdims=True)
+        size = np.linalg.norm(signature, axis=-1, keepdims=True)
+        if not size.all():
+            blind = np.rad2deg(self.beam_rad[size[:, 0] == 0][0])
+            raise ValueError(
+                f"n_beams is {self.n_beams}, but no array radiates towards {blind:g} degrees, where one of them "
+                "points. Add a face, or take an element that radiates backwards."
+            )
+        return signature / size
 
     def beam_response(
         self,

@@ -45,3 +45,6 @@ def test_bad_terminals_are_named():
         terminal_named("bs")
     with pytest.raises(ValueError, match="n_beams is 2"):
         Terminal(platform=Platform(array=uniform_array(2)), n_beams=2)
+    blind = Terminal(platform=Platform(array=uniform_array(2), face_rad=(0.0,)), n_beams=4)
+    with pytest.raises(ValueError, match="no array radiates towards"):
+        blind.beam_response(np.zeros(1))
