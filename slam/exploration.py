@@ -75,8 +75,10 @@ class FrontierExplorer:
         self._age = 0
         self._waited = 0
         self._budget = 0.0
+        self._budgets: list[tuple[np.ndarray, float]] = []
         self._spin = 0
         self._looked_around: list[np.ndarray] = []
+        self._forgiven_at_m2 = 0.0
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to, in `map` [m]; None when nothing is left to see.
@@ -92,19 +94,25 @@ class FrontierExplorer:
         if self._goal is None or self._age >= self.config.every or not self._worth_it(estimate, self._goal):
             self._goal = self._choose(estimate)
             self._age = 0
-        if self._goal is None and self._look_around(estimate.pose[:2]):
+        if self._goal is None and self._look_around(estimate):
             return estimate.pose[:2]
         return self._goal
 
-    def _look_around(self, here: Float[np.ndarray, "2"]) -> bool:
-        """Before all is taken to be seen: turn once, if not done here before, and give frontiers another chance.
+    def _look_around(self, estimate: MapEstimate) -> bool:
+        """Before all is taken to be seen: turn once, if not done here before.
 
-        A robot that begins in a niche has all that is left to see behind its back.
+        A robot that begins in a niche has all that is left to see behind its back. Frontiers that were given up
+        get another chance if more has been seen since the last one.
         """
+        here = estimate.pose[:2]
         if any(math.hypot(*(here - place)) < 0.5 for place in self._looked_around):
             return False
         self._looked_around.append(here.copy())
-        self._given_up.clear()
+        seen_m2 = np.count_nonzero(estimate.explored) * estimate.frame.resolution_m**2
+        if seen_m2 > self._forgiven_at_m2 + 1.0:
+            self._forgiven_at_m2 = seen_m2
+            self._given_up.clear()
+            self._budgets.clear()
         self._spin = round(2 * math.pi / TURN_RAD)
         return True
 
@@ -162,9 +170,19 @@ class FrontierExplorer:
             rated.append((rating, decisions, frontier))
         _, decisions, best = min(rated, key=lambda r: r[0])
         if self._goal is None or math.hypot(*(best.goal_xy - self._goal)) > 0.5:
-            self._budget = 3 * decisions + 40
-            self._waited = 0
+            self._turn_to(best.goal_xy, 3 * decisions + 40)
         return best.goal_xy
+
+    def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
+        """Begin with a goal; one that was left for another one goes on with what was left of its budget [decisions].
+
+        Else two goals out of reach that take turns would renew each other for ever.
+        """
+        if self._goal is not None:
+            self._budgets.append((self._goal, self._budget))
+        near = [left for place, left in self._budgets if math.hypot(*(place - goal)) < 0.5]
+        self._budget = min([budget, *near])
+        self._waited = 0
 
     def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
         """Rating without looking along the way or at the area behind."""
