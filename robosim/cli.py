@@ -24,6 +24,7 @@ _BENCH: _Commands = {
     "physics": bench.physics,
     "navigation": bench.navigation,
     "wireless": bench.wireless,
+    "labels": bench.labels,
 }
 _FIGURES: _Commands = {"plans": figures.plans}
 _GROUPS: dict[str, tuple[str, _Commands]] = {

@@ -100,3 +100,27 @@ def wireless(
     found = [read(str(plan)) for plan in find_plans(plans)]
     console.print(run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console))
     console.print(f"Wrote wireless.json and wireless.png in {folder}")
+
+
+def labels(
+    data: Positional[Path], plans: Positional[Path], *, workers: int = 2, out: Path | None = None
+) -> None:
+    """Compare traced link states and angles with the published ones of mmwRobotNav, and say how many agree.
+
+    Goes on after a kill if given the same folder for its results, which do not depend on the number of workers.
+
+    Example: robosim bench labels mmwRobotNav/data mmwRobotNav/maps --out out/labels
+
+    Args:
+        data: Folder with a folder of measurements for each building.
+        plans: Folder with the buildings' top-down grids.
+        workers: Processes to run at once.
+        out: Folder for the table and the maps; a new one under runs/ if not given.
+    """
+    from robosim.bench.labels import run
+
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least 1.")
+    folder = folder_for(out, "bench-labels")
+    console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
+    run(data, plans, workers=workers, out=folder, console=console)
