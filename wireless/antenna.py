@@ -1,0 +1,156 @@
+"""Antenna elements: what one radiator sends into each direction.
+
+An element looks along its own +x; y is to its left and z up. Its amplitude is the size of its electric field
+per direction, in any unit: arrays scale it to directivity. The directivity is the power density over its mean
+over the sphere, so that it integrates to 4 pi. All elements are vertically polarised.
+Left out: cross-polarisation, losses, the edge of the ground plane (nothing is sent behind the patch).
+Reference: C. A. Balanis, Antenna Theory, 4th ed., 14.2 (the patch as a cavity with two radiating slots);
+3GPP TR 38.901 V17, table 7.3-1 (an element of a base station).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float
+
+
+@runtime_checkable
+class Element(Protocol):
+    """Anything with a field amplitude per direction."""
+
+    def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+        """Size of the far field in directions given by unit vectors."""
+        ...
+
+
+@dataclass(frozen=True)
+class IsotropicElement:
+    """Sends equally into all directions."""
+
+    def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+        """Size of the far field: one."""
+        return np.ones(direction.shape[:-1])
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatchElement:
+    """Rectangular microstrip patch in its lowest mode, over an endless ground plane."""
+
+    permittivity: float = 2.2
+    """Relative permittivity of the substrate."""
+    thickness_wl: float = 0.024
+    """Thickness of the substrate, in wavelengths in air (0.254 mm at 28 GHz)."""
+
+    def __post_init__(self) -> None:
+        if not self.permittivity >= 1:
+            raise ValueError(f"permittivity is {self.permittivity:g}, expected 1 (air) or more.")
+        if not 0 < self.thickness_wl < 0.1:
+            raise ValueError(
+                f"thickness_wl is {self.thickness_wl:g}, expected between 0 and 0.1 wavelengths: "
+                "the cavity model is one of thin substrates."
+            )
+
+    @property
+    def width_wl(self) -> float:
+        """Horizontal side in wavelengths, of an efficient radiator (Balanis 14-6)."""
+        return 0.5 * float(np.sqrt(2 / (self.permittivity + 1)))
+
+    @property
+    def length_wl(self) -> float:
+        """Distance of the radiating slots in wavelengths: half a wave in the substrate (Balanis 14-1, 14-7)."""
+        fringe = 1 / np.sqrt(1 + 12 * self.thickness_wl / self.width_wl)
+        effective = (self.permittivity + 1) / 2 + (self.permittivity - 1) / 2 * fringe
+        return 0.5 / float(np.sqrt(effective))
+
+    def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+        """Size of the far field: two slots a patch apart (Balanis 14-40 to 14-45, thin substrate)."""
+        x, y, z = np.moveaxis(direction, -1, 0)
+        slot = np.sinc(self.width_wl * y)
+        pair = np.cos(np.pi * self.length_wl * z)
+        return np.where(x > 0, np.abs(slot * pair) * np.sqrt(np.maximum(0, 1 - y**2)), 0.0)
+
+
+@dataclass(frozen=True)
+class SectorElement:
+    """Element of 3GPP TR 38.901: 65 degrees wide both ways, 30 dB weaker behind."""
+
+    width_deg: float = 65.0
+    """Full width at half power, in azimuth and in elevation."""
+    floor_db: float = 30.0
+    """Most that any direction is weaker than the best."""
+
+    def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
+        """Size of the far field, one straight ahead."""
+        x, y, z = np.moveaxis(direction, -1, 0)
+        azimuth = np.rad2deg(np.arctan2(y, x))
+        elevation = np.rad2deg(np.arcsin(np.clip(z, -1, 1)))
+        across = np.minimum(12 * (azimuth / self.width_deg) ** 2, self.floor_db)
+        along = np.minimum(12 * (elevation / self.width_deg) ** 2, self.floor_db)
+        return 10 ** (-np.minimum(across + along, self.floor_db) / 20)
+
+
+#: Elements by name.
+ELEMENTS: dict[str, Element] = {
+    "patch": PatchElement(),
+    "3gpp": SectorElement(),
+    "isotropic": IsotropicElement(),
+}
+
+
+def element_named(name: str) -> Element:
+    """An element by its name.
+
+    Raises:
+        ValueError: If there is none of this name.
+    """
+    if name not in ELEMENTS:
+        raise ValueError(f"Unknown antenna element {name!r}. Known: {', '.join(ELEMENTS)}.")
+    return ELEMENTS[name]
+
+
+def unit_vector(
+    azimuth_rad: Float[np.ndarray, "*batch"], elevation_rad: Float[np.ndarray, "*#batch"]
+) -> Float[np.ndarray, "*batch 3"]:
+    """Direction of an azimuth (counter-clockwise from +x) and an elevation (up from the horizon)."""
+    azimuth_rad, elevation_rad = np.broadcast_arrays(azimuth_rad, elevation_rad)
+    level = np.cos(elevation_rad)
+    return np.stack(
+        [level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad)], axis=-1
+    )
+
+
+def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+    """Directions and weights (of sum 1) whose weighted sum is the mean over the sphere.
+
+    Gauss-Legendre in x for each half space, since elements end at their ground plane, and equal steps about
+    x: exact for polynomials of degree 2 order - 1 in front and behind.
+    """
+    node, weight = np.polynomial.legendre.leggauss(order)
+    x = np.concatenate([(node - 1) / 2, (node + 1) / 2])
+    turn = 2 * np.pi * (np.arange(2 * order) + 0.5) / (2 * order)
+    ring = np.sqrt(1 - x**2)
+    direction = np.stack(
+        [
+            np.broadcast_to(x[:, None], (len(x), len(turn))),
+            ring[:, None] * np.cos(turn),
+            ring[:, None] * np.sin(turn),
+        ],
+        axis=-1,
+    )
+    share = np.repeat(np.concatenate([weight, weight]) / 4 / len(turn), len(turn))
+    return direction.reshape(-1, 3), share
+
+
+def directivity(
+    element: Element, direction: Float[np.ndarray, "*batch 3"], order: int = 64
+) -> Float[np.ndarray, "*batch"]:
+    """Power density in directions over the mean over the sphere.
+
+    Args:
+        element: The radiator.
+        direction: Unit vectors in the element's frame.
+        order: Fineness of the mean (`sphere`).
+    """
+    node, share = sphere(order)
+    return element.amplitude(direction) ** 2 / (share @ element.amplitude(node) ** 2)

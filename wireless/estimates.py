@@ -1,0 +1,55 @@
+"""What a receiver makes out of a measurement: a few paths of each link, the strongest first."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathEstimates:
+    """Estimated paths of many links. Places beyond a link's count hold angles and delays 0 and SNR -inf."""
+
+    aoa_rad: Float[np.ndarray, "links paths"]
+    """Azimuth of arrival in the receiver's frame, in [-pi, pi)."""
+    aod_rad: Float[np.ndarray, "links paths"]
+    """Azimuth of departure in the transmitter's frame, in [-pi, pi)."""
+    snr_db: Float[np.ndarray, "links paths"]
+    """Energy of the path in the whole measurement over that of noise in one of its entries."""
+    delay_s: Float[np.ndarray, "links paths"]
+    """Delay after the strongest path; negative for earlier ones."""
+    count: Int[np.ndarray, "links"]
+    """Number of paths found."""
+
+    def __len__(self) -> int:
+        return len(self.count)
+
+    def __getitem__(self, links: slice) -> "PathEstimates":
+        """Some of the links."""
+        return replace(self, **{f.name: getattr(self, f.name)[links] for f in fields(self)})
+
+    def turned(
+        self,
+        *,
+        rx_heading_rad: float | Float[np.ndarray, "links"] = 0.0,
+        tx_heading_rad: float | Float[np.ndarray, "links"] = 0.0,
+    ) -> "PathEstimates":
+        """The same with azimuths in the scene's frame.
+
+        Args:
+            rx_heading_rad: Azimuth in the scene of the receiver's own +x, as the receiver believes it.
+            tx_heading_rad: Likewise of the transmitter.
+        """
+        found = np.arange(self.aoa_rad.shape[1]) < self.count[:, None]
+        turn_rx = np.broadcast_to(np.asarray(rx_heading_rad, float), len(self))[:, None]
+        turn_tx = np.broadcast_to(np.asarray(tx_heading_rad, float), len(self))[:, None]
+        return replace(
+            self,
+            aoa_rad=np.where(found, wrapped(self.aoa_rad + turn_rx), 0.0),
+            aod_rad=np.where(found, wrapped(self.aod_rad + turn_tx), 0.0),
+        )
+
+
+def wrapped(angle_rad: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """The same angles in [-pi, pi)."""
+    return (angle_rad + np.pi) % (2 * np.pi) - np.pi
