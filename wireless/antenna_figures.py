@@ -2,8 +2,8 @@
 
 import numpy as np
 from jaxtyping import Float
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.projections.polar import PolarAxes
 
 from wireless.antenna import ELEMENTS, directivity, unit_vector
 from wireless.codebook import TERMINALS, Terminal, terminal_named
@@ -35,7 +35,7 @@ def coverage_loss_db(terminal: Terminal) -> float:
     return float(10 * np.log10(best.max() / best.min()))
 
 
-def draw_elements(axis: PolarAxes) -> None:
+def draw_elements(axis: Axes) -> None:
     """Directivity of each element by azimuth (drawn through) and by elevation (dashed)."""
     angle = _around()
     zero = np.zeros_like(angle)
@@ -49,7 +49,7 @@ def draw_elements(axis: PolarAxes) -> None:
     _scale(axis)
 
 
-def draw_coverage(axis: PolarAxes, terminal: Terminal) -> None:
+def draw_coverage(axis: Axes, terminal: Terminal) -> None:
     """All beams (thin) and the best that each array can do in any direction (thick)."""
     angle = _around()
     beams = np.abs(terminal.beam_response(angle)) ** 2
@@ -69,6 +69,5 @@ def _dbi(power: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
     return 10 * np.log10(np.maximum(power, 10 ** (FLOOR_DBI / 10)))
 
 
-def _scale(axis: PolarAxes) -> None:
+def _scale(axis: Axes) -> None:
     axis.set_ylim(FLOOR_DBI, TOP_DBI)
-    axis.set_rlabel_position(90)
