@@ -94,3 +94,30 @@ def wedge_terms(
         factor * boundary_term(np.pi - plus, n, kl, tie_rad),
         factor * boundary_term(np.pi + plus, n, kl, tie_rad),
     )
+
+
+@compiled
+def edge_bound(
+    phi: float, phi_source: float, gap: float, wavenumber: float, before_m: float, after_m: float
+) -> float:
+    """What the power behind an edge cannot exceed: |F| <= 1, |R| <= 1, terms as on their boundaries.
+
+    A ray that meets the edge at a slant is farther away and weaker, by its sine in all.
+
+    Args:
+        phi: Angle of the observer from the 0-face.
+        phi_source: Angle of the source from there.
+        gap: Open angle of the wedge [rad].
+        wavenumber: 2 pi over the wavelength [1/m].
+        before_m: Distance of the source from the line of the edge, unfolded.
+        after_m: Distance of the observer from it.
+    """
+    n = gap / np.pi
+    most = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
+    total = 0.0
+    for sign in (-1.0, 1.0):
+        for beta in (phi - phi_source, phi + phi_source):
+            tangent = abs(np.tan((np.pi + sign * beta) / (2 * n)))
+            total += min(most, 1 / tangent if tangent > 0 else most)
+    amplitude = 1.02 * total / (2 * n * np.sqrt(2 * np.pi * wavenumber)) / (2 * wavenumber)
+    return amplitude * amplitude / (before_m * after_m * (before_m + after_m))

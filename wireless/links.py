@@ -14,6 +14,7 @@ from jaxtyping import Float, Int
 
 from wireless.beams import cast
 from wireless.compiled import compiled
+from wireless.diffraction import edge_bound
 from wireless.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
 from wireless.plan import Plan
 from wireless.table import Room, Setting, Table, enter, make_room, make_table, weigh, write_row
@@ -268,22 +269,6 @@ def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, f
 
 
 @compiled
-def _edge_bound(
-    phi: float, phi_source: float, gap: float, wavenumber: float, before_m: float, after_m: float
-) -> float:
-    """What the power behind an edge cannot exceed: |F| <= 1, |R| <= 1, terms as on their boundaries."""
-    n = gap / np.pi
-    most = n * np.sqrt(2 * np.pi * wavenumber * before_m * after_m / (before_m + after_m))
-    total = 0.0
-    for sign in (-1.0, 1.0):
-        for beta in (phi - phi_source, phi + phi_source):
-            tangent = abs(np.tan((np.pi + sign * beta) / (2 * n)))
-            total += min(most, 1 / tangent if tangent > 0 else most)
-    amplitude = 1.02 * total / (2 * n * np.sqrt(2 * np.pi * wavenumber)) / (2 * wavenumber)
-    return amplitude * amplitude / (before_m * after_m * (before_m + after_m))
-
-
-@compiled
 def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "h"]]:
     """Second entries sorted by the first ones (in order among equals), and where each begins."""
     start = np.zeros(n + 1, np.int64)
@@ -369,7 +354,7 @@ def trace_links(
                     continue
                 if count == keep:
                     gap, k = plan.corner_gap_rad[corner], setting.wavenumber
-                    if _edge_bound(phi, near_sight[j, 1], gap, k, before, after) < rank[count - 1, 0]:
+                    if edge_bound(phi, near_sight[j, 1], gap, k, before, after) < rank[count - 1, 0]:
                         continue
                 count = _try_bounces(
                     plan,

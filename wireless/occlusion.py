@@ -25,6 +25,19 @@ LEAF = 4
 SAME_M = 1e-6
 
 
+class Boxes(NamedTuple):
+    """Boxes of things, each with two boxes inside or a few things."""
+
+    low: Float[np.ndarray, "b 3"]
+    """Lowest corner of each box [m]."""
+    high: Float[np.ndarray, "b 3"]
+    """Highest corner of each box [m]."""
+    child: Int[np.ndarray, "b 2"]
+    """Two boxes; or -1 minus the first thing, and the number of things."""
+    number: Int[np.ndarray, "n"]
+    """What number each thing had before it was sorted into boxes."""
+
+
 class Tree(NamedTuple):
     """Boxes of triangles, each with two boxes inside or a few triangles."""
 
@@ -55,15 +68,15 @@ def planes(
     return normal, inward / np.linalg.norm(inward, axis=2)[..., None]
 
 
-def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
-    """Sort triangles into boxes, halving them along the longest side of the box of their centres."""
-    normal, inward = planes(triangle)
-    centre = triangle.mean(axis=1)
-    low, high = triangle.min(axis=1) - NEAR_M * 4, triangle.max(axis=1) + NEAR_M * 4
+def make_boxes(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
+    """Sort things, by their bounds, into boxes that are halved along the longest side of their centres."""
+    if not len(low):
+        return Boxes(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[-1, 0]]), np.empty(0, np.int64))
+    centre = (low + high) / 2
     order: list[int] = []
     boxes: list[tuple[np.ndarray, np.ndarray]] = []
     children: list[tuple[int, int]] = []
-    waiting = [(np.arange(len(triangle)), -1, 0)]
+    waiting = [(np.arange(len(low)), -1, 0)]
     while waiting:
         members, parent, which = waiting.pop()
         me = len(boxes)
@@ -81,14 +94,26 @@ def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
         members = members[np.argsort(centre[members, axis], kind="stable")]
         half = len(members) // 2
         waiting += [(members[:half], me, 0), (members[half:], me, 1)]
-    return Tree(
+    return Boxes(
         low=np.array([box[0] for box in boxes]),
         high=np.array([box[1] for box in boxes]),
         child=np.array(children, np.int64),
         number=np.array(order, np.int64),
-        triangle=triangle[order],
-        normal=normal[order],
-        inward=inward[order],
+    )
+
+
+def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
+    """Sort triangles into boxes."""
+    normal, inward = planes(triangle)
+    boxes = make_boxes(triangle.min(axis=1) - NEAR_M * 4, triangle.max(axis=1) + NEAR_M * 4)
+    return Tree(
+        low=boxes.low,
+        high=boxes.high,
+        child=boxes.child,
+        number=boxes.number,
+        triangle=triangle[boxes.number],
+        normal=normal[boxes.number],
+        inward=inward[boxes.number],
     )
 
 
@@ -133,8 +158,8 @@ def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "
 
 
 @compiled
-def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
-    """Whether any triangle is between p and q."""
+def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
+    """A triangle between p and q, in the tree's order; -1 if there is none."""
     stack = np.empty(64, np.int64)
     stack[0], depth = 0, 1
     while depth > 0:
@@ -146,11 +171,17 @@ def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> 
         if one < 0:
             for t in range(-1 - one, -1 - one + other):
                 if _hides(tree, t, p, q):
-                    return True
+                    return t
         else:
             stack[depth], stack[depth + 1] = one, other
             depth += 2
-    return False
+    return -1
+
+
+@compiled
+def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
+    """Whether any triangle is between p and q."""
+    return blocker(tree, p, q) >= 0
 
 
 @compiled

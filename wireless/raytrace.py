@@ -23,11 +23,13 @@ from scipy.constants import speed_of_light
 from wireless.blocks import Rows, trace_blocks
 from wireless.extruded import LEAN, Extruded, find_extruded
 from wireless.geometry import find_surfaces
+from wireless.images import make_space
 from wireless.links import trace_links, views_of
 from wireless.materials import permittivity
+from wireless.occlusion import make_boxes
 from wireless.paths import Paths
 from wireless.plan import Locator, make_plan
-from wireless.space import make_space, trace_space
+from wireless.space import trace_space
 from wireless.table import Setting, Table
 
 logger = logging.getLogger(__name__)
@@ -183,7 +185,9 @@ class _SpaceScene:
         """Paths of each transmitter, to receivers in blocks."""
 
         def trace(txs: slice, rxs: slice) -> list[Table]:
-            return [trace_space(self.space, self._setting, one, rx[rxs]) for one in tx[txs]]
+            some = rx[rxs]
+            boxes = make_boxes(some, some)
+            return [trace_space(self.space, self._setting, one, some, boxes) for one in tx[txs]]
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 

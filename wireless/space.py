@@ -1,24 +1,24 @@
 """The strongest paths of links among any triangles: images over facets, bent at edges, each leg looked at.
 
-The transmitter is mirrored at chains of facets; a chain goes on only to facets that reach behind the last
-one and that its bounding cone meets. For each receiver a chain is walked back from the receiver, and is a
-path if each point lies in its facet and its legs meet no more walls than may be passed. At an edge the ways
-from both ends are unfolded into one straight line (the ray leaves at the angle it arrives, Keller's law),
-which gives the point on the edge.
+Chains of images of the transmitter are walked depth first (`wireless.images`). For each receiver in the cone
+of an image the way is walked back from the receiver, and is a path if each point lies in its facet and its
+legs meet no more walls than may be passed. At an edge the ways from both ends are unfolded into one straight
+line (the ray leaves at the angle it arrives, Keller's law), which gives the point on the edge: edges that
+images of the transmitter see are joined with those in the cones of the receiver's images.
 
-Everything is tried, and nothing is sampled: the cost grows with the number of facets to the power of the
-number of reflections. Floor plans have a faster way (`wireless.links`), to the same paths.
+Nothing is sampled. What cannot enter a link's list is not computed, by the bounds that floor plans have too
+(`wireless.links`), which are faster and find the same paths.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 
 from wireless.compiled import compiled
-from wireless.fields import DIFFRACTION, REFLECTION, TRANSMISSION
-from wireless.geometry import Surfaces
-from wireless.occlusion import NEAR_M, Tree, hidden, holds, make_tree, passed, planes
+from wireless.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
+from wireless.diffraction import edge_bound
+from wireless.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
+from wireless.images import Space, Views, all_views, cone_of, new_views, on_patch, spread
+from wireless.occlusion import NEAR_M, Boxes, hidden, passed
 from wireless.table import (
     Room,
     Setting,
@@ -31,179 +31,56 @@ from wireless.table import (
     write_row,
 )
 
-
-class Space(NamedTuple):
-    """Surfaces made ready for tracing."""
-
-    surfaces: Surfaces
-    """Facets and edges, around an origin of their own."""
-    inward: Float[np.ndarray, "t 3 3"]
-    """Unit vectors into each triangle from its sides."""
-    tree: Tree
-    """What hides."""
-    mirrors: Bool[np.ndarray, "f"]
-    """Facets that reflect."""
-    centre: Float[np.ndarray, "f 3"]
-    """Middle of each facet."""
-    radius: Float[np.ndarray, "f"]
-    """Distance of its farthest corner from there."""
-    reach: Float[np.ndarray, "f f 2"]
-    """Least and greatest distance of another facet's corners from a facet's plane, along its normal."""
-
-
-def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, "f"]) -> Space:
-    """Prepare what does not depend on antennas.
-
-    Args:
-        surfaces: Facets and edges.
-        mirrors: Facets that reflect.
-    """
-    start = surfaces.facet_start[:-1]
-    corners = surfaces.triangle
-    low = np.minimum.reduceat(corners.min(axis=1), start)
-    high = np.maximum.reduceat(corners.max(axis=1), start)
-    centre = (low + high) / 2
-    off = np.linalg.norm(corners - centre[surfaces.triangle_facet][:, None], axis=2).max(axis=1)
-    level = np.einsum("fi,fi->f", surfaces.facet_normal, surfaces.facet_point)
-    height = np.einsum("fi,tki->ftk", surfaces.facet_normal, corners) - level[:, None, None]
-    reach = np.stack(
-        [
-            np.minimum.reduceat(height.min(axis=2), start, axis=1),
-            np.maximum.reduceat(height.max(axis=2), start, axis=1),
-        ],
-        axis=2,
-    )
-    return Space(
-        surfaces=surfaces,
-        inward=planes(corners)[1],
-        tree=make_tree(corners),
-        mirrors=mirrors,
-        centre=centre,
-        radius=np.maximum.reduceat(off, start),
-        reach=reach,
-    )
-
-
-@compiled
-def _level(space: Space, facet: int, p: Float[np.ndarray, "3"]) -> float:
-    """Distance of a point from a facet's plane, along its normal."""
-    total = 0.0
-    for i in range(3):
-        total += space.surfaces.facet_normal[facet, i] * (p[i] - space.surfaces.facet_point[facet, i])
-    return total
-
-
-@compiled
-def _may_follow(space: Space, image: Float[np.ndarray, "3"], last: int, facet: int) -> bool:
-    """Whether rays of an image through facet `last` can meet another facet behind it."""
-    side = _level(space, last, image)
-    behind = space.reach[last, facet, 0] < -NEAR_M if side > 0 else space.reach[last, facet, 1] > NEAR_M
-    if not behind:
-        return False
-    dot, a, b = 0.0, 0.0, 0.0
-    for i in range(3):
-        u, v = space.centre[last, i] - image[i], space.centre[facet, i] - image[i]
-        dot, a, b = dot + u * v, a + u * u, b + v * v
-    a, b = np.sqrt(a), np.sqrt(b)
-    if a <= space.radius[last] or b <= space.radius[facet]:
-        return True
-    open_rad = np.arcsin(space.radius[last] / a) + np.arcsin(space.radius[facet] / b) + 1e-9
-    return open_rad >= np.pi or dot >= a * b * np.cos(open_rad)
-
-
-@compiled
-def mirror_chains(
-    space: Space, source: Float[np.ndarray, "3"], max_order: int
-) -> tuple[Float[np.ndarray, "c 3"], Int[np.ndarray, "c 3"]]:
-    """Images of a point over chains of facets.
-
-    Returns:
-        image: Mirrored source of each chain; the first is the source itself.
-        chain: Last facet, chain before it, and number of reflections.
-    """
-    image, chain = np.empty((256, 3)), np.empty((256, 3), np.int64)
-    image[0], n, now = source, 1, 0
-    chain[0, 0], chain[0, 1], chain[0, 2] = -1, -1, 0
-    while now < n:
-        last, order = chain[now, 0], chain[now, 2]
-        if order == max_order:
-            break
-        for facet in range(len(space.mirrors)):
-            if not space.mirrors[facet] or facet == last:
-                continue
-            off = _level(space, facet, image[now])
-            if abs(off) < NEAR_M or (last >= 0 and not _may_follow(space, image[now], last, facet)):
-                continue
-            if n == len(image):
-                image, chain = np.concatenate((image, image)), np.concatenate((chain, chain))
-            for i in range(3):
-                image[n, i] = image[now, i] - 2 * off * space.surfaces.facet_normal[facet, i]
-            chain[n, 0], chain[n, 1], chain[n, 2] = facet, now, order + 1
-            n += 1
-        now += 1
-    return image[:n], chain[:n]
+#: With fewer receivers, asking each costs less than finding out whether the last patch is seen at all.
+_FEW = 32
 
 
 @compiled
 def _walk_back(
     space: Space,
-    image: Float[np.ndarray, "c 3"],
-    chain: Int[np.ndarray, "c 3"],
-    node: int,
+    image: Float[np.ndarray, "m1 3"],
+    chain: Int[np.ndarray, "m"],
+    order: int,
     target: Float[np.ndarray, "3"],
     points: Float[np.ndarray, "m 3"],
-    facets: Int[np.ndarray, "m"],
 ) -> bool:
     """Reflection points from a target back to the source, the nearest to the target first; False if none."""
-    surfaces = space.surfaces
-    j = 0
-    while chain[node, 2] > 0:
-        facet = chain[node, 0]
-        a, b = _level(space, facet, image[node]), _level(space, facet, target)
+    for j in range(order):
+        k = order - 1 - j
+        patch = chain[k]
+        facet = space.patch_facet[patch]
+        a, b = 0.0, 0.0
+        for i in range(3):
+            normal, at = space.surfaces.facet_normal[facet, i], space.surfaces.facet_point[facet, i]
+            a, b = a + normal * (image[k + 1, i] - at), b + normal * (target[i] - at)
         if a * b > 0 or abs(a - b) < NEAR_M:
             return False
         f = a / (a - b)
         for i in range(3):
-            points[j, i] = image[node, i] + f * (target[i] - image[node, i])
-        first, last = surfaces.facet_start[facet], surfaces.facet_start[facet + 1]
-        if not holds(surfaces.triangle[first:last], space.inward[first:last], points[j]):
+            points[j, i] = image[k + 1, i] + f * (target[i] - image[k + 1, i])
+        if not on_patch(space, patch, points[j]):
             return False
-        facets[j], target = facet, points[j]
-        node = chain[node, 1]
-        j += 1
+        target = points[j]
     return True
 
 
 @compiled
-def _edge_point(
-    space: Space, edge: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"], out: Float[np.ndarray, "3"]
-) -> bool:
-    """Where the shortest way from p over an edge's line to q meets it; False if that is beyond its ends."""
-    start, along = space.surfaces.edge[edge, 0], space.surfaces.edge_wedge[edge, 0]
-    length, zp, zq, p2, q2 = 0.0, 0.0, 0.0, 0.0, 0.0
+def _sight(space: Space, edge: int, p: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """Place along an edge, distance from its line and angle from its 0-face of a point."""
+    x, y, z = 0.0, 0.0, 0.0
     for i in range(3):
-        length += along[i] * (space.surfaces.edge[edge, 1, i] - start[i])
-        zp, zq = zp + along[i] * (p[i] - start[i]), zq + along[i] * (q[i] - start[i])
-        p2, q2 = p2 + (p[i] - start[i]) ** 2, q2 + (q[i] - start[i]) ** 2
-    a, b = np.sqrt(max(p2 - zp * zp, 0.0)), np.sqrt(max(q2 - zq * zq, 0.0))
-    if a < NEAR_M or b < NEAR_M:
-        return False
-    z = (zp * b + zq * a) / (a + b)
-    for i in range(3):
-        out[i] = start[i] + z * along[i]
-    return -NEAR_M <= z <= length + NEAR_M
+        d = p[i] - space.surfaces.edge[edge, 0, i]
+        z += d * space.surfaces.edge_wedge[edge, 0, i]
+        x += d * space.surfaces.edge_wedge[edge, 1, i]
+        y += d * space.surfaces.edge_wedge[edge, 2, i]
+    return z, np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)
 
 
 @compiled
-def _in_open(space: Space, edge: int, at: Float[np.ndarray, "3"], p: Float[np.ndarray, "3"]) -> bool:
-    """Whether a point lies outside of the wedge, its faces included."""
-    x, y = 0.0, 0.0
-    for i in range(3):
-        x += (p[i] - at[i]) * space.surfaces.edge_wedge[edge, 1, i]
-        y += (p[i] - at[i]) * space.surfaces.edge_wedge[edge, 2, i]
-    near = NEAR_M / max(np.hypot(x, y), NEAR_M)
-    angle = np.arctan2(y, x) % (2 * np.pi)
-    return angle <= space.surfaces.edge_gap_rad[edge] + near or angle >= 2 * np.pi - near
+def _is_open(gap: float, distance: float, angle: float) -> bool:
+    """Whether what lies at some angle and distance is outside of a wedge, its faces included."""
+    near = NEAR_M / max(distance, NEAR_M)
+    return angle <= gap + near or angle >= 2 * np.pi - near
 
 
 @compiled
@@ -211,39 +88,48 @@ def _lay(
     space: Space,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "3"],
-    image: Float[np.ndarray, "c 3"],
-    chain: Int[np.ndarray, "c 3"],
-    node: int,
+    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
     edge: int,
-    far_image: Float[np.ndarray, "d 3"],
-    far_chain: Int[np.ndarray, "d 3"],
-    far_node: int,
+    far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
     points: Float[np.ndarray, "m 3"],
-    facets: Int[np.ndarray, "m"],
     room: Room,
 ) -> int:
-    """Put a path into `room`; its number of interactions, -1 if there is none. Legs may be hidden."""
-    n, m = chain[node, 2], chain[node, 2]
-    target = rx
+    """Put a path into `room`; its number of interactions, -1 if there is none. Legs may be hidden.
+
+    Near and far are images, patches and number of reflections, from the transmitter and from the receiver.
+    """
+    n, m, target = near[2], near[2], rx
+    room.point[0] = tx
     if edge >= 0:
-        if not _edge_point(space, edge, image[node], far_image[far_node], room.point[n + 1]):
-            return -1
         target = room.point[n + 1]
-        if not _walk_back(space, far_image, far_chain, far_node, target, points, facets):
+        z, a, _ = _sight(space, edge, near[0][n])
+        end, b, _ = _sight(space, edge, far[0][far[2]])
+        if a < NEAR_M or b < NEAR_M:
             return -1
-        m = n + 1 + far_chain[far_node, 2]
+        z, end = (z * b + end * a) / (a + b), 0.0
+        for i in range(3):
+            along = space.surfaces.edge_wedge[edge, 0, i]
+            target[i] = space.surfaces.edge[edge, 0, i] + z * along
+            end += along * (space.surfaces.edge[edge, 1, i] - space.surfaces.edge[edge, 0, i])
+        if z < -NEAR_M or z > end + NEAR_M or not _walk_back(space, far[0], far[1], far[2], target, points):
+            return -1
+        m = n + 1 + far[2]
         for j in range(n + 1, m):
-            room.point[j + 1], room.kind[j], room.thing[j] = points[j - n - 1], REFLECTION, facets[j - n - 1]
+            room.point[j + 1], room.kind[j] = points[j - n - 1], REFLECTION
+            room.thing[j] = space.patch_facet[far[1][m - 1 - j]]
         room.kind[n], room.thing[n] = DIFFRACTION, edge
-    room.point[0], room.point[m + 1] = tx, rx
-    if not _walk_back(space, image, chain, node, target, points, facets):
+    room.point[m + 1] = rx
+    if not _walk_back(space, near[0], near[1], n, target, points):
         return -1
     for j in range(n):
-        room.point[j + 1], room.kind[j], room.thing[j] = points[n - 1 - j], REFLECTION, facets[n - 1 - j]
+        room.point[j + 1], room.kind[j] = points[n - 1 - j], REFLECTION
+        room.thing[j] = space.patch_facet[near[1][j]]
     if edge >= 0:
-        before, after = room.point[n], room.point[n + 2]
-        if not (_in_open(space, edge, target, before) and _in_open(space, edge, target, after)):
-            return -1
+        gap = space.surfaces.edge_gap_rad[edge]
+        for j in (n, n + 2):
+            _, distance, angle = _sight(space, edge, room.point[j])
+            if not _is_open(gap, distance, angle):
+                return -1
     return m
 
 
@@ -303,17 +189,15 @@ def _try(
     space: Space,
     setting: Setting,
     m: int,
-    who: tuple[int, int, int],
+    who: Int[np.ndarray, "w"],
     room: Room,
     where: Float[np.ndarray, "k"],
     which: Int[np.ndarray, "k"],
     rank: Float[np.ndarray, "k 5"],
-    best: Int[np.ndarray, "k 4"],
+    best: Int[np.ndarray, "k w"],
     count: int,
 ) -> int:
     """Enter the path in `room` into a link's list, unless it is hidden; new length of the list."""
-    if m < 0:
-        return count
     length, power = _weigh(space, setting, m, room)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
@@ -329,16 +213,196 @@ def _try(
     new[0], new[1] = power, length
     new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
     new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
-    new[4] = 1000 * m + (500 if who[1] >= 0 else 0)
+    new[4] = 1000 * m + (500 if who[0] >= 0 else 0)
     count, place = enter(rank, best, count, new)
     if place >= 0:
-        best[place, 0], best[place, 1], best[place, 2] = who
+        best[place] = who
     return count
 
 
 @compiled
+def _reflect(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    rx_boxes: Boxes,
+    room: Room,
+    rank: Float[np.ndarray, "r k 5"],
+    best: Int[np.ndarray, "r k w"],
+    count: Int[np.ndarray, "r"],
+) -> None:
+    """Enter all ways without diffraction into the lists of their links; chains are walked depth first."""
+    most, keep, k2 = most_interactions(setting), rank.shape[1], 2 * setting.wavenumber
+    views, n = new_views(64, setting.max_reflections), 1
+    views.image[0, 0] = tx
+    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
+    piece, points, who = np.empty((PIECES, MAX_CORNERS, 3)), np.empty((most, 3)), np.zeros(3 + most, np.int64)
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    here = np.empty(len(rx), np.int64)
+    while n > 0:
+        n -= 1
+        order = views.order[n]
+        n_planes = cone_of(space, views, n, plane)
+        image, chain = views.image[n], views.chain[n]
+        who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
+        for h in range(meeting(rx_boxes, plane, n_planes, here)):
+            r = here[h]
+            inside = True
+            for k in range(n_planes):
+                depth = SLACK_M - plane[k, 3]
+                for i in range(3):
+                    depth += plane[k, i] * rx[r, i]
+                inside = inside and depth >= 0
+            if not inside:
+                continue
+            if count[r] == keep:
+                length2 = 0.0
+                for i in range(3):
+                    length2 += (image[order, i] - rx[r, i]) ** 2
+                if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
+                    continue
+            m = _lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
+            if m >= 0:
+                count[r] = _try(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
+        if order < setting.max_reflections:
+            worth = order + 1 < setting.max_reflections or len(rx) > _FEW
+            occluding = worth and setting.max_through == 0
+            views, n = spread(space, views, n, n, occluding, plane, found, piece)
+
+
+@compiled
+def _lit_edges(
+    space: Space, views: Views, n: int, occluding: bool
+) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
+    """Pairs of edge and view that sees it, by edge, and where the image is (`_sight`)."""
+    found, pair, sight, h = (
+        np.empty(len(space.surfaces.edge), np.int64),
+        np.empty((64, 2), np.int64),
+        np.empty((64, 3)),
+        0,
+    )
+    plane, piece = np.empty((MAX_CORNERS + 1, 4)), np.empty((PIECES, MAX_CORNERS, 3))
+    line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
+    for v in range(n):
+        n_planes = cone_of(space, views, v, plane)
+        if n_planes > 0:
+            behind[:] = plane[n_planes - 1]
+        image = views.image[v, views.order[v]]
+        for j in range(meeting(space.edge_boxes, plane, n_planes, found)):
+            edge = found[j]
+            z, distance, angle = _sight(space, edge, image)
+            if distance < NEAR_M or not _is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
+                continue
+            ends[:] = space.surfaces.edge[edge]
+            if clipped(ends, 2, plane, n_planes, line, piece[0]) == 0:
+                continue
+            if occluding and not sees(
+                space.tree, space.tree_wall, space.wall, space.wall_corners, image, behind, line, 2, piece
+            ):
+                continue
+            if h == len(pair):
+                pair, sight = np.concatenate((pair, pair)), np.concatenate((sight, sight))
+            pair[h, 0], pair[h, 1] = edge, v
+            sight[h, 0], sight[h, 1], sight[h, 2] = z, distance, angle
+            h += 1
+    order = np.argsort(pair[:h, 0], kind="mergesort")
+    return pair[order], sight[order]
+
+
+@compiled
+def _bend(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    room: Room,
+    rank: Float[np.ndarray, "r k 5"],
+    best: Int[np.ndarray, "r k w"],
+    count: Int[np.ndarray, "r"],
+) -> None:
+    """Enter all ways over an edge into the lists of their links."""
+    most, keep, orders = most_interactions(setting), rank.shape[1], setting.edge_reflections
+    occluding = setting.max_through == 0
+    near, n_near = all_views(space, tx, orders, occluding)
+    pair, sight = _lit_edges(space, near, n_near, occluding)
+    start = np.searchsorted(pair[:, 0], np.arange(len(space.surfaces.edge) + 1))
+    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.surfaces.edge), np.int64)
+    points, who = np.empty((most, 3)), np.zeros(3 + most, np.int64)
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    for r in range(len(rx)):
+        far, n_far = all_views(space, rx[r], orders, occluding)
+        for v in range(n_far):
+            after = far.order[v]
+            image = far.image[v, after]
+            n_planes = cone_of(space, far, v, plane)
+            for e in range(meeting(space.edge_boxes, plane, n_planes, found)):
+                edge = found[e]
+                if start[edge] == start[edge + 1]:
+                    continue
+                gap = space.surfaces.edge_gap_rad[edge]
+                far_z, far_m, phi = _sight(space, edge, image)
+                if far_m < NOWHERE_M or not _is_open(gap, far_m, phi):
+                    continue
+                end = 0.0
+                for i in range(3):
+                    end += space.surfaces.edge_wedge[edge, 0, i] * (
+                        space.surfaces.edge[edge, 1, i] - space.surfaces.edge[edge, 0, i]
+                    )
+                for j in range(start[edge], start[edge + 1]):
+                    w = pair[j, 1]
+                    before = near.order[w]
+                    near_z, near_m = sight[j, 0], sight[j, 1]
+                    z = (near_z * far_m + far_z * near_m) / (near_m + far_m)
+                    if before + after > orders or z < -NEAR_M or z > end + NEAR_M:
+                        continue
+                    if count[r] == keep:
+                        most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
+                        if most_power < rank[r, keep - 1, 0]:
+                            continue
+                    m = _lay(
+                        space,
+                        tx,
+                        rx[r],
+                        (near.image[w], near.chain[w], before),
+                        edge,
+                        (far.image[v], far.chain[v], after),
+                        points,
+                        room,
+                    )
+                    if m < 0:
+                        continue
+                    who[0], who[1], who[2] = edge, before, after
+                    who[3 : 3 + before] = near.chain[w, :before]
+                    who[3 + before : 3 + before + after] = far.chain[v, :after]
+                    count[r] = _try(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
+
+
+@compiled
+def _images(
+    space: Space, source: Float[np.ndarray, "3"], chain: Int[np.ndarray, "m"]
+) -> Float[np.ndarray, "m1 3"]:
+    """A point, and its images over a chain of patches."""
+    image = np.empty((len(chain) + 1, 3))
+    image[0] = source
+    for k in range(len(chain)):
+        facet, off = space.patch_facet[chain[k]], 0.0
+        for i in range(3):
+            off += space.surfaces.facet_normal[facet, i] * (
+                image[k, i] - space.surfaces.facet_point[facet, i]
+            )
+        for i in range(3):
+            image[k + 1, i] = image[k, i] - 2 * off * space.surfaces.facet_normal[facet, i]
+    return image
+
+
+@compiled
 def trace_space(
-    space: Space, setting: Setting, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "r 3"]
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    rx_boxes: Boxes,
 ) -> Table:
     """Strongest paths from one transmitter to many receivers.
 
@@ -347,50 +411,22 @@ def trace_space(
         setting: Physics and limits; permittivities are those of facets.
         tx: Position of the transmitter, around the space's origin [m].
         rx: Positions of receivers.
+        rx_boxes: Receivers, sorted into boxes.
     """
     keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
-    image, chain = mirror_chains(space, tx, max(setting.max_reflections, setting.edge_reflections))
-    n_edges = len(space.surfaces.edge) if setting.edge_reflections >= 0 else 0
-    room, rank, best = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
-    points, facets = np.empty((most, 3)), np.empty(most, np.int64)
+    rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
+    room, points, count = make_room(setting), np.empty((most, 3)), table.found
     where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, count)
+    if setting.edge_reflections >= 0 and len(space.surfaces.edge):
+        _bend(space, setting, tx, rx, room, rank, best, count)
     for r in range(len(rx)):
-        here, count = rx[r], 0
-        far_image, far_chain = mirror_chains(space, here, max(setting.edge_reflections, 0))
-        for node in range(len(image)):
-            if chain[node, 2] > setting.max_reflections:
-                break
-            m = _lay(space, tx, here, image, chain, node, -1, image, chain, 0, points, facets, room)
-            count = _try(space, setting, m, (node, -1, 0), room, where, which, rank, best, count)
-        for edge in range(n_edges):
-            for node in range(len(image)):
-                if chain[node, 2] > setting.edge_reflections:
-                    break
-                for far in range(len(far_image)):
-                    if chain[node, 2] + far_chain[far, 2] > setting.edge_reflections:
-                        break
-                    m = _lay(
-                        space,
-                        tx,
-                        here,
-                        image,
-                        chain,
-                        node,
-                        edge,
-                        far_image,
-                        far_chain,
-                        far,
-                        points,
-                        facets,
-                        room,
-                    )
-                    count = _try(space, setting, m, (node, edge, far), room, where, which, rank, best, count)
-        table.found[r] = count
-        for j in range(count):
-            node, edge, far = best[j, 0], best[j, 1], best[j, 2]
-            m = _lay(
-                space, tx, here, image, chain, node, edge, far_image, far_chain, far, points, facets, room
-            )
+        for j in range(count[r]):
+            edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
+            near = best[r, j, 3 : 3 + before]
+            far = best[r, j, 3 + before : 3 + before + after]
+            ways = (_images(space, tx, near), near, before), (_images(space, rx[r], far), far, after)
+            m = _lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
             m = _pass_walls(space, setting, m, room, where, which)
             length, power = _weigh(space, setting, m, room)
             write_row(table, r * keep + j, length, power, m, room)
