@@ -24,9 +24,10 @@ _BENCH: _Commands = {
     "physics": bench.physics,
     "navigation": bench.navigation,
     "wireless": bench.wireless,
+    "estimation": bench.estimation,
     "labels": bench.labels,
 }
-_FIGURES: _Commands = {"plans": figures.plans}
+_FIGURES: _Commands = {"plans": figures.plans, "arrays": figures.arrays}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),

@@ -9,10 +9,35 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
     Interaction    what happens to a path at a point
     SceneError     a mesh that cannot be traced
     trace_grid     many links into a folder, going on after an interruption
+
+    terminal_named   antenna arrays and beams of the reference's base station or robot
+    Rays             paths as two terminals see them
+    Sounder          what a receiver measures of them
+    SoundingConfig   with which power and waveform
+    estimator_named  what makes paths out of measurements again
+    PathEstimates    these paths
 """
 
+from wireless.codebook import terminal_named
 from wireless.dataset import trace_grid
+from wireless.estimates import PathEstimates
+from wireless.estimation import estimator_named
 from wireless.paths import Interaction, LinkState, Paths
 from wireless.raytrace import SceneError, Tracer, TracerConfig
+from wireless.sounding import Rays, Sounder, SoundingConfig
 
-__all__ = ["Interaction", "LinkState", "Paths", "SceneError", "Tracer", "TracerConfig", "trace_grid"]
+__all__ = [
+    "Interaction",
+    "LinkState",
+    "PathEstimates",
+    "Paths",
+    "Rays",
+    "SceneError",
+    "Sounder",
+    "SoundingConfig",
+    "Tracer",
+    "TracerConfig",
+    "estimator_named",
+    "terminal_named",
+    "trace_grid",
+]

@@ -28,17 +28,27 @@ class PathEstimator(Protocol):
 ESTIMATORS = {"pca": PcaEstimator, "sage": SageEstimator}
 
 
-def estimator_named(name: str, sounder: Sounder, n_paths: int = 5) -> PathEstimator:
+def estimator_named(
+    name: str, sounder: Sounder, n_paths: int = 5, *, false_alarm_rate: float | None = None
+) -> PathEstimator:
     """An estimator for a sounder's measurements.
 
     Args:
         name: One of `ESTIMATORS`.
         sounder: What makes the measurements.
         n_paths: Most paths of a link.
+        false_alarm_rate: Share of links without any path in which one is found; None for the estimator's own.
 
     Raises:
-        ValueError: If there is none of this name.
+        ValueError: If there is none of this name, or it has no such rate.
     """
     if name not in ESTIMATORS:
         raise ValueError(f"Unknown path estimator {name!r}. Known: {', '.join(ESTIMATORS)}.")
-    return ESTIMATORS[name](sounder, n_paths=n_paths)
+    if false_alarm_rate is None:
+        return ESTIMATORS[name](sounder, n_paths=n_paths)
+    if name != "sage":
+        raise ValueError(
+            f"false_alarm_rate is {false_alarm_rate:g}, but {name!r} returns as many paths as asked for, whatever "
+            "noise is. Leave the rate out, or take 'sage'."
+        )
+    return SageEstimator(sounder, n_paths=n_paths, false_alarm_rate=false_alarm_rate)

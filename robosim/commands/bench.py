@@ -124,3 +124,35 @@ def labels(
     folder = folder_for(out, "bench-labels")
     console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
     run(data, plans, workers=workers, out=folder, console=console)
+
+
+def estimation(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    links: int = 2000,
+    workers: int | None = None,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Measure sounding and path estimation: links per second against the error of the angle of arrival.
+
+    Waveforms against their closed form, estimators against the Cramér-Rao bound and on traced plans.
+
+    Example: robosim bench estimation flat office --out out/estimation
+
+    Args:
+        plans: Floor plans, or folders of them, that links are traced in.
+        links: Links of each plan, and a quarter as many lone paths at each SNR.
+        workers: Most threads; one on each available core if not given. Errors do not depend on it.
+        seed: Seed of places, phases and noise.
+        out: Folder for the tables and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.estimation import run
+    from robosim.planfiles import find_plans
+
+    if workers is not None and workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least 1.")
+    found = [read(str(plan)) for plan in find_plans(plans)]
+    folder = folder_for(out, "bench-estimation")
+    console.print(run(found, out=folder, links=links, workers=workers, seed=seed, console=console))
+    console.print(f"Wrote estimation.json and estimation.png in {folder}")

@@ -1,6 +1,7 @@
 """`robosim figures`."""
 
 from pathlib import Path
+from typing import Literal
 
 from tyro.conf import Positional
 
@@ -35,3 +36,20 @@ def plans(
     path = folder_for(out, "figures-plans") / "plans.png"
     plot_comparison(real, made, path)
     console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
+
+
+def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Path | None = None) -> None:
+    """Draw antenna elements, and the beams and coverage of the base station's and the robot's three arrays.
+
+    Example: robosim figures arrays --out out/figures
+
+    Args:
+        element: What the arrays are made of.
+        out: Folder for the picture; a new one under runs/ if not given.
+    """
+    from robosim.plots import save_figure
+    from wireless.antenna_figures import arrays_figure
+
+    path = folder_for(out, "figures-arrays") / "arrays.png"
+    save_figure(arrays_figure(element), path)
+    console.print(f"Wrote {path}: elements, beams and coverage of the terminals gnb and ue")

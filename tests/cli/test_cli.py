@@ -32,7 +32,7 @@ def _fails(arguments, capsys) -> str:
 @pytest.mark.parametrize(
     "command",
     ["", "episode", "plan", "trace", "generate", "doctor", "bench", "bench render", "bench physics", "bench navigation",
-     "figures", "figures plans"],
+     "bench estimation", "figures", "figures plans", "figures arrays"],
 )  # fmt: skip
 def test_every_command_explains_itself(command, capsys):
     with pytest.raises(SystemExit) as stop:
@@ -88,11 +88,19 @@ def test_a_mesh_in_another_unit_with_another_axis_up(tmp_path, capsys):
         ("generate --seed -1", "seed is -1"),
         ("figures plans flat --count 0", "count is 0"),
         ("bench navigation flat --workers 0", "workers is 0"),
+        ("bench estimation flat --links 0", "links is 0"),
+        ("bench estimation flat --workers 0", "workers is 0"),
         ("episode flat --seed -1", "seed = -1"),
     ],
 )
 def test_senseless_numbers_are_named(command, word, tmp_path, capsys):
     assert word in _fails([*command.split(), "--out", tmp_path], capsys)
+
+
+def test_arrays_of_any_element_are_drawn(tmp_path, capsys):
+    main(f"figures arrays --element 3gpp --out {tmp_path}".split())
+    assert f"Wrote {tmp_path}/arrays.png" in capsys.readouterr().out.replace("\n", "")
+    assert (tmp_path / "arrays.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_out_may_not_be_a_file(plan_file, capsys):

@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 
+from wireless.bounds import arrival_bound_rad, departure_bound_rad, window_share
 from wireless.codebook import terminal_named
 from wireless.estimates import PathEstimates, wrapped
 from wireless.estimation import ESTIMATORS, estimator_named
@@ -41,33 +42,13 @@ def links(sounder, n, snr_db, aoa, aod, delay=0.0):
     return Rays(**{name: np.tile(value, (n, 1)) for name, value in columns.items()})
 
 
-def bound_rad(sounder, snr_db, aoa, aod, late):
-    """Cramér-Rao bound on the azimuths of arrival and departure of one path.
-
-    Numerical Fisher information of mean tensors in unit noise, 2 Re(J^H J). Unknowns: both azimuths, delay,
-    size, and a phase in each pair of arrays. The mean is written from signatures, not from the package's tables.
-    """
-    rx, tx = sounder.rx.platform, sounder.tx
-    n_rx, n_tx = len(rx.face_rad), len(tx.platform.face_rad)
-
-    def mean(unknown):
-        theta, phi, tau, size = unknown[:4]
-        turn = np.exp(1j * unknown[4:].reshape(n_rx, n_tx))[:, tx.beam_array]
-        f = np.fft.fftfreq(sounder.config.n_samples)
-        half = sounder.config.half_window
-        pulse = np.exp(2j * np.pi * f * (np.arange(-half, half + 1)[:, None] - tau)).mean(axis=1)
-        a = rx.signature(np.array([theta]))[0]
-        b = tx.beam_response(np.array([phi]))[0]
-        return np.exp(size) * np.einsum("l,am,ak,k->lamk", pulse, a, turn, b)
-
-    at = np.concatenate([[aoa, aod, late, 0.0], np.zeros(n_rx * n_tx)])
-    at[3] = np.log(10 ** (snr_db / 20) / np.linalg.norm(mean(at)))
-    step = 1e-6
-    columns = [(mean(at + step * e) - mean(at - step * e)).ravel() / (2 * step) for e in np.eye(len(at))]
-    jacobian = np.stack(columns, axis=1)
-    used = np.linalg.norm(jacobian, axis=0) > 1e-6 * np.linalg.norm(jacobian[:, 3])
-    fisher = 2 * np.real(jacobian[:, used].conj().T @ jacobian[:, used])
-    return np.sqrt(np.diag(np.linalg.inv(fisher))[:2])
+def bounds_rad(sounder, snr_db, aoa, aod):
+    """Cramér-Rao bounds on arrival and departure, for energies over all delays."""
+    in_window_db = snr_db + 10 * np.log10(window_share(sounder))
+    return [
+        float(bound(sounder, np.array([azimuth]), in_window_db)[0])
+        for bound, azimuth in ((arrival_bound_rad, aoa), (departure_bound_rad, aod))
+    ]
 
 
 def rms(values):
@@ -88,7 +69,7 @@ def test_single_paths_are_as_sharp_as_the_bound(sounder, sage, snr_db, aoa_deg):
     true = links(sounder, 300, snr_db, aoa, aod)
     got = sage.estimate(sounder.measure(true, np.random.default_rng(11)))
     assert np.all(got.count >= 1)
-    bound = np.mean([bound_rad(sounder, snr_db, aoa, aod, late) for late in (-0.4, -0.1, 0.2)], axis=0)
+    bound = bounds_rad(sounder, snr_db, aoa, aod)
     assert rms(wrapped(got.aoa_rad[:, 0] - aoa)) < 1.19 * bound[0]
     assert rms(wrapped(got.aod_rad[:, 0] - aod)) < 1.19 * bound[1]
     assert rms(wrapped(got.aoa_rad[:, 0] - aoa)) > 0.8 * bound[0]
@@ -105,7 +86,7 @@ def test_there_is_no_bias_at_seams(sounder, sage):
     for i, aoa in enumerate(azimuths):
         true = links(sounder, 100, 40.0, aoa, 0.3)
         got = sage.estimate(sounder.measure(true, np.random.default_rng(i)))
-        spread = bound_rad(sounder, 40.0, aoa, 0.3, 0.2)[0]
+        spread = bounds_rad(sounder, 40.0, aoa, 0.3)[0]
         worst.append(np.mean(wrapped(got.aoa_rad[:, 0] - aoa)) / spread)
     assert abs(np.mean(worst)) < 0.2
     assert np.abs(worst).max() < 0.6  # 4.5 standard deviations and a little bias
@@ -135,7 +116,7 @@ def test_two_paths_come_apart_in_angle_or_delay(sounder, sage, snr_db, apart):
     true = links(sounder, 100, snr_db, aoa, aod, np.array([0.0, delay]))
     got = sage.estimate(sounder.measure(true, np.random.default_rng(3)))
     assert np.mean(got.count == 2) > 0.95
-    spread = bound_rad(sounder, snr_db, aoa[0], aod[0], 0.2)[0]
+    spread = bounds_rad(sounder, snr_db, aoa[0], aod[0])[0]
     both = wrapped(got.aoa_rad[:, :2, None] - aoa)
     nearest = np.abs(both).min(axis=1)
     assert np.quantile(nearest, 0.9) < 4 * spread if angle else np.quantile(np.abs(both), 0.9) < 4 * spread
@@ -222,3 +203,10 @@ def test_bad_requests_are_named(sounder):
         estimator_named("music", sounder)
     with pytest.raises(ValueError, match="false_alarm_rate is 1"):
         SageEstimator(sounder, false_alarm_rate=1.0)
+
+
+def test_named_estimators_take_the_rate_asked_for(sounder, sage):
+    """`sage` at 30 % false alarms accepts weaker paths than at 1 %; `pca` knows no rate, and says so."""
+    assert estimator_named("sage", sounder, false_alarm_rate=0.3).threshold < sage.threshold
+    with pytest.raises(ValueError, match=r"false_alarm_rate is 0\.3, but 'pca' returns"):
+        estimator_named("pca", sounder, false_alarm_rate=0.3)
