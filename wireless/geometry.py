@@ -16,10 +16,15 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
+from wireless.compiled import compiled
+from wireless.occlusion import Tree, make_tree
+
 #: Triangles thinner than this [m] are dropped: they hide nothing, and their plane is anybody's guess.
 SLIVER_M = 1e-9
 #: Gaps between faces that exceed 180 degrees by less [rad] are no edge.
 FLAT_RAD = 1e-4
+#: How far from level floors and ceilings may lean, as 1 less the cosine of the angle.
+LEVEL = 1e-6
 #: How closely unit vectors agree that are one.
 ALIKE = 1e-7
 
@@ -101,6 +106,31 @@ def find_surfaces(
     )
 
 
+def floor_and_ceiling(surfaces: Surfaces) -> Bool[np.ndarray, "f"]:
+    """Facets that are floor or ceiling: level, at the lowest or the highest place of all.
+
+    A level facet at the top that covers less than half of what the floor does is a lid: of a table, say,
+    that stands on a plane.
+    """
+    z = surfaces.triangle[:, :, 2]
+    level = np.abs(surfaces.facet_normal[:, 2]) > 1 - LEVEL
+    low, high = (level & np.isclose(surfaces.facet_point[:, 2], end) for end in (z.min(), z.max()))
+    a, b = (surfaces.triangle[:, k, :2] - surfaces.triangle[:, 0, :2] for k in (1, 2))
+    area = np.bincount(surfaces.triangle_facet, np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2, len(level))
+    return low | high if area[high].sum() >= area[low].sum() / 2 else low
+
+
+def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, "f"]) -> Surfaces:
+    """The same without the edges of some facets, which are taken to go on beyond the walls."""
+    kept = ~ground[surfaces.edge_facets].any(axis=1)
+    return surfaces._replace(
+        edge=surfaces.edge[kept],
+        edge_wedge=surfaces.edge_wedge[kept],
+        edge_gap_rad=surfaces.edge_gap_rad[kept],
+        edge_facets=surfaces.edge_facets[kept],
+    )
+
+
 def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """The same lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
@@ -149,9 +179,11 @@ def _edges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends, wedge vectors, open angles and facets of all edges; pieces in a row that agree become one."""
     found: list[tuple[np.ndarray, np.ndarray, float, tuple[int, int]]] = []
-    for ends, along, faces in pieces:
+    middle = np.array([ends.mean(axis=0) for ends, _, _ in pieces]).reshape(-1, 3)
+    start, holding = _holding(make_tree(triangle), middle, snap_m)
+    for i, (ends, along, faces) in enumerate(pieces):
         around = list(faces)
-        for f in np.unique(facet[_holds(triangle, ends.mean(axis=0), snap_m)]):
+        for f in np.unique(facet[holding[start[i] : start[i + 1]]]):
             side = np.cross(along, facet_normal[f])
             size = np.linalg.norm(side)
             if size > 1 - 1e-6:  # the piece lies in the facet's plane
@@ -182,14 +214,42 @@ def _edges(
     )
 
 
-def _holds(
-    triangle: Float[np.ndarray, "t 3 3"], point: Float[np.ndarray, "3"], near_m: float
-) -> Bool[np.ndarray, "t"]:
-    """Whether a point lies in each triangle, off its sides."""
-    side = np.roll(triangle, -1, axis=1) - triangle
-    normal = np.cross(side[:, 0], side[:, 1])
-    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
-    off = point - triangle
-    inward = np.cross(normal[:, None], side)
-    depth = np.einsum("tki,tki->tk", inward, off) / np.linalg.norm(side, axis=2)
-    return (np.abs(np.einsum("ti,ti->t", normal, off[:, 0])) < near_m) & (depth > near_m).all(axis=1)
+@compiled
+def _holding(
+    tree: Tree, points: Float[np.ndarray, "n 3"], near_m: float
+) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "h"]]:
+    """Triangles that points lie in, off their sides: where those of each point begin, and the triangles."""
+    start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
+    stack = np.empty(64, np.int64)
+    for n in range(len(points)):
+        p = points[n]
+        stack[0], depth = 0, 1
+        while depth > 0:
+            depth -= 1
+            box, inside = stack[depth], True
+            for i in range(3):
+                inside = inside and tree.low[box, i] - near_m <= p[i] <= tree.high[box, i] + near_m
+            if not inside:
+                continue
+            one, other = tree.child[box]
+            if one >= 0:
+                stack[depth], stack[depth + 1] = one, other
+                depth += 2
+                continue
+            for t in range(-1 - one, -1 - one + other):
+                off, least = 0.0, np.inf
+                for i in range(3):
+                    off += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
+                for k in range(3):
+                    into = 0.0
+                    for i in range(3):
+                        into += tree.inward[t, k, i] * (p[i] - tree.triangle[t, k, i])
+                    least = min(least, into)
+                if abs(off) >= near_m or least <= near_m:
+                    continue
+                if count == len(found):
+                    found = np.concatenate((found, found))
+                found[count] = tree.number[t]
+                count += 1
+        start[n + 1] = count
+    return start, found[:count]

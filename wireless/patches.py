@@ -77,7 +77,7 @@ def find_patches(surfaces: Surfaces) -> Patches:
 
 
 def _padded(
-    polygons: list[Float[np.ndarray, "k 3"]],
+    polygons: list[np.ndarray],
 ) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, "n"]]:
     """Corners of polygons, filled up with zeros, and their numbers."""
     corner = np.zeros((len(polygons), PATCH_CORNERS, 3))

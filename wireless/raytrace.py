@@ -21,8 +21,8 @@ from jaxtyping import Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
 from wireless.blocks import Rows, trace_blocks
-from wireless.extruded import LEAN, Extruded, find_extruded
-from wireless.geometry import find_surfaces
+from wireless.extruded import Extruded, find_extruded
+from wireless.geometry import find_surfaces, floor_and_ceiling, without_rims
 from wireless.images import make_space
 from wireless.links import trace_links, views_of
 from wireless.materials import permittivity
@@ -170,11 +170,9 @@ class _SpaceScene:
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
         surfaces = find_surfaces(moved, face_material, config.snap_m)
-        mirrors = np.ones(len(surfaces.facet_face), bool)
-        if not config.floor_ceiling:
-            z = surfaces.facet_point[:, 2]
-            level = np.abs(surfaces.facet_normal[:, 2]) > 1 - LEAN
-            mirrors = ~(level & (np.isclose(z, moved.bounds[0, 2]) | np.isclose(z, moved.bounds[1, 2])))
+        ground = floor_and_ceiling(surfaces)
+        surfaces = without_rims(surfaces, ground)
+        mirrors = ~ground | config.floor_ceiling
         self.space = make_space(surfaces, mirrors)
         self._setting = setting(face_eps[surfaces.facet_face])
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))

@@ -16,208 +16,14 @@ from jaxtyping import Float, Int
 from wireless.compiled import compiled
 from wireless.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
 from wireless.diffraction import edge_bound
-from wireless.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
-from wireless.images import Space, Views, all_views, cone_of, new_views, on_patch, spread
-from wireless.occlusion import NEAR_M, Boxes, hidden, passed
-from wireless.table import (
-    Room,
-    Setting,
-    Table,
-    enter,
-    make_room,
-    make_table,
-    most_interactions,
-    weigh,
-    write_row,
-)
+from wireless.fields import NOWHERE_M
+from wireless.images import Space, Views, all_views, cone_of, new_views, spread
+from wireless.occlusion import NEAR_M, Boxes
+from wireless.table import Room, Setting, Table, make_room, make_table, most_interactions, write_row
+from wireless.ways import edge_sight, images_over, is_open, lay, pass_walls, try_path, weigh_path
 
 #: With fewer receivers, asking each costs less than finding out whether the last patch is seen at all.
 _FEW = 32
-
-
-@compiled
-def _walk_back(
-    space: Space,
-    image: Float[np.ndarray, "m1 3"],
-    chain: Int[np.ndarray, "m"],
-    order: int,
-    target: Float[np.ndarray, "3"],
-    points: Float[np.ndarray, "m 3"],
-) -> bool:
-    """Reflection points from a target back to the source, the nearest to the target first; False if none."""
-    for j in range(order):
-        k = order - 1 - j
-        patch = chain[k]
-        facet = space.patch_facet[patch]
-        a, b = 0.0, 0.0
-        for i in range(3):
-            normal, at = space.surfaces.facet_normal[facet, i], space.surfaces.facet_point[facet, i]
-            a, b = a + normal * (image[k + 1, i] - at), b + normal * (target[i] - at)
-        if a * b > 0 or abs(a - b) < NEAR_M:
-            return False
-        f = a / (a - b)
-        for i in range(3):
-            points[j, i] = image[k + 1, i] + f * (target[i] - image[k + 1, i])
-        if not on_patch(space, patch, points[j]):
-            return False
-        target = points[j]
-    return True
-
-
-@compiled
-def _sight(space: Space, edge: int, p: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """Place along an edge, distance from its line and angle from its 0-face of a point."""
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(3):
-        d = p[i] - space.surfaces.edge[edge, 0, i]
-        z += d * space.surfaces.edge_wedge[edge, 0, i]
-        x += d * space.surfaces.edge_wedge[edge, 1, i]
-        y += d * space.surfaces.edge_wedge[edge, 2, i]
-    return z, np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)
-
-
-@compiled
-def _is_open(gap: float, distance: float, angle: float) -> bool:
-    """Whether what lies at some angle and distance is outside of a wedge, its faces included."""
-    near = NEAR_M / max(distance, NEAR_M)
-    return angle <= gap + near or angle >= 2 * np.pi - near
-
-
-@compiled
-def _lay(
-    space: Space,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
-    edge: int,
-    far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
-    points: Float[np.ndarray, "m 3"],
-    room: Room,
-) -> int:
-    """Put a path into `room`; its number of interactions, -1 if there is none. Legs may be hidden.
-
-    Near and far are images, patches and number of reflections, from the transmitter and from the receiver.
-    """
-    n, m, target = near[2], near[2], rx
-    room.point[0] = tx
-    if edge >= 0:
-        target = room.point[n + 1]
-        z, a, _ = _sight(space, edge, near[0][n])
-        end, b, _ = _sight(space, edge, far[0][far[2]])
-        if a < NEAR_M or b < NEAR_M:
-            return -1
-        z, end = (z * b + end * a) / (a + b), 0.0
-        for i in range(3):
-            along = space.surfaces.edge_wedge[edge, 0, i]
-            target[i] = space.surfaces.edge[edge, 0, i] + z * along
-            end += along * (space.surfaces.edge[edge, 1, i] - space.surfaces.edge[edge, 0, i])
-        if z < -NEAR_M or z > end + NEAR_M or not _walk_back(space, far[0], far[1], far[2], target, points):
-            return -1
-        m = n + 1 + far[2]
-        for j in range(n + 1, m):
-            room.point[j + 1], room.kind[j] = points[j - n - 1], REFLECTION
-            room.thing[j] = space.patch_facet[far[1][m - 1 - j]]
-        room.kind[n], room.thing[n] = DIFFRACTION, edge
-    room.point[m + 1] = rx
-    if not _walk_back(space, near[0], near[1], n, target, points):
-        return -1
-    for j in range(n):
-        room.point[j + 1], room.kind[j] = points[n - 1 - j], REFLECTION
-        room.thing[j] = space.patch_facet[near[1][j]]
-    if edge >= 0:
-        gap = space.surfaces.edge_gap_rad[edge]
-        for j in (n, n + 2):
-            _, distance, angle = _sight(space, edge, room.point[j])
-            if not _is_open(gap, distance, angle):
-                return -1
-    return m
-
-
-@compiled
-def _weigh(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, float]:
-    """Length and power of the path in `room`, gain set; length -1 if it is none."""
-    surfaces, n = space.surfaces, 1.0
-    for j in range(m):
-        thing = room.thing[j]
-        if room.kind[j] != DIFFRACTION:
-            room.normal[j], room.eps[j] = surfaces.facet_normal[thing], setting.wall_eps[thing]
-        else:
-            room.wedge[:] = surfaces.edge_wedge[thing]
-            n = surfaces.edge_gap_rad[thing] / np.pi
-            for i in range(2):
-                room.wedge_eps[i] = setting.wall_eps[surfaces.edge_facets[thing, i]]
-    return weigh(setting, m, n, room)
-
-
-@compiled
-def _pass_walls(
-    space: Space,
-    setting: Setting,
-    m: int,
-    room: Room,
-    where: Float[np.ndarray, "k"],
-    which: Int[np.ndarray, "k"],
-) -> int:
-    """Put the walls between the points of a path into it; its new number of interactions, -1 if it is hidden."""
-    left = setting.max_through
-    leg, end = 0, m
-    while leg <= end:
-        p, q = room.point[leg].copy(), room.point[leg + 1].copy()
-        if left == 0:
-            if hidden(space.tree, p, q):
-                return -1
-            leg += 1
-            continue
-        n = passed(space.tree, p, q, where[:left], which[:left])
-        if n < 0:
-            return -1
-        for j in range(end + 1, leg, -1):
-            room.point[j + n] = room.point[j]
-        for j in range(end - 1, leg - 1, -1):
-            room.kind[j + n], room.thing[j + n] = room.kind[j], room.thing[j]
-        for j in range(n):
-            for i in range(3):
-                room.point[leg + 1 + j, i] = p[i] + where[j] * (q[i] - p[i])
-            room.kind[leg + j] = TRANSMISSION
-            room.thing[leg + j] = space.surfaces.triangle_facet[space.tree.number[which[j]]]
-        left, end, leg = left - n, end + n, leg + n + 1
-    return end
-
-
-@compiled
-def _try(
-    space: Space,
-    setting: Setting,
-    m: int,
-    who: Int[np.ndarray, "w"],
-    room: Room,
-    where: Float[np.ndarray, "k"],
-    which: Int[np.ndarray, "k"],
-    rank: Float[np.ndarray, "k 5"],
-    best: Int[np.ndarray, "k w"],
-    count: int,
-) -> int:
-    """Enter the path in `room` into a link's list, unless it is hidden; new length of the list."""
-    length, power = _weigh(space, setting, m, room)
-    if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
-        return count
-    bare = m
-    m = _pass_walls(space, setting, m, room, where, which)
-    if m < 0:
-        return count
-    if m > bare:
-        length, power = _weigh(space, setting, m, room)
-        if count == len(rank) and power <= rank[count - 1, 0]:
-            return count
-    p, new = room.point, np.empty(5)
-    new[0], new[1] = power, length
-    new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
-    new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
-    new[4] = 1000 * m + (500 if who[0] >= 0 else 0)
-    count, place = enter(rank, best, count, new)
-    if place >= 0:
-        best[place] = who
-    return count
 
 
 @compiled
@@ -262,9 +68,9 @@ def _reflect(
                     length2 += (image[order, i] - rx[r, i]) ** 2
                 if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
                     continue
-            m = _lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
+            m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
             if m >= 0:
-                count[r] = _try(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
+                count[r] = try_path(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
         if order < setting.max_reflections:
             worth = order + 1 < setting.max_reflections or len(rx) > _FEW
             occluding = worth and setting.max_through == 0
@@ -275,7 +81,7 @@ def _reflect(
 def _lit_edges(
     space: Space, views: Views, n: int, occluding: bool
 ) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
-    """Pairs of edge and view that sees it, by edge, and where the image is (`_sight`)."""
+    """Pairs of edge and view that sees it, by edge, and where the image is (`edge_sight`)."""
     found, pair, sight, h = (
         np.empty(len(space.surfaces.edge), np.int64),
         np.empty((64, 2), np.int64),
@@ -291,8 +97,8 @@ def _lit_edges(
         image = views.image[v, views.order[v]]
         for j in range(meeting(space.edge_boxes, plane, n_planes, found)):
             edge = found[j]
-            z, distance, angle = _sight(space, edge, image)
-            if distance < NEAR_M or not _is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
+            z, distance, angle = edge_sight(space, edge, image)
+            if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
                 continue
             ends[:] = space.surfaces.edge[edge]
             if clipped(ends, 2, plane, n_planes, line, piece[0]) == 0:
@@ -341,8 +147,8 @@ def _bend(
                 if start[edge] == start[edge + 1]:
                     continue
                 gap = space.surfaces.edge_gap_rad[edge]
-                far_z, far_m, phi = _sight(space, edge, image)
-                if far_m < NOWHERE_M or not _is_open(gap, far_m, phi):
+                far_z, far_m, phi = edge_sight(space, edge, image)
+                if far_m < NOWHERE_M or not is_open(gap, far_m, phi):
                     continue
                 end = 0.0
                 for i in range(3):
@@ -360,7 +166,7 @@ def _bend(
                         most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
                         if most_power < rank[r, keep - 1, 0]:
                             continue
-                    m = _lay(
+                    m = lay(
                         space,
                         tx,
                         rx[r],
@@ -375,25 +181,9 @@ def _bend(
                     who[0], who[1], who[2] = edge, before, after
                     who[3 : 3 + before] = near.chain[w, :before]
                     who[3 + before : 3 + before + after] = far.chain[v, :after]
-                    count[r] = _try(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
-
-
-@compiled
-def _images(
-    space: Space, source: Float[np.ndarray, "3"], chain: Int[np.ndarray, "m"]
-) -> Float[np.ndarray, "m1 3"]:
-    """A point, and its images over a chain of patches."""
-    image = np.empty((len(chain) + 1, 3))
-    image[0] = source
-    for k in range(len(chain)):
-        facet, off = space.patch_facet[chain[k]], 0.0
-        for i in range(3):
-            off += space.surfaces.facet_normal[facet, i] * (
-                image[k, i] - space.surfaces.facet_point[facet, i]
-            )
-        for i in range(3):
-            image[k + 1, i] = image[k, i] - 2 * off * space.surfaces.facet_normal[facet, i]
-    return image
+                    count[r] = try_path(
+                        space, setting, m, who, room, where, which, rank[r], best[r], count[r]
+                    )
 
 
 @compiled
@@ -425,9 +215,9 @@ def trace_space(
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
             near = best[r, j, 3 : 3 + before]
             far = best[r, j, 3 + before : 3 + before + after]
-            ways = (_images(space, tx, near), near, before), (_images(space, rx[r], far), far, after)
-            m = _lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
-            m = _pass_walls(space, setting, m, room, where, which)
-            length, power = _weigh(space, setting, m, room)
+            ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
+            m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
+            m = pass_walls(space, setting, m, room, where, which)
+            length, power = weigh_path(space, setting, m, room)
             write_row(table, r * keep + j, length, power, m, room)
     return table
