@@ -1,0 +1,155 @@
+"""What a classifier of link states promises of its inputs: order, symmetry, missing paths, files."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+
+from wireless.linkstate import LinkStateClassifier, load_classifier, make_tokens
+from wireless.linkstate.networks import NETWORKS, moments
+from wireless.linkstate.tokens import AOA, AOD, DELAY, SNR
+
+FULL = ("aoa", "aod", "snr", "peak", "delay")
+
+
+def links(n=64, seed=0, paths=5):
+    """Random estimates as keyword arguments of `predict`; about a fifth of the paths are missing."""
+    rng = np.random.default_rng(seed)
+    snr = np.where(rng.random((n, paths)) < 0.2, -np.inf, rng.uniform(0, 50, (n, paths)))
+    return {
+        "aoa_rad": rng.uniform(-np.pi, np.pi, (n, paths)),
+        "snr_db": snr,
+        "aod_rad": rng.uniform(-np.pi, np.pi, (n, paths)),
+        "peak": rng.uniform(3, 26, (n, paths)),
+        "delay_s": rng.uniform(0, 200e-9, (n, paths)),
+    }
+
+
+def classifier(model="ours", inputs=FULL, states=(1, 2, 3), count=2):
+    torch.manual_seed(0)
+    networks = [NETWORKS[model](inputs) for _ in range(count)]
+    return LinkStateClassifier(networks, model=model, inputs=inputs, states=states, temperature=0.7)
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_the_order_of_paths_changes_nothing(model):
+    """Exactly: paths are put into an order of their own. Half have equal SNR, so that ties are met."""
+    given = links()
+    given["snr_db"][:, 1] = given["snr_db"][:, 3]
+    order = np.random.default_rng(1).permuted(np.tile(np.arange(5), (64, 1)), axis=1)
+    mixed = {name: np.take_along_axis(values, order, 1) for name, values in given.items()}
+    model = classifier(model)
+    assert np.array_equal(model.predict(**given), model.predict(**mixed))
+
+
+@pytest.mark.parametrize(
+    "turn", [(-1, 0), (1, np.pi / 2), (1, np.pi), (-1, -np.pi / 2)], ids=["mirror", "90", "180", "mirror 90"]
+)
+def test_turning_or_mirroring_a_building_changes_nothing(turn):
+    """Angles of arrival and departure turn together; to single precision: differences below 2e-4 for random weights."""
+    sign, by = turn
+    given = links()
+    turned = {**given, "aoa_rad": sign * given["aoa_rad"] + by, "aod_rad": sign * given["aod_rad"] + by}
+    model = classifier()
+    assert np.abs(model.predict(**given) - model.predict(**turned)).max() < 2e-4
+    aside = {**given, "aoa_rad": given["aoa_rad"] + 0.5}
+    assert np.abs(model.predict(**given) - model.predict(**aside)).max() > 1e-3
+
+
+def test_without_departures_the_frame_does_not_matter():
+    """Only differences of arrivals count: any turn changes nothing, and departures are not asked for."""
+    given = links()
+    given.pop("aod_rad")
+    model = classifier(inputs=("aoa", "snr", "peak"))
+    turned = {**given, "aoa_rad": given["aoa_rad"] + 0.7}
+    assert np.abs(model.predict(**given) - model.predict(**turned)).max() < 2e-4
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_a_missing_path_may_hold_anything(model):
+    """What lies in the places of a path with SNR -inf or NaN, or all zero, is not looked at; nor how many there are."""
+    given = links()
+    missing = ~np.isfinite(given["snr_db"])
+    clean = classifier(model).predict(**given)
+    assert np.isfinite(clean).all()
+    for rubbish in (np.nan, 1e9, 0.0):
+        dirty = {name: np.where(missing, rubbish, values) for name, values in given.items()}
+        dirty["snr_db"] = np.where(missing, 0.0 if rubbish == 0 else np.nan, given["snr_db"])
+        assert np.array_equal(classifier(model).predict(**dirty), clean)
+    more = {name: np.pad(values, ((0, 0), (0, 2))) for name, values in given.items()}
+    assert np.array_equal(classifier(model).predict(**more), clean)
+
+
+def test_a_link_without_paths_is_an_outage():
+    """For sure, and only such a link if the training data had no other outages."""
+    given = links()
+    given["snr_db"][::2] = -np.inf
+    given["snr_db"][1::2, 0] = 10.0
+    probability = classifier().predict(**given)
+    assert (probability[::2] == [1, 0, 0, 0]).all()
+    assert (probability[1::2, 0] == 0).all()
+    assert np.allclose(probability.sum(1), 1)
+    assert (classifier(states=(0, 1, 2, 3)).predict(**given)[1::2, 0] > 0).all()
+
+
+def test_tokens_hold_the_strongest_first():
+    tokens = make_tokens(
+        np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]]), np.array([[1.0, 5.0, -np.inf, 3.0, 9.0, 2.0]])
+    )
+    assert tokens[0, :, AOA].tolist() == np.float32([0.5, 0.2, 0.4, 0.6, 0.1]).tolist()
+    assert tokens[0, :, SNR].tolist() == [9, 5, 3, 2, 1]
+    assert np.isnan(tokens[0, :, [AOD, DELAY]]).all()
+
+
+def test_inputs_that_do_not_fit_are_named():
+    given = links()
+    with pytest.raises(ValueError, match=r"aod_rad has shape \(64, 4\), expected \(64, 5\)"):
+        make_tokens(given["aoa_rad"], given["snr_db"], aod_rad=given["aod_rad"][:, :4])
+    given["snr_db"][3, 2], given["peak"][3, 2] = 10.0, np.nan
+    with pytest.raises(ValueError, match="peak of path 2 of link 3 is no finite number"):
+        classifier().predict(**given)
+    with pytest.raises(ValueError, match="aod is missing, but this classifier uses aoa, aod"):
+        classifier().predict(
+            given["aoa_rad"], given["snr_db"], peak=links()["peak"], delay_s=given["delay_s"]
+        )
+
+
+@pytest.mark.parametrize("model", NETWORKS)
+def test_files_keep_a_classifier(model, tmp_path):
+    """Read back it answers the same, bit for bit."""
+    made = classifier(model)
+    made.card["note"] = "kept"
+    made.save(tmp_path / "some.safetensors")
+    read = load_classifier(tmp_path / "some.safetensors")
+    assert np.array_equal(read.predict(**links()), made.predict(**links()))
+    assert read.card["note"] == "kept"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["some.json", "some.safetensors"]
+
+
+def test_files_that_are_damaged_are_named(tmp_path):
+    classifier().save(tmp_path / "some.safetensors")
+    card = json.loads((tmp_path / "some.json").read_text())
+    (tmp_path / "some.json").write_text(json.dumps({**card, "inputs": ["aoa", "snr"]}))
+    with pytest.raises(ValueError, match=r"some\.safetensors: no classifier of link states"):
+        load_classifier(tmp_path / "some.safetensors")
+    with pytest.raises(ValueError, match=r"none\.safetensors: no classifier of link states"):
+        load_classifier(tmp_path / "none.safetensors")
+
+
+def test_moments_against_their_definitions():
+    """Two paths 90 degrees and 10 dB apart: K-factor 10 dB; spread from R = |10 + j| / 11; delay spread by hand."""
+    tokens = torch.from_numpy(
+        make_tokens(
+            np.array([[0.0, np.pi / 2]]), np.array([[20.0, 10.0]]), delay_s=np.array([[50e-9, 150e-9]])
+        )
+    )
+    total, strongest, k_factor, skewness, kurtosis, spread, mean, rms, rise = moments(
+        tokens, ("aoa", "snr", "delay")
+    )[0]
+    assert total.item() == pytest.approx(10 * np.log10(110), abs=1e-4)
+    assert strongest.item() == pytest.approx(20, abs=1e-4)
+    assert k_factor.item() == pytest.approx(10, abs=1e-4)
+    assert (skewness.item(), kurtosis.item()) == pytest.approx((0, 1), abs=1e-4)
+    assert spread.item() == pytest.approx(np.sqrt(-2 * np.log(np.hypot(10, 1) / 11)), abs=1e-4)
+    assert (mean.item(), rms.item(), rise.item()) == pytest.approx((1 / 11, np.sqrt(10) / 11, 0), abs=1e-5)

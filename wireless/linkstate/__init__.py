@@ -1,0 +1,17 @@
+"""The link state of estimated paths: features, networks, training, calibration.
+
+    make_tokens           estimated paths as one array for networks
+    Recipe, train         how a network is trained, and doing so
+    LinkStateClassifier   trained networks behind one call
+    load_classifier       one from files
+    reliability           confidence against accuracy
+
+Importing this imports PyTorch; `wireless` alone does not.
+"""
+
+from wireless.linkstate.calibration import reliability
+from wireless.linkstate.classifier import LinkStateClassifier, load_classifier
+from wireless.linkstate.tokens import make_tokens
+from wireless.linkstate.training import Epoch, Recipe, train
+
+__all__ = ["Epoch", "LinkStateClassifier", "Recipe", "load_classifier", "make_tokens", "reliability", "train"]

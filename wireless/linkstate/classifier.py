@@ -1,0 +1,163 @@
+"""Link states of estimated paths by a trained classifier: one call from arrays to calibrated probabilities.
+
+A classifier is one or a few networks whose probabilities are averaged, a temperature, and the states that its
+training data had among links with paths. A link without any estimated path is an outage for sure: networks are
+neither trained on such links nor asked. On disk it is `NAME.safetensors` with the weights and `NAME.json` with
+the card: data, seeds, recipe, scores.
+"""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
+from torch import nn
+
+from wireless.linkstate.calibration import scaled
+from wireless.linkstate.networks import N_STATES, NETWORKS
+from wireless.linkstate.tokens import found, make_tokens
+from wireless.paths import LinkState
+
+#: Links given to a network at once, which bounds the memory.
+_BLOCK = 4096
+
+
+class LinkStateClassifier:
+    """Trained networks behind one call."""
+
+    def __init__(
+        self,
+        networks: Sequence[nn.Module],
+        *,
+        model: str,
+        inputs: Sequence[str],
+        options: dict[str, Any] | None = None,
+        states: Sequence[int] = (1, 2, 3),
+        temperature: float = 1.0,
+        card: dict[str, Any] | None = None,
+    ) -> None:
+        """Make a classifier.
+
+        Args:
+            networks: Trained networks of one kind.
+            model: Their name in `NETWORKS`.
+            inputs: Columns of tokens that they use.
+            options: What they were made with besides the inputs.
+            states: States possible of links with paths.
+            temperature: See `wireless.linkstate.calibration`.
+            card: What is known about the training and the scores.
+        """
+        self.networks = [network.eval() for network in networks]
+        self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
+        self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
+
+    def predict(
+        self,
+        aoa_rad: Float[np.ndarray, "n paths"],
+        snr_db: Float[np.ndarray, "*snr"],
+        *,
+        aod_rad: Float[np.ndarray, "*aod"] | None = None,
+        peak: Float[np.ndarray, "*peak"] | None = None,
+        delay_s: Float[np.ndarray, "*delay"] | None = None,
+    ) -> Float[np.ndarray, "n 4"]:
+        """Probability of each `LinkState`, in its order.
+
+        Args:
+            aoa_rad: Azimuths of arrival in the building's frame.
+            snr_db: Signal-to-noise ratios; -inf or NaN where there is no path.
+            aod_rad: Azimuths of departure in the building's frame.
+            peak: Heights of peaks, as in the public data.
+            delay_s: Delays; only their differences count.
+
+        Raises:
+            ValueError: If an input that this classifier needs is missing, or arrays do not fit.
+        """
+        given = {"aoa": aoa_rad, "aod": aod_rad, "snr": snr_db, "peak": peak, "delay": delay_s}
+        if missing := [name for name in self.inputs if given[name] is None]:
+            raise ValueError(
+                f"{missing[0]} is missing, but this classifier uses {', '.join(self.inputs)}. "
+                "Give it, or load one without."
+            )
+        tokens = make_tokens(aoa_rad, snr_db, aod_rad=aod_rad, peak=peak, delay_s=delay_s)
+        return self.predict_tokens(tokens)
+
+    def predict_tokens(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float[np.ndarray, "n 4"]:
+        """The same from `make_tokens`."""
+        probability = np.zeros((len(tokens), N_STATES))
+        reached = found(tokens).any(1)
+        probability[~reached, LinkState.OUTAGE] = 1.0
+        if reached.any():
+            x = torch.from_numpy(tokens if reached.all() else tokens[reached])
+            raw = torch.cat([self._mean(block) for block in x.split(_BLOCK)]).double().numpy()
+            probability[reached] = scaled(raw, self.temperature)
+        return probability
+
+    @torch.inference_mode()
+    def _mean(self, tokens: torch.Tensor) -> torch.Tensor:
+        """Mean probabilities of the networks."""
+        allowed = list(self.states)
+        total = torch.zeros(len(tokens), N_STATES)
+        for network in self.networks:
+            total[:, allowed] += torch.softmax(network(tokens)[:, allowed], 1)
+        return total / len(self.networks)
+
+    def save(self, path: Path) -> None:
+        """Write PATH (.safetensors) and the card beside it (.json)."""
+        weights = {
+            f"{i}.{name}": value.detach().contiguous()
+            for i, network in enumerate(self.networks)
+            for name, value in network.state_dict().items()
+        }
+        head = {
+            "model": self.model,
+            "inputs": list(self.inputs),
+            "options": self.options,
+            "networks": len(self.networks),
+            "states": list(self.states),
+            "temperature": self.temperature,
+        }
+        text = json.dumps({**head, **{k: v for k, v in self.card.items() if k not in head}}, indent=2) + "\n"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for target, content in ((path, save(weights)), (path.with_suffix(".json"), text.encode())):
+            partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
+            partial.write_bytes(content)
+            os.replace(partial, target)
+
+
+def load_classifier(path: Path) -> LinkStateClassifier:
+    """A classifier from its weights; the card lies beside them.
+
+    Raises:
+        ValueError: If a file is missing or damaged, or they do not fit each other.
+    """
+    card_path = path.with_suffix(".json")
+    try:
+        card = json.loads(card_path.read_text(encoding="utf-8"))
+        weights = load_file(path)
+        networks = []
+        for i in range(card["networks"]):
+            network = NETWORKS[card["model"]](tuple(card["inputs"]), **card["options"])
+            network.load_state_dict(
+                {name.split(".", 1)[1]: value for name, value in weights.items() if name.startswith(f"{i}.")}
+            )
+            networks.append(network)
+        return LinkStateClassifier(
+            networks,
+            model=card["model"],
+            inputs=card["inputs"],
+            options=card["options"],
+            states=card["states"],
+            temperature=card["temperature"],
+            card=card,
+        )
+    except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
+        raise ValueError(
+            f"{path}: no classifier of link states with its card {card_path.name} ({error}). Train one by "
+            f"`robosim train link-state`."
+        ) from error

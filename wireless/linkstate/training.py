@@ -1,0 +1,279 @@
+"""Training one network on links with known states: the same weights for a seed, however often it is interrupted.
+
+Cross entropy with smoothed labels, AdamW, a warm-up and a cosine down to nothing, gradients clipped; what counts
+in the end are weights averaged exponentially over the steps. All randomness of an epoch comes from the seed and
+the epoch's number, and PyTorch runs in one thread, so that a run resumed from the checkpoint of an epoch gives
+the same weights, bit for bit, as one that was never stopped.
+"""
+
+import math
+import os
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import torch
+from jaxtyping import Float32, Int
+from torch import Tensor, nn
+
+from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+
+#: Gradients longer than this are shortened to it.
+_CLIP = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Recipe:
+    """How a network is trained."""
+
+    model: Literal["ours", "reference", "huang"] = "ours"
+    """Kind of network."""
+    inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
+    """Columns of tokens that it uses."""
+    epochs: int = 12
+    """Passes over the links."""
+    batch: int = 1024
+    """Links in a step."""
+    learning_rate: float = 3e-3
+    """Largest step of AdamW, after the warm-up."""
+    weight_decay: float = 0.05
+    """Pull of the weights to zero."""
+    label_smoothing: float = 0.03
+    """Share of each label spread over all states."""
+    jitter_deg: float = 0.0
+    """Standard deviation of noise added to angles in training."""
+    shift_db: float = 0.0
+    """Standard deviation of noise added to all SNRs of a link in training."""
+    averaging: float = 0.995
+    """Share of the averaged weights that a step keeps; 0 for no averaging."""
+    width: int = 64
+    """Units of the states of paths (ours)."""
+    dropout: float = 0.1
+    """Share of units dropped in the head (ours)."""
+    seed: int = 0
+    """Of the first weights, the order of the links, and dropout."""
+
+    def __post_init__(self) -> None:
+        if self.model not in NETWORKS:
+            raise ValueError(f"model is {self.model!r}, expected one of {', '.join(NETWORKS)}.")
+        if unknown := [name for name in self.inputs if name not in COLUMNS]:
+            raise ValueError(f"inputs have {unknown[0]!r}, expected some of {', '.join(COLUMNS)}.")
+        if not {"aoa", "snr"} <= set(self.inputs):
+            raise ValueError(f"inputs are {', '.join(self.inputs)}, expected aoa and snr among them.")
+        for name in ("epochs", "batch"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected at least 1.")
+        for name in ("label_smoothing", "averaging", "dropout"):
+            if not 0 <= getattr(self, name) < 1:
+                raise ValueError(f"{name} is {getattr(self, name)}, expected a share from 0 to below 1.")
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What the network is made with besides its inputs."""
+        return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Epoch:
+    """How an epoch went."""
+
+    epoch: int
+    """From 1."""
+    loss: float
+    """Mean loss of the steps, with dropout and smoothed labels [nat]."""
+    accuracy: float | None
+    """Share of the watched links told rightly by the averaged weights, if any are watched."""
+    watched_loss: float | None
+    """Their cross entropy [nat]."""
+
+
+def train(
+    tokens: Float32[np.ndarray, "n 5 5"],
+    state: Int[np.ndarray, "n"],
+    recipe: Recipe,
+    *,
+    watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, "m"]] | None = None,
+    checkpoint: Path | None = None,
+    report: Callable[[Epoch], None] | None = None,
+) -> tuple[nn.Module, list[Epoch]]:
+    """Train a network; links without paths are left out.
+
+    Args:
+        tokens: Estimated paths of links.
+        state: Their true `LinkState`.
+        recipe: How.
+        watch: Links to score after each epoch; they change nothing.
+        checkpoint: File to keep the state of training in, and to go on from if it is there.
+        report: Called after each epoch.
+
+    Returns:
+        The network with averaged weights, in evaluation mode, and all epochs.
+
+    Raises:
+        ValueError: If no link has a path, or the checkpoint is damaged or of another recipe or other links.
+    """
+    reached = found(tokens).any(1)
+    if not reached.any():
+        raise ValueError(
+            f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
+        )
+    x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
+    with _one_thread(), torch.random.fork_rng(devices=[]):
+        run = _Run(x, y, recipe)
+        if checkpoint and checkpoint.exists():
+            run.load(checkpoint)
+        while len(run.epochs) < recipe.epochs:
+            run.step_epoch(watch)
+            if checkpoint:
+                run.save(checkpoint)
+            if report:
+                report(run.epochs[-1])
+        return run.averaged.eval(), run.epochs
+
+
+class _Run:
+    """All that changes while training."""
+
+    def __init__(self, x: Tensor, y: Tensor, recipe: Recipe) -> None:
+        self.x, self.y, self.recipe = x, y, recipe
+        torch.manual_seed(recipe.seed)
+        self.network = NETWORKS[recipe.model](recipe.inputs, **recipe.options)
+        self.averaged = NETWORKS[recipe.model](recipe.inputs, **recipe.options)
+        self.averaged.load_state_dict(self.network.state_dict())
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), recipe.learning_rate, weight_decay=recipe.weight_decay
+        )
+        self.states = torch.unique(y)
+        self.epochs: list[Epoch] = []
+        self.steps = math.ceil(len(x) / recipe.batch)
+
+    def step_epoch(self, watch: tuple[np.ndarray, np.ndarray] | None) -> None:
+        """One pass over all links."""
+        number = len(self.epochs)
+        torch.manual_seed((self.recipe.seed * 1_000_003 + number + 1) % 2**63)
+        self.network.train()
+        total = 0.0
+        for i, rows in enumerate(torch.randperm(len(self.x)).split(self.recipe.batch)):
+            step = number * self.steps + i
+            for group in self.optimiser.param_groups:
+                group["lr"] = self.recipe.learning_rate * _rate(step / (self.recipe.epochs * self.steps))
+            loss = self._loss(self._disturbed(self.x[rows]), self.y[rows])
+            self.optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(self.network.parameters(), _CLIP)
+            self.optimiser.step()
+            self._average(step)
+            total += loss.item() * len(rows)
+        accuracy, watched_loss = self._score(*watch) if watch and len(watch[1]) else (None, None)
+        self.epochs.append(
+            Epoch(epoch=number + 1, loss=total / len(self.x), accuracy=accuracy, watched_loss=watched_loss)
+        )
+
+    def _loss(self, tokens: Tensor, state: Tensor) -> Tensor:
+        """Over the states that there are: the others' logits are never used."""
+        logits = self.network(tokens)[:, self.states]
+        return nn.functional.cross_entropy(
+            logits, torch.searchsorted(self.states, state), label_smoothing=self.recipe.label_smoothing
+        )
+
+    def _disturbed(self, tokens: Tensor) -> Tensor:
+        """Tokens with the recipe's noise: (n, 5, 5)."""
+        if self.recipe.jitter_deg:
+            noise = math.radians(self.recipe.jitter_deg) * torch.randn(*tokens.shape[:2], 2)
+            tokens = torch.cat([tokens[..., :2] + noise, tokens[..., 2:]], -1)
+        if self.recipe.shift_db:
+            noise = self.recipe.shift_db * torch.randn(len(tokens), 1, 1)
+            tokens = torch.cat([tokens[..., :SNR], tokens[..., SNR:PEAK] + noise, tokens[..., PEAK:]], -1)
+        return tokens
+
+    @torch.no_grad()
+    def _average(self, step: int) -> None:
+        """Move the averaged weights towards the present ones, faster at first."""
+        keep = min(self.recipe.averaging, (1 + step) / (10 + step))
+        for name, value in self.network.state_dict().items():
+            mean = self.averaged.state_dict()[name]
+            if value.is_floating_point():
+                mean.lerp_(value, 1 - keep)
+            else:
+                mean.copy_(value)
+
+    @torch.no_grad()
+    def _score(self, tokens: np.ndarray, state: np.ndarray) -> tuple[float, float]:
+        """Accuracy and cross entropy of the averaged weights; links without paths do not count."""
+        reached = found(tokens).any(1)
+        x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
+        self.averaged.eval()
+        logits = torch.cat([self.averaged(block)[:, self.states] for block in x.split(4096)])
+        right = self.states[logits.argmax(1)] == y
+        known = torch.isin(y, self.states)
+        loss = nn.functional.cross_entropy(logits[known], torch.searchsorted(self.states, y[known]))
+        return right.double().mean().item(), loss.item()
+
+    def save(self, path: Path) -> None:
+        """Write everything, whole or not at all."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
+        torch.save(
+            {
+                "for": self._signature(),
+                "network": self.network.state_dict(),
+                "averaged": self.averaged.state_dict(),
+                "optimiser": self.optimiser.state_dict(),
+                "epochs": [asdict(epoch) for epoch in self.epochs],
+            },
+            partial,
+        )
+        os.replace(partial, path)
+
+    def load(self, path: Path) -> None:
+        """Go on from what was written."""
+        try:
+            kept = torch.load(path, weights_only=True)
+            signature = kept["for"]
+        except Exception as error:  # torch.load raises whatever the damaged bytes lead it to
+            raise ValueError(f"{path}: damaged checkpoint ({error}). Delete it to start again.") from error
+        if differing := [name for name, value in self._signature().items() if signature.get(name) != value]:
+            name = differing[0]
+            raise ValueError(
+                f"{path}: checkpoint of another training: {name} {signature.get(name)} there, "
+                f"{self._signature()[name]} now. Choose another folder."
+            )
+        self.network.load_state_dict(kept["network"])
+        self.averaged.load_state_dict(kept["averaged"])
+        self.optimiser.load_state_dict(kept["optimiser"])
+        self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
+
+    def _signature(self) -> dict[str, Any]:
+        """What a checkpoint belongs to."""
+        recipe = {
+            k: list(v) if isinstance(v, Sequence) and not isinstance(v, str) else v
+            for k, v in asdict(self.recipe).items()
+        }
+        sums = [
+            float(torch.nan_to_num(self.x).double().sum()),
+            int((self.y * torch.arange(len(self.y))).sum()),
+        ]
+        return {**recipe, "links": len(self.x), "sums": sums}
+
+
+def _rate(done: float) -> float:
+    """Share of the learning rate: up over the first 15 % of the steps, then down to 0."""
+    warm_up = 0.15
+    if done < warm_up:
+        return 0.04 + 0.96 * (1 - math.cos(math.pi * done / warm_up)) / 2
+    return (1 + math.cos(math.pi * (done - warm_up) / (1 - warm_up))) / 2
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Sums in one order, whatever the machine."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
