@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 
-from robosim.commands import bench, figures
+from robosim.commands import bench, figures, train
 from robosim.commands.episode import episode
 from robosim.commands.machine import doctor
 from robosim.commands.scenes import generate, plan
@@ -28,9 +28,11 @@ _BENCH: _Commands = {
     "labels": bench.labels,
 }
 _FIGURES: _Commands = {"plans": figures.plans, "arrays": figures.arrays}
+_TRAIN: _Commands = {"link-state": train.link_state}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),
+    "train": (f"Train what is learnt: {', '.join(_TRAIN)}.", _TRAIN),
 }
 _COMMANDS: _Commands = {
     "episode": episode,

@@ -1,4 +1,4 @@
-"""What a path, and a pair of paths, say about the link state: geometry that keeps under the symmetries of buildings.
+"""What a path, and a pair of paths, say about the link state: geometry that a mirrored building keeps.
 
 With azimuths of arrival a and departure d, both in the frame of the building:
 
@@ -8,9 +8,10 @@ With azimuths of arrival a and departure d, both in the frame of the building:
     two parallel walls     b = 0 again, but with several paths.
     side lobes             two estimates from one beam, or with one angle in common.
 
-All features are even and have the period of a quarter turn: mirroring a building, or turning it by 90°, with its
-transmitter and receiver, changes nothing. Without departures none depends on how the building is turned. Left
-out: the seams of the three arrays, where angles are biased by under a beam's width.
+All features are even: mirroring a building with its transmitter and receiver changes nothing. How a direction lies
+to the three arrays, 120° apart, says how much gain its SNR has had. Without departures there is nothing else that
+depends on how a building is turned, so that a third of a turn changes nothing. Array headings are taken as those of
+the public data, 0° and ±120° in the frame of the building.
 """
 
 import math

@@ -27,7 +27,7 @@ class RelationNetwork(nn.Module):
     """Messages between paths, then a dense head."""
 
     def __init__(
-        self, inputs: Sequence[str], *, width: int = 64, rounds: int = 2, dropout: float = 0.1
+        self, inputs: Sequence[str], *, width: int = 48, rounds: int = 2, dropout: float = 0.2
     ) -> None:
         super().__init__()
         self.inputs = tuple(inputs)

@@ -65,6 +65,11 @@ def found(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n paths
     return np.isfinite(tokens[..., SNR])
 
 
+def reached(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n"]:
+    """Which links have a path."""
+    return np.asarray(found(tokens).any(axis=1))
+
+
 def _sorted(tokens: Float[np.ndarray, "n paths 5"]) -> Float[np.ndarray, "n places 5"]:
     """Paths from the strongest, missing ones last, and at least `N_PATHS` places."""
     keys = np.where(np.isnan(tokens), np.inf, tokens)

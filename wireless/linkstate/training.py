@@ -34,25 +34,25 @@ class Recipe:
     """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
-    epochs: int = 12
+    epochs: int = 8
     """Passes over the links."""
     batch: int = 1024
     """Links in a step."""
     learning_rate: float = 3e-3
     """Largest step of AdamW, after the warm-up."""
-    weight_decay: float = 0.05
+    weight_decay: float = 0.2
     """Pull of the weights to zero."""
-    label_smoothing: float = 0.03
+    label_smoothing: float = 0.05
     """Share of each label spread over all states."""
-    jitter_deg: float = 0.0
+    jitter_deg: float = 1.0
     """Standard deviation of noise added to angles in training."""
     shift_db: float = 0.0
     """Standard deviation of noise added to all SNRs of a link in training."""
     averaging: float = 0.995
     """Share of the averaged weights that a step keeps; 0 for no averaging."""
-    width: int = 64
+    width: int = 48
     """Units of the states of paths (ours)."""
-    dropout: float = 0.1
+    dropout: float = 0.2
     """Share of units dropped in the head (ours)."""
     seed: int = 0
     """Of the first weights, the order of the links, and dropout."""
@@ -75,6 +75,24 @@ class Recipe:
     def options(self) -> dict[str, Any]:
         """What the network is made with besides its inputs."""
         return {"width": self.width, "dropout": self.dropout} if self.model == "ours" else {}
+
+
+def default_recipe(model: Literal["ours", "reference", "huang"]) -> Recipe:
+    """How each kind of network is trained unless told otherwise.
+
+    The published network had 300 epochs of Adam at a steady 0.001; a third of them, slowing down, end no worse.
+    """
+    if model == "ours":
+        return Recipe()
+    return Recipe(
+        model=model,
+        epochs=100,
+        learning_rate=3e-3,
+        weight_decay=0.0,
+        label_smoothing=0.0,
+        jitter_deg=0.0,
+        averaging=0.99,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

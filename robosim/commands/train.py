@@ -1,0 +1,78 @@
+"""`robosim train`."""
+
+from pathlib import Path
+from typing import Literal
+
+from robosim.commands.terminal import console, folder_for
+
+
+def link_state(
+    *,
+    data: Path,
+    test: Path | None = None,
+    model: Literal["ours", "reference", "huang"] = "ours",
+    aod: bool = True,
+    peak: bool = True,
+    epochs: int | None = None,
+    members: int | None = None,
+    folds: int = 1,
+    of: int = 3,
+    seed: int = 0,
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Train a classifier of link states on public measurements (mmwRobotNav) and score it.
+
+    First on some of the buildings, scored on those held out; then on all of them, which is what is written:
+    link-state.safetensors with its card, result.json, curves and pictures. An interrupted run goes on when the
+    same command is given again; the result does not depend on the number of workers. The last line is the
+    accuracy on the test buildings, or without --test on the held-out ones, over all links.
+
+    Example: robosim train link-state --data mmwrobotnav --out out/link-state
+
+    Args:
+        data: Folder of measurements with a folder for each building.
+        test: Such a folder to score the classifier on in the end.
+        model: Ours, the published network, or hand-made features after Huang et al.
+        aod: Whether angles of departure are used; they need a transmitter whose beams are known.
+        peak: Whether heights of peaks are used.
+        epochs: Passes over the links; the model's own number if not given.
+        members: Networks whose probabilities are averaged; the model's own number if not given.
+        folds: Folds to hold out, one after the other; 0 trains on all buildings only.
+        of: Folds that the buildings are dealt into.
+        seed: Seed of the first network.
+        workers: Processes, of one thread each.
+        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+    """
+    if folds < 0 or folds > of:
+        raise ValueError(f"folds is {folds}, expected 0 to {of}, the number of folds that there are.")
+    for name, value in (("workers", workers), ("members", members)):
+        if value is not None and value < 1:
+            raise ValueError(f"{name} is {value}, expected at least 1.")
+    from dataclasses import replace
+
+    from robosim.link_training import train_link_state
+    from wireless.linkstate.training import default_recipe
+
+    recipe = default_recipe(model)
+    inputs = ("aoa", *(("aod",) if aod else ()), "snr", *(("peak",) if peak else ()))
+    folder = folder_for(out, "train-link-state")
+    card = train_link_state(
+        data,
+        folder,
+        replace(recipe, inputs=inputs, seed=seed, epochs=recipe.epochs if epochs is None else epochs),
+        test=test,
+        folds=folds,
+        of=of,
+        members=members or (3 if model == "ours" else 1),
+        workers=workers,
+        console=console,
+    )
+    console.print(f"Wrote the classifier, its card and pictures in {folder}")
+    if test is not None:
+        last = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
+    else:
+        last = (
+            f"validation accuracy {card['validation']['mean_accuracy']:.4f} (held-out buildings, see above)"
+        )
+    console.print(last, highlight=False)

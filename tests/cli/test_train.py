@@ -1,0 +1,103 @@
+"""`robosim train link-state` on small made-up measurements in the public format."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from robosim.cli import main
+from robosim.link_training import deal
+from wireless.linkstate import load_classifier
+
+
+def write_building(folder, name, transmitters, rng):
+    """Measurements told apart by the strongest SNR: 45, 30 and 15 dB for states 1, 2 and 3; an outage is all zeros."""
+    place = folder / name
+    place.mkdir(parents=True)
+    with open(place / f"{name}_tx_pos.csv", "w") as file:
+        file.write("index,x,y,z\n" + "".join(f"{k},{k}.0,-2.0,1.5\n" for k in range(1, transmitters + 1)))
+    columns = [
+        f"{n}_{i}" for n in ("aoaAzResult", "aodAzResult", "snrResult", "peakFracResult") for i in range(1, 6)
+    ]
+    for k in range(1, transmitters + 1):
+        with open(place / f"{name}_Tx_{k}_beam_search.csv", "w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(["rxPos_1", "rxPos_2", "rxPosInd_1", "rxPosInd_2", "linkState", *columns])
+            for row in range(200):
+                state = row % 4
+                snr = np.sort(rng.uniform(0, 5, 5))[::-1] + np.array([(0, 45, 30, 15)[state] - 5, 0, 0, 0, 0])
+                values = np.concatenate([rng.uniform(-180, 180, 10), snr, rng.uniform(3, 20, 5)]) * (
+                    state > 0
+                )
+                writer.writerow([row, -1, row + 1, 1, state, *values.round(3)])
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    rng = np.random.default_rng(0)
+    root = tmp_path_factory.mktemp("measurements")
+    for name in ("Abel", "Berta", "Carl"):
+        write_building(root / "train", name, 2, rng)
+    write_building(root / "test", "Dora", 1, rng)
+    return root
+
+
+def run(folders, out, *more):
+    main([*f"train link-state --data {folders}/train --epochs 3 --members 2 --out {out}".split(), *more])
+
+
+def test_the_whole_run(folders, tmp_path, capsys):
+    """The last line is the accuracy, the confusion matrix above it; what is written answers as was scored."""
+    run(folders, tmp_path / "out", "--test", str(folders / "test"), "--epochs", "40", "--members", "1")
+    lines = capsys.readouterr().out.strip().splitlines()
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert lines[-1] == f"test accuracy {result['test']['accuracy']:.4f} (200 links)"
+    above = "\n".join(lines[-9:-1])
+    assert "test buildings: Dora" in above
+    assert "true / told" in above
+    assert result["test"]["accuracy"] > 0.8
+    assert np.sum(result["test"]["confusion"]) == 200
+    assert result["test"]["confusion"][0] == [50, 0, 0, 0]
+    assert len(result["validation"]["fold0"]["accuracy_by_building"]) == 1
+    classifier = load_classifier(tmp_path / "out" / "link-state.safetensors")
+    assert len(classifier.networks) == 1
+    assert classifier.card["recipe"]["epochs"] == 40
+    assert {"curves.png", "test.png", "fold0.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+
+
+def test_workers_and_interruptions_change_nothing(folders, tmp_path, capsys):
+    """Weights byte for byte: by two processes, and again by one from what an interruption left."""
+    run(folders, tmp_path, "--workers", "2", "--model", "reference")
+    assert "validation accuracy" in capsys.readouterr().out.strip().splitlines()[-1]
+    weights = (tmp_path / "link-state.safetensors").read_bytes()
+    for lost in ("link-state.safetensors", "jobs/all-1.pt", "jobs/fold0-0.pt"):
+        (tmp_path / lost).unlink()
+    run(folders, tmp_path, "--workers", "1", "--model", "reference")
+    assert (tmp_path / "link-state.safetensors").read_bytes() == weights
+
+
+def test_a_baseline_without_departures(folders, tmp_path):
+    run(folders, tmp_path, "--model", "huang", "--no-aod", "--no-peak", "--workers", "1", "--members", "1")
+    classifier = load_classifier(tmp_path / "link-state.safetensors")
+    assert classifier.inputs == ("aoa", "snr")
+    assert classifier.predict(np.zeros((1, 5)), np.full((1, 5), -np.inf)).tolist() == [[1, 0, 0, 0]]
+
+
+def test_what_cannot_be_is_told(folders, tmp_path, capsys):
+    for more, message in (
+        (["--folds", "0"], "nothing would be scored"),
+        (["--of", "4"], "4 folds asked for"),
+        (["--of", "1", "--folds", "1"], "leaves none to train on"),
+        (["--workers", "0"], "workers is 0"),
+        (["--folds", "4"], "folds is 4, expected 0 to 3"),
+    ):
+        with pytest.raises(SystemExit) as stop:
+            run(folders, tmp_path, *more)
+        assert stop.value.code == 2
+        assert message in " ".join(capsys.readouterr().err.split())
+
+
+def test_folds_part_the_buildings():
+    assert sorted(i for part in deal(18, 3) for i in part) == list(range(18))
+    assert [len(part) for part in deal(7, 3)] == [3, 2, 2]
