@@ -206,10 +206,10 @@ def test_the_flat_pass_draws_what_pyrender_draws():
 
     It compiles its shaders once for its three frames. Stock pyrender on OSMesa does so for every frame.
     """
-    import pyrender
-
     building, config = flat(), CameraConfig()
     with make_camera([shaded_mesh(building)], config) as camera:
+        import pyrender  # a camera first: it binds PyOpenGL to OSMesa
+
         T = poses(building, config, 1)[0]
         camera.render_depth(T)
         theirs = [camera.render_scene(T, pyrender.RenderFlags.FLAT) for _ in range(3)][-1]
@@ -224,10 +224,10 @@ def test_the_flat_pass_draws_what_pyrender_draws():
 
 def test_pyrender_can_light_the_scene():
     """With a lamp added to the scene, pyrender's shaded mode draws; the flat pictures before and after are equal."""
-    import pyrender
-
     T = camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
     with make_camera([room()], CameraConfig()) as camera:
+        import pyrender  # a camera first: it binds PyOpenGL to OSMesa
+
         before, dark = camera.render(T), camera.render_scene(T)
         lamp = np.eye(4)
         lamp[:3, 3] = np.array([0.0, 0.0, 2.0]) - camera.origin
