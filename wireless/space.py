@@ -160,7 +160,9 @@ def _bend(
                     before = near.order[w]
                     near_z, near_m = sight[j, 0], sight[j, 1]
                     z = (near_z * far_m + far_z * near_m) / (near_m + far_m)
-                    if before + after > orders or z < -NEAR_M or z > end + NEAR_M:
+                    if before + after > orders:  # views come by order
+                        break
+                    if z < -NEAR_M or z > end + NEAR_M:
                         continue
                     if count[r] == keep:
                         most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
