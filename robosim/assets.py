@@ -1,4 +1,4 @@
-"""Where the files that come with this package lie: floor plans to try things on."""
+"""Where the files that come with this package lie: floor plans to try things on, weights of what was learnt."""
 
 from pathlib import Path
 
@@ -13,3 +13,12 @@ def assets_dir() -> Path:
 def shipped_plans() -> dict[str, Path]:
     """Names of the shipped floor plans and the ROS map YAML file of each, in alphabetical order."""
     return {path.stem: path for path in sorted((assets_dir() / "plans").glob("*.yaml"))}
+
+
+def shipped_weights() -> dict[str, Path]:
+    """Names of the shipped classifiers of link states and the weights of each, in alphabetical order."""
+    folder = assets_dir() / "weights"
+    return {
+        path.stem.removeprefix("link-state-"): path
+        for path in sorted(folder.glob("link-state-*.safetensors"))
+    }

@@ -7,6 +7,7 @@ the scores take each building's temperature from other buildings.
 
 import time
 from dataclasses import asdict, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,7 @@ def train_link_state(
     of: int,
     members: int,
     workers: int,
+    command: str,
     console: Console,
 ) -> dict[str, Any]:
     """Train, score and write a classifier.
@@ -51,6 +53,7 @@ def train_link_state(
         of: How many folds the buildings are dealt into.
         members: Networks of a classifier.
         workers: Processes.
+        command: What was asked for, for the card.
         console: Where to print.
 
     Returns:
@@ -83,6 +86,7 @@ def train_link_state(
         ]
         for name, part in held.items()
     }
+    fresh = not list(out.glob("jobs/*.pt"))
     trained = run_jobs([job for group in jobs.values() for job in group], workers, console)
     made = {
         name: LinkStateClassifier(
@@ -100,6 +104,7 @@ def train_link_state(
         {f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links, out, console
     )
     card: dict[str, Any] = {
+        "command": command,
         "data": f"{data.name}: {', '.join(links.names)}",
         "links": len(links.state),
         "recipe": asdict(recipe),
@@ -107,7 +112,9 @@ def train_link_state(
         "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
         "validation": validation,
         "single_call_ms": _call_ms(final, links),
-        "seconds": round(time.perf_counter() - start, 1),
+        # A run that goes on does not know how long the first part took.
+        "seconds": round(time.perf_counter() - start, 1) if fresh else None,
+        "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
     }
     if test is not None:
         there = read_links(test)

@@ -14,7 +14,7 @@ def link_state(
     aod: bool = True,
     peak: bool = True,
     epochs: int | None = None,
-    members: int | None = None,
+    members: int = 1,
     folds: int = 1,
     of: int = 3,
     seed: int = 0,
@@ -37,7 +37,7 @@ def link_state(
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
         peak: Whether heights of peaks are used.
         epochs: Passes over the links; the model's own number if not given.
-        members: Networks whose probabilities are averaged; the model's own number if not given.
+        members: Networks whose probabilities are averaged.
         folds: Folds to hold out, one after the other; 0 trains on all buildings only.
         of: Folds that the buildings are dealt into.
         seed: Seed of the first network.
@@ -47,7 +47,7 @@ def link_state(
     if folds < 0 or folds > of:
         raise ValueError(f"folds is {folds}, expected 0 to {of}, the number of folds that there are.")
     for name, value in (("workers", workers), ("members", members)):
-        if value is not None and value < 1:
+        if value < 1:
             raise ValueError(f"{name} is {value}, expected at least 1.")
     from dataclasses import replace
 
@@ -56,6 +56,11 @@ def link_state(
 
     recipe = default_recipe(model)
     inputs = ("aoa", *(("aod",) if aod else ()), "snr", *(("peak",) if peak else ()))
+    command = (
+        f"robosim train link-state --data {data.name} --model {model} {'--aod' if aod else '--no-aod'} "
+        f"{'--peak' if peak else '--no-peak'} --epochs {epochs or recipe.epochs} --members {members} "
+        f"--folds {folds} --of {of} --seed {seed}"
+    )
     folder = folder_for(out, "train-link-state")
     card = train_link_state(
         data,
@@ -64,8 +69,9 @@ def link_state(
         test=test,
         folds=folds,
         of=of,
-        members=members or (3 if model == "ours" else 1),
+        members=members,
         workers=workers,
+        command=command,
         console=console,
     )
     console.print(f"Wrote the classifier, its card and pictures in {folder}")

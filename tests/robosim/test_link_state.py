@@ -1,0 +1,38 @@
+"""Shipped classifiers of link states: they load by name and know the plain cases."""
+
+import numpy as np
+import pytest
+
+from robosim.assets import shipped_weights
+from robosim.link_state import read_classifier
+
+
+def test_what_is_shipped():
+    assert "public" in shipped_weights()
+
+
+def test_plain_cases():
+    """Sharp peaks with a strong path along one line: LOS. Estimates of noise: higher order. Both over 0.9."""
+    aoa = np.radians([[20.0, 95, -60, 140, -100]] * 3)
+    aod = np.radians([[-157.5, 90, -120, 45, -82.5]] * 3)
+    snr = np.array([[52.0, 35, 28, 22, 18], [1.5, 1.2, 1.0, 0.7, 0.5], [-np.inf] * 5])
+    peak = np.array([[22.0, 18, 17, 16, 15], [3.5, 3.4, 3.3, 3.3, 3.2], [0.0] * 5])
+    told = read_classifier("public").predict(aoa, snr, aod_rad=aod, peak=peak)
+    assert told.shape == (3, 4)
+    assert told[0, 1] > 0.9
+    assert told[1, 3] > 0.9
+    assert told[2].tolist() == [1, 0, 0, 0]
+
+
+def test_the_card_says_how_it_was_made():
+    card = read_classifier("public").card
+    assert card["command"].startswith("robosim train link-state")
+    assert len(card["validation"]["fold0"]["accuracy_by_building"]) == 6
+    assert card["validation"]["fold0"]["calibration_error"] < 0.02
+
+
+def test_a_name_that_is_not_there():
+    with pytest.raises(
+        ValueError, match=r"classifier is 'best', expected a \.safetensors file or one of public"
+    ):
+        read_classifier("best")
