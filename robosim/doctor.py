@@ -45,7 +45,7 @@ def examine() -> list[Finding]:
         _check("pyrender on OSMesa", _camera("osmesa"), "apt-get install libosmesa6", needed=False),
         _check("pyrender on EGL", _camera("egl"), "apt-get install libegl1 libgl1-mesa-dri", needed=False),
         _check("opencv ArUco", _aruco, "pip install 'opencv-python-headless>=4.10'"),
-        _check("fast marching", _fast_marching, "pip install eikonalfm"),
+        _check("fast marching", _fast_marching, "pip install 'numba>=0.61'"),
         _check("video (H.264)", _video, "pip install 'av>=14'"),
         _check("torch", _torch, "pip install torch (the CPU build is enough)", needed=False),
     ]
@@ -175,11 +175,11 @@ def _aruco() -> str:
 
 
 def _fast_marching() -> str:
-    import eikonalfm
+    from slam.marching import march
 
     speed = np.ones((240, 240))
-    rate = _rate(lambda: eikonalfm.fast_marching(speed, (120, 120), (1.0, 1.0), 1))
-    return f"{_version('eikonalfm')}, {1000 / rate:.1f} ms for 240 x 240 cells"
+    rate = _rate(lambda: march(speed, (120, 120), 1.0))
+    return f"{_version('numba')}, {1000 / rate:.1f} ms for 240 x 240 cells"
 
 
 def _video() -> str:

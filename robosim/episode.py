@@ -5,6 +5,7 @@ the loop one part of the system. The mapper never sees the true pose, and only t
 """
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,6 +14,7 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
 from robosim.goals import GoalName, GoalPolicy, make_policy
+from robosim.interrupt import noted_interrupt
 from robosim.navigation import make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
@@ -66,8 +68,7 @@ def run_episode(
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
 
-    An interrupt (Ctrl-C) ends the episode early; what was done until then is returned. One before the first look
-    is passed on, as nothing was done.
+    Ctrl-C ends the episode after the step that is under way; what was done until then is returned.
 
     Args:
         building: Where.
@@ -88,18 +89,17 @@ def run_episode(
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
 
-    view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
-    mapper.reset(task.start)
-    estimate = mapper.estimate()
-    action = None
-    try:
+    with closing(simulator), noted_interrupt() as interrupt:
+        view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
+        mapper.reset(task.start)
+        action = None
         while True:
             with watch.stage("mapper"):
                 estimate = mapper.update(view.depth, action, view.odometry)
             with watch.stage("judging"):
                 coverage.update(simulator.pose, view.depth)
                 log.see(simulator.pose, estimate.pose, coverage.fraction)
-                log.ended = _verdict(log, policy, config)
+                log.ended = "interrupted" if interrupt.asked else _verdict(log, policy, config)
             if log.ended != "running":
                 break
             with watch.stage("goal"):
@@ -113,12 +113,6 @@ def run_episode(
             on_decision(Decision(log, view, estimate, goal, plan))
             view, motion = simulator.step(action)
             log.motions.append(motion)
-    except KeyboardInterrupt:
-        if not log.poses:
-            raise
-        log.ended = "interrupted"
-    finally:
-        simulator.close()
     return log, estimate
 
 

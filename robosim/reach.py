@@ -10,7 +10,6 @@ hull, which the sampling may close.
 from dataclasses import dataclass
 from functools import cached_property
 
-import eikonalfm
 import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
@@ -18,13 +17,10 @@ from scipy import ndimage
 
 from robosim.building import Building
 from robosim.floorplan import FloorPlan
+from slam.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
-
-#: Speed of the front in cells that the hull cannot be in, relative to one. Small enough that no way
-#: through a wall is shorter than the longest way round it.
-_WALL_SPEED = 1e-4
 
 
 @dataclass(frozen=True)
@@ -87,12 +83,9 @@ class Reach:
             max(columns[0] - 1, 0) : columns[-1] + 2,
         ]
         corner = (window[0].start, window[1].start)
-        speed = np.where(inside[window], 1.0, _WALL_SPEED)
         local = (int(start[0] - corner[0]), int(start[1] - corner[1]))
-        step = (self.plan.resolution_m, self.plan.resolution_m)
         travel = np.full(self.plan.shape, np.inf)
-        travel[window] = eikonalfm.fast_marching(speed, local, step, 2)
-        travel[~inside] = np.inf
+        travel[window] = march(inside[window].astype(float), local, self.plan.resolution_m)
         return travel
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:

@@ -43,8 +43,8 @@ class EpisodeLog:
 
     @property
     def steps(self) -> int:
-        """Actions done and seen through; an interrupt may fall between an action and the look after it."""
-        return min(len(self.motions), max(len(self.poses) - 1, 0))
+        """Actions done."""
+        return len(self.motions)
 
     @property
     def arrived(self) -> bool:
@@ -99,7 +99,7 @@ class EpisodeLog:
         """Simulated time at each pose [s]."""
         # evo asks for increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
-        return np.concatenate([[0.0], np.cumsum(steps)])[: len(self.poses)]
+        return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _write_tum(path: Path, times: Float[np.ndarray, "n"], poses: Float[np.ndarray, "n 3"]) -> None:

@@ -2,22 +2,17 @@
 
 The time T to reach a source obeys the eikonal equation |grad T| = s, with s the cost of a metre in each cell. Fast
 marching solves it in one sweep, without the 8 % error of a shortest path over neighbouring cells.
-Walls are cells so slow that no detour is longer than one of them; where T exceeds such a crossing,
-there is no way.
-Reference: Sethian, A fast marching level set method, PNAS 93(4), 1996; solver: eikonalfm, second order.
+Reference: Sethian, A fast marching level set method, PNAS 93(4), 1996.
 """
 
 import math
 from dataclasses import dataclass
 
-import eikonalfm
 import numpy as np
 from jaxtyping import Bool, Float
 
 from slam.grid import GridFrame
-
-#: Cost of a metre through a wall. A way as long as the crossing of one cell (1 km at 0.05 m) counts as none.
-WALL_COST = 2e4
+from slam.marching import march
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -107,10 +102,7 @@ def travel_time(
     ny, nx = frame.shape
     if not (0 <= source[0] < ny and 0 <= source[1] < nx):
         raise ValueError(f"source = {source}, expected a cell of the {ny} x {nx} grid.")
-    speed = np.where(passable, 1.0 / cost, 1.0 / WALL_COST)
+    speed = np.where(passable, 1.0 / cost, 0.0)
     speed[source] = 1.0 / float(cost[source])
-    cell = frame.resolution_m
-    time = eikonalfm.fast_marching(speed, source, (cell, cell), 2)
-    time[(time > 0.25 * WALL_COST * cell) | ~passable] = np.inf
-    time[source] = 0.0
+    time = march(speed, source, frame.resolution_m)
     return TravelTime(frame=frame, cost_m=time, cost_per_m=np.where(passable, cost, np.inf))

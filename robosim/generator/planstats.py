@@ -19,7 +19,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 import cv2
-import eikonalfm
 import numpy as np
 from jaxtyping import Bool, Float
 from matplotlib.axes import Axes
@@ -28,6 +27,7 @@ from scipy.stats import ks_2samp
 
 from robosim.floorplan import FloorPlan
 from robosim.generator.rooms import clearance, find_rooms, largest_piece
+from slam.marching import march
 
 #: Smaller islands are specks of the raster rather than things [m2].
 SMALLEST_THING_M2 = 0.02
@@ -215,11 +215,11 @@ def _isovists_m2(floor: np.ndarray, resolution_m: float) -> np.ndarray:
 
 def _detour(floor: np.ndarray, resolution_m: float) -> float:
     """Mean of path length over straight distance, over pairs of places at least a metre apart."""
-    speed = np.where(np.pad(floor, 1), 1.0, 1e-4)
-    places = _places(floor, N_VIEWS) + 1
+    speed = floor.astype(float)
+    places = _places(floor, N_VIEWS)
     ratios = []
     for source in places[:: N_VIEWS // N_SOURCES][:N_SOURCES]:
-        path = eikonalfm.fast_marching(speed, tuple(int(i) for i in source), (1.0, 1.0), 2)[*places.T]
+        path = march(speed, (int(source[0]), int(source[1])), 1.0)[*places.T]
         straight = np.hypot(*(places - source).T)
         far = straight * resolution_m >= 1.0
         ratios.append(path[far] / straight[far])

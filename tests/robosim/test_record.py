@@ -81,14 +81,6 @@ def test_evo_reads_the_trajectories_and_agrees_on_the_error(tmp_path):
     assert yaw == pytest.approx(np.linspace(0, 1, 4), abs=1e-6)
 
 
-def test_an_interrupt_between_action_and_look_leaves_a_valid_log(tmp_path):
-    log = _log([(0, 0), (1, 0)], (9, 9), 12)
-    log.motions.append(_motion(np.zeros(3)))
-    assert log.result()["steps"] == 1
-    log.save_trajectories(tmp_path)
-    assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == 2
-
-
 def test_json_takes_arrays_and_has_no_nan(tmp_path):
     write_json(
         tmp_path / "a.json", {"x": np.arange(2), "nan": float("nan"), "deep": [{"y": np.float32(0.5)}]}
