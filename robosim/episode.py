@@ -13,7 +13,8 @@ from jaxtyping import Float
 
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
-from robosim.goals import GoalName, GoalPolicy, make_policy
+from robosim.goals import GoalName, GoalPolicy, Moment, make_policy
+from robosim.hearing import Heard, Listener
 from robosim.interrupt import noted_interrupt
 from robosim.navigation import make_navigator
 from robosim.reach import Reach
@@ -39,6 +40,8 @@ class EpisodeConfig:
     """How the plan becomes a building."""
     simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
     """What is simulated."""
+    link_states: str = "public"
+    """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
 
     def __post_init__(self) -> None:
         if self.max_steps < 1:
@@ -54,6 +57,7 @@ class Decision:
     log: EpisodeLog
     view: Observation
     estimate: MapEstimate
+    heard: Heard | None
     goal: Float[np.ndarray, "2"]
     plan: Plan
 
@@ -83,9 +87,10 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    simulator = Simulator(building, config.simulator, watch)
     mapper, planner, controller, explorer = make_navigator(config.simulator)
     policy = make_policy(config.goal, task, explorer)
+    simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
+    listener = Listener(simulator.radio, config.link_states) if simulator.radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
 
@@ -102,15 +107,18 @@ def run_episode(
                 log.ended = "interrupted" if interrupt.asked else _verdict(log, policy, config)
             if log.ended != "running":
                 break
+            with watch.stage("link state"):
+                heard = listener.hear(view.heard, estimate.pose) if listener else None
+                log.hear(heard, simulator.radio)
             with watch.stage("goal"):
-                goal = policy.goal(estimate)
+                goal = policy.goal(Moment(estimate, heard, view.target))
             if goal is None:
                 log.ended = "explored"
                 break
             with watch.stage("planner"):
                 plan = planner.plan(estimate, goal)
                 action = controller.act(estimate.pose, plan)
-            on_decision(Decision(log, view, estimate, goal, plan))
+            on_decision(Decision(log, view, estimate, heard, goal, plan))
             view, motion = simulator.step(action)
             log.motions.append(motion)
     return log, estimate

@@ -1,19 +1,53 @@
 """Goal policies: where the robot wants to be, given what it knows.
 
-A policy sees the map and the pose that the robot has estimated, never the truth. The oracle is the exception
-by name: it is handed the target, and is the bar that the others' arrival times are measured against.
+A policy is handed a `Moment`: the map and pose that the robot has estimated, what its radio heard, where its camera
+saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar that
+the others' arrival times are measured against. All policies are asked once a decision, and all arrive by one rule.
+
+    oracle         knows the target
+    explore        goes where the map ends; does not look for the target
+    visual         explores until the camera sees the target, then goes there
+    snr            follows the strongest path wherever there is one that is strong enough, else explores
+    los            follows it where the link state is line of sight
+    los-or-first   follows it where the link state is line of sight or first order: the published system
+
+Reference: arXiv 2110.14789 for the last four.
 """
 
+from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
+from robosim.arrival import FollowArrival
+from robosim.hearing import Heard
 from robosim.tasks import Task
 from slam.exploration import FrontierExplorer
 from slam.grid import MapEstimate
+from slam.poses import to_map
+from wireless.paths import LinkState
 
-GoalName = Literal["oracle", "explore"]
+GoalName = Literal["oracle", "explore", "visual", "snr", "los", "los-or-first"]
+
+#: Link states in which a policy follows the strongest path.
+_TRUSTED: dict[str, tuple[LinkState, ...]] = {
+    "snr": (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER),
+    "los": (LinkState.LOS,),
+    "los-or-first": (LinkState.LOS, LinkState.FIRST_ORDER),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """What a robot knows when it chooses a goal."""
+
+    estimate: MapEstimate
+    """Map and pose."""
+    heard: Heard | None = None
+    """What its radio heard; None without a radio."""
+    target: Float[np.ndarray, "2"] | None = None
+    """Where its camera sees the target now: x ahead, y left [m]."""
 
 
 @runtime_checkable
@@ -22,8 +56,12 @@ class GoalPolicy(Protocol):
 
     #: Whether the policy looks for the target, so that an episode ends on arrival.
     seeks_target: bool
+    #: Whether it needs the radio.
+    listens: bool
+    #: Whether it needs the target recognised in pictures.
+    looks: bool
 
-    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
         ...
 
@@ -31,12 +69,12 @@ class GoalPolicy(Protocol):
 class Oracle:
     """Knows where the target is."""
 
-    seeks_target = True
+    seeks_target, listens, looks = True, False, False
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
 
-    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
         """The target."""
         return self._target
 
@@ -44,14 +82,47 @@ class Oracle:
 class Explore:
     """Goes where the map ends, until it ends nowhere."""
 
-    seeks_target = False
+    seeks_target, listens, looks = False, False, False
 
     def __init__(self, explorer: FrontierExplorer) -> None:
         self._explorer = explorer
 
-    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
         """A frontier, or None when all that can be reached is explored."""
-        return self._explorer.goal(estimate)
+        return self._explorer.goal(moment.estimate)
+
+
+class Visual:
+    """Explores until the target is seen, then goes to where it was seen last."""
+
+    seeks_target, listens, looks = True, False, True
+
+    def __init__(self, explorer: FrontierExplorer) -> None:
+        self._explorer = explorer
+        self._seen: np.ndarray | None = None
+
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+        """The target if it was ever seen, else a frontier."""
+        if moment.target is not None:
+            self._seen = to_map(moment.estimate.pose, moment.target)
+        return self._explorer.goal(moment.estimate) if self._seen is None else self._seen
+
+
+class Wireless:
+    """Follows the strongest path in trusted link states, and explores in others."""
+
+    seeks_target, listens, looks = True, True, False
+
+    def __init__(self, explorer: FrontierExplorer, trusted: tuple[LinkState, ...]) -> None:
+        self._explorer = explorer
+        self._follow = FollowArrival(trusted)
+
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+        """A point along the strongest path, or a frontier."""
+        if moment.heard is None:
+            raise ValueError("This policy needs what the radio heard, but there is no radio.")
+        ahead = self._follow.goal(moment.heard, moment.estimate.pose)
+        return self._explorer.goal(moment.estimate) if ahead is None else ahead
 
 
 def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalPolicy:
@@ -64,4 +135,8 @@ def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalP
         return Oracle(task.target)
     if name == "explore":
         return Explore(explorer)
-    raise ValueError(f"Unknown goal policy {name!r}. Known: oracle, explore.")
+    if name == "visual":
+        return Visual(explorer)
+    if name in _TRUSTED:
+        return Wireless(explorer, _TRUSTED[name])
+    raise ValueError(f"Unknown goal policy {name!r}. Known: oracle, explore, visual, {', '.join(_TRUSTED)}.")

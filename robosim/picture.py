@@ -9,8 +9,10 @@ import shapely
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
+from robosim.hearing import Heard
 from robosim.tasks import Task
 from slam.grid import MapEstimate
+from wireless.paths import LinkState
 
 HEIGHT = 384
 _BAR = 32
@@ -26,6 +28,15 @@ TRUE_GREEN = (0, 158, 115)
 ESTIMATE_ORANGE = (230, 159, 0)
 PATH_PURPLE = (204, 121, 167)
 TARGET_RED = (213, 94, 0)
+#: Colour of each link state: outage, line of sight, first order, higher order.
+STATE_COLOURS = {
+    LinkState.OUTAGE: (120, 120, 120),
+    LinkState.LOS: (0, 158, 115),
+    LinkState.FIRST_ORDER: (0, 114, 178),
+    LinkState.HIGHER_ORDER: (213, 94, 0),
+}
+#: Length of the strongest arrival's arrow [m].
+ARRIVAL_M = 1.5
 _PALETTE = np.zeros((256, 1, 3), np.uint8)
 _PALETTE[:4, 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
 
@@ -66,6 +77,7 @@ class Picture:
         *,
         goal: Float[np.ndarray, "2"] | None = None,
         path: Float[np.ndarray, "n 2"] | None = None,
+        heard: Heard | None = None,
         text: str = "",
     ) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one decision.
@@ -77,6 +89,7 @@ class Picture:
             estimate: The map built so far, and the estimated pose; none shows the true walls alone.
             goal: Where the robot wants to go.
             path: How it means to get there.
+            heard: What its radio heard: an arrow for each path from where it comes, thicker for stronger ones.
             text: A line below.
         """
         self._true = np.concatenate([self._true, self._fixed(pose[None, :2])])
@@ -90,6 +103,8 @@ class Picture:
         cv2.polylines(canvas, [self._estimated], False, ESTIMATE_ORANGE, 1, cv2.LINE_AA, _SHIFT)
         if path is not None and len(path) > 1:
             cv2.polylines(canvas, [self._fixed(path)], False, PATH_PURPLE, 1, cv2.LINE_AA, _SHIFT)
+        if heard is not None:
+            self._draw_arrivals(canvas, heard)
         if goal is not None:
             cv2.drawMarker(canvas, self._pixel(goal), PATH_PURPLE, cv2.MARKER_CROSS, 10, 2)
         cv2.drawMarker(canvas, self._pixel(self._target), TARGET_RED, cv2.MARKER_STAR, 12, 2)
@@ -100,6 +115,16 @@ class Picture:
         baseline = (8, HEIGHT + _BAR - 11)
         cv2.putText(image, text, baseline, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
         return image
+
+    def _draw_arrivals(self, canvas: np.ndarray, heard: Heard) -> None:
+        """Arrows along the estimated arrivals, in the colour of the link state; the strongest thickest."""
+        colour = STATE_COLOURS[heard.state]
+        at = self._pixel(heard.pose[:2])
+        for i in range(len(heard.aoa_rad))[::-1]:
+            angle, below_db = heard.aoa_rad[i], heard.snr_db[0] - heard.snr_db[i]
+            reach = ARRIVAL_M * max(1.0 - below_db / 40.0, 0.25)
+            tip = self._pixel(heard.pose[:2] + reach * np.array([np.cos(angle), np.sin(angle)]))
+            cv2.arrowedLine(canvas, at, tip, colour, 2 if i == 0 else 1, cv2.LINE_AA, tipLength=0.15)
 
     def _camera(self, rgb: np.ndarray, depth: np.ndarray) -> np.ndarray:
         view = cv2.resize(rgb, (HEIGHT, HEIGHT), interpolation=cv2.INTER_LINEAR)

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.building import BuildingConfig, make_building
+from robosim.building import Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.receivers import check_height
 from wireless.dataset import mesh_digest
@@ -47,6 +47,21 @@ class RadioConfig:
         return -np.inf if self.threshold_dbm is None else self.threshold_dbm - self.tx_power_dbm
 
 
+def make_tracer(building: Building, frequency_hz: float, config: TracerConfig) -> Tracer:
+    """A tracer of a building.
+
+    Raises:
+        ValueError: If a material is unknown at this frequency.
+    """
+    return Tracer(
+        building.mesh,
+        materials=building.materials,
+        face_material=building.face_material.astype(np.int64),
+        frequency_hz=frequency_hz,
+        config=config,
+    )
+
+
 class RadioScene:
     """The building of a plan, ready for tracing.
 
@@ -63,13 +78,7 @@ class RadioScene:
         self.config = config
         self.building = make_building(plan, config=config.building)
         self.face_material = self.building.face_material.astype(np.int64)
-        self.tracer = Tracer(
-            self.building.mesh,
-            materials=self.building.materials,
-            face_material=self.face_material,
-            frequency_hz=config.frequency_hz,
-            config=config.tracer,
-        )
+        self.tracer = make_tracer(self.building, config.frequency_hz, config.tracer)
 
     @property
     def digest(self) -> str:

@@ -7,14 +7,31 @@ TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo re
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.files import whole_file
+from robosim.hearing import Heard
+from robosim.radio import RadioLink
 from robosim.tasks import ARRIVAL_M, Task
 from robosim.world import Motion
+from slam.poses import wrap
+from wireless.paths import LinkState
+
+
+class Link(NamedTuple):
+    """One measurement of the radio, for judging."""
+
+    state: LinkState
+    """True link state."""
+    believed: LinkState
+    """The state taken to be most probable."""
+    snr_db: float
+    """Of the strongest estimated path; -inf if none was found."""
+    aoa_error_rad: float
+    """Between the strongest estimated and the strongest true path in `map`; NaN if either is missing."""
 
 
 @dataclass(eq=False)
@@ -30,6 +47,8 @@ class EpisodeLog:
     """What each action did."""
     coverage: list[float] = field(default_factory=list)
     """Part of the reachable floor seen, at each pose."""
+    links: list[Link] = field(default_factory=list)
+    """What the radio heard at each decision, if there is one."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
@@ -40,6 +59,20 @@ class EpisodeLog:
         self.poses.append(np.array(pose))
         self.estimates.append(np.array(estimate))
         self.coverage.append(coverage)
+
+    def hear(self, heard: Heard | None, radio: RadioLink | None) -> None:
+        """Add what the radio heard, beside the truth; nothing without a radio."""
+        if heard is None or radio is None:
+            return
+        found = len(heard.snr_db) > 0
+        self.links.append(
+            Link(
+                state=radio.state,
+                believed=heard.state,
+                snr_db=float(heard.snr_db[0]) if found else -np.inf,
+                aoa_error_rad=abs(wrap(float(heard.aoa_rad[0]) - radio.bearing)) if found else np.nan,
+            )
+        )
 
     @property
     def steps(self) -> int:
@@ -87,7 +120,23 @@ class EpisodeLog:
             "start": self.task.start,
             "target": self.task.target,
             "simulated_s": float(self._times()[-1]),
+            **self._radio_result(),
         }
+
+    def _radio_result(self) -> dict[str, Any]:
+        """How well link states and directions were known on the way."""
+        if not self.links:
+            return {}
+        result: dict[str, Any] = {
+            "link_state_accuracy": np.mean([link.state == link.believed for link in self.links])
+        }
+        for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
+            name = state.name.lower()
+            mine = [link for link in self.links if link.state == state]
+            result[f"{name}_share"] = len(mine) / len(self.links)
+            near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
+            result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
+        return result
 
     def save_trajectories(self, folder: Path) -> None:
         """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""

@@ -120,6 +120,7 @@ def _draw(picture: Picture, decision: Decision, text: str) -> np.ndarray:
         decision.estimate,
         goal=decision.goal,
         path=None if decision.plan is None else decision.plan.path,
+        heard=decision.heard,
         text=text,
     )
 
@@ -128,7 +129,10 @@ def _status(decision: Decision) -> str:
     log = decision.log
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
-    return f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
+    text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
+    if decision.heard is None:
+        return text
+    return f"{text}, {decision.heard.state.name.lower().replace('_', ' ')}"
 
 
 def _progress(console: Console) -> Progress:

@@ -12,9 +12,11 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
-from robosim.camera import Camera, CameraConfig, camera_pose, make_camera
+from robosim.camera import RGBD, Camera, CameraConfig, camera_pose, make_camera
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
+from robosim.radio import RadioLink, RadioLinkConfig
+from robosim.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
 from robosim.rendering.shading import shaded_mesh
 from robosim.robot import RobotConfig
 from robosim.stopwatch import Stopwatch
@@ -23,6 +25,7 @@ from robosim.tasks import Task
 from robosim.world import Motion, World
 from slam.actions import Action
 from slam.poses import between
+from wireless.estimates import PathEstimates
 
 Physics = Literal["dynamic", "kinematic"]
 CameraEngine = Literal["pyrender", "embree"]
@@ -42,6 +45,10 @@ class SimulatorConfig:
     """The robot's body."""
     noise: NoiseModel = field(default_factory=NoiseModel)
     """Actuation and odometry noise."""
+    radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
+    """How the target sends and the robot listens."""
+    recognition: Recognition = "marker"
+    """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +60,33 @@ class Observation:
     """Metres along the camera's axis; 0 where nothing was hit."""
     odometry: Float[np.ndarray, "3"]
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
+    heard: PathEstimates | None = None
+    """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
+    target: Float[np.ndarray, "2"] | None = None
+    """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
 
 
 class Simulator:
     """One robot in one building."""
 
     def __init__(
-        self, building: Building, config: SimulatorConfig | None = None, watch: Stopwatch | None = None
+        self,
+        building: Building,
+        config: SimulatorConfig | None = None,
+        watch: Stopwatch | None = None,
+        *,
+        listens: bool = False,
+        looks: bool = False,
     ) -> None:
-        """Build the scene: the walls' collision shapes, and the picture of the building with its light."""
+        """Build the scene: the walls' collision shapes, and the picture of the building with its light.
+
+        Args:
+            building: Where.
+            config: What is simulated.
+            watch: Collects the time by stage.
+            listens: Whether the robot has a radio.
+            looks: Whether the target is looked for in pictures.
+        """
         self.building = building
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
@@ -69,15 +94,22 @@ class Simulator:
             kind = World if self.config.physics == "dynamic" else KinematicWorld
             self.world = kind(building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
+            self.radio = RadioLink(building, self.config.radio) if listens else None
+        image, perfect = self.config.image, self.config.recognition == "perfect"
+        self._oracle_eye = PerfectRecogniser(image) if looks and perfect else None
+        self._marker_eye = MarkerRecogniser(image) if looks and not perfect else None
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
-        self._rng = np.random.default_rng()
+        self._rng = self._radio_rng = np.random.default_rng()
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
+        self._radio_rng = rng.spawn(1)[0]  # of its own: whether there is a radio changes no other noise
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
+        if self.radio is not None:
+            self.radio.place(task.target)
         self.world.reset(task.start)
         return self._observe(np.zeros(3))
 
@@ -118,7 +150,18 @@ class Simulator:
             raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
             frame = self._camera.render(camera_pose(self.pose, self.config.image))
-        return Observation(frame.rgb, frame.depth, odometry)
+        with self.watch.stage("radio"):
+            heard = None if self.radio is None else self.radio.listen(self.pose, self._radio_rng)
+        with self.watch.stage("recognition"):
+            target = self._recognise(frame)
+        return Observation(frame.rgb, frame.depth, odometry, heard, target)
+
+    def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
+        if self._marker_eye is not None:
+            return self._marker_eye.find(frame.rgb)
+        if self._oracle_eye is not None:
+            return self._oracle_eye.find(frame.depth, self.pose, np.array(self._target))
+        return None
 
     def _place_target(self, target: np.ndarray) -> None:
         self.close()

@@ -30,6 +30,7 @@ from scipy.special import gammainccinv
 
 from wireless.blocks import available_cores
 from wireless.codebook import Terminal
+from wireless.estimates import PathEstimates
 from wireless.paths import Paths
 from wireless.sounding_draw import draw_windows, find_candidates
 
@@ -197,6 +198,15 @@ class Sounder:
     ) -> Complex[np.ndarray, "*batch beams"]:
         """Field of each transmit beam."""
         return self.tx.beam_response(azimuth_rad, elevation_rad)
+
+    def gain_db(self, paths: PathEstimates) -> Float[np.ndarray, "links paths"]:
+        """Power gain of estimated paths between isotropic antennas; -inf where there is none.
+
+        What both terminals' arrays add towards the paths is taken off their energy; waves are taken as level.
+        """
+        a = np.sum(np.abs(self.rx_response(paths.aoa_rad)) ** 2, axis=-1)
+        b = np.sum(np.abs(self.tx_response(paths.aod_rad)) ** 2, axis=-1)
+        return paths.snr_db - self.config.snr_per_gain_db - 10 * np.log10(a * b)
 
     def pulse(self, delay: Float[np.ndarray, "*batch"]) -> Complex[np.ndarray, "*batch"]:
         """Correlation of the waveform with itself, delayed by some samples: 1 at zero, 0 at other integers."""

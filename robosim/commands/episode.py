@@ -16,12 +16,15 @@ def episode(
     *,
     target: XY | None = None,
     start: Pose | None = None,
-    goal: Literal["oracle", "explore"] = "oracle",
+    goal: Literal["oracle", "explore", "visual", "snr", "los", "los-or-first"] = "oracle",
     seed: int = 0,
     physics: Literal["dynamic", "kinematic"] = "dynamic",
     camera: Literal["pyrender", "embree"] = "pyrender",
     robot: Literal["turtlebot", "locobot"] = "turtlebot",
     noise: float = 1.0,
+    radio: Literal["live", "cached"] = "live",
+    link_states: str = "public",
+    recognition: Literal["marker", "perfect"] = "marker",
     size: int = 128,
     max_steps: int = 1000,
     tolerance: float = 0.0,
@@ -41,12 +44,17 @@ def episode(
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
         target: Where the target stands [m], in the plan's frame; drawn from the seed if not given.
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
-        goal: Who chooses the goals. oracle knows the target; explore goes where the map ends.
+        goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
+            the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
+            one, in line of sight, or also where it is bent or reflected once.
         seed: Seed of everything random: task and noise.
         physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, much faster.
         camera: pyrender draws with OpenGL; embree casts rays, slower, and needs no OpenGL.
         robot: turtlebot has a hull of radius 0.10 m, locobot 0.18 m.
         noise: Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot.
+        radio: live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m.
+        link_states: Who tells link states: a shipped classifier by name, a .safetensors file, or "true".
+        recognition: How the camera knows the target: by its ArUco marker, or perfectly whenever it is in view.
         size: Width and height of the camera's pictures [pixels].
         max_steps: Actions before giving up.
         tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
@@ -58,12 +66,14 @@ def episode(
     from robosim.camera import CameraConfig
     from robosim.episode import EpisodeConfig
     from robosim.odometry import NoiseModel
+    from robosim.radio import RadioLinkConfig
     from robosim.robot import ROBOTS
     from robosim.run import record_episode
     from robosim.simulator import SimulatorConfig
 
     config = EpisodeConfig(
         goal=goal,
+        link_states=link_states,
         seed=seed,
         max_steps=max_steps,
         building=BuildingConfig(tolerance_m=tolerance),
@@ -73,6 +83,8 @@ def episode(
             image=CameraConfig(width=size, height=size),
             robot=ROBOTS[robot],
             noise=NoiseModel(level=noise),
+            radio=RadioLinkConfig(engine=radio),
+            recognition=recognition,
         ),
     )
     folder = folder_for(out, "episode")

@@ -47,6 +47,34 @@ def test_the_oracle_goes_through_the_door_to_the_target(physics, camera):
     assert result["position_error_last_m"] < 0.1
 
 
+@pytest.mark.parametrize("goal", ["snr", "los", "los-or-first", "visual"])
+def test_a_robot_that_listens_or_looks_finds_the_target(goal):
+    """From the other room, facing away; the way is 4.4 m, which the oracle drives in some 40 steps."""
+    config = EpisodeConfig(goal=goal, link_states="true", simulator=KINEMATIC, max_steps=300)
+    result = _run(config, start=START, target=TARGET).result()
+    assert result["ended"] == "arrived"
+    assert ("link_state_accuracy" in result) == (goal != "visual")
+    if goal != "visual":
+        assert result["link_state_accuracy"] == 1.0
+        assert result["los_aoa_within_5_deg"] > 0.9
+        assert result["steps"] < 120
+
+
+def test_a_radio_changes_no_other_noise():
+    """Two policies that choose the same goals drive alike, bit for bit, with a radio or without."""
+    without, listening = (
+        _run(
+            EpisodeConfig(goal=goal, link_states="true", simulator=KINEMATIC, max_steps=4),
+            start=np.array([2.5, 0.4, 2.0]),
+            target=TARGET,
+        )
+        for goal in ("visual", "los")
+    )
+    assert np.array_equal(without.poses, listening.poses)
+    assert len(listening.links) == 4
+    assert not without.links
+
+
 def test_exploration_sees_both_rooms_and_stops():
     """All that can be seen of two empty rooms is seen well before the steps are out."""
     result = _run(EpisodeConfig(goal="explore", simulator=KINEMATIC, max_steps=400)).result()

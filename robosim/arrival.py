@@ -1,0 +1,81 @@
+"""Following the strongest radio path: a goal a little ahead along its angle of arrival, where that can be trusted.
+
+As published: if the path is strong enough and the link state one of the trusted, the goal lies 0.6 m along the
+arrival; it is kept for some decisions, or until it is reached. A robot that dwells in one place all the same (the
+path comes through a wall, or from two sides in turn) leaves arrivals alone for a while, longer each time.
+
+Unlike the published scripts, one rule holds for all policies: no success radii or fall-backs of their own.
+Reference: arXiv 2110.14789.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.hearing import Heard
+from wireless.paths import LinkState
+
+
+@dataclass(frozen=True, kw_only=True)
+class FollowConfig:
+    """When and how far a path is followed."""
+
+    min_snr_db: float = 10.0
+    """Weaker paths are not followed."""
+    ahead_m: float = 0.6
+    """How far along the arrival the goal lies [m]."""
+    every: int = 10
+    """Decisions for which a goal is kept, if it is not reached before."""
+    reached_m: float = 0.2
+    """A goal this near is reached [m]."""
+    dwell_steps: int = 30
+    """Decisions within `dwell_m` of one place after which the robot dwells: more than a turn to any side takes."""
+    dwell_m: float = 0.5
+    """See above [m]."""
+    leave_steps: int = 50
+    """Decisions for which arrivals are left alone, the first time; as many more each time after."""
+
+
+class FollowArrival:
+    """Chooses goals along the strongest path, or none."""
+
+    def __init__(self, trusted: tuple[LinkState, ...], config: FollowConfig | None = None) -> None:
+        self._trusted, self._config = trusted, config or FollowConfig()
+        self._goal: np.ndarray | None = None
+        self._age = 0
+        self._places: list[np.ndarray] = []
+        self._left_alone = 0
+        self._dwelt = 0
+
+    def goal(self, heard: Heard, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
+        """A point along the strongest path in `map` [m]; None if it is not to be followed now."""
+        if self._left_alone > 0:
+            self._left_alone -= 1
+            return None
+        self._age += 1
+        kept = self._goal is not None and self._age < self._config.every
+        if not kept or math.hypot(*(self._goal - pose[:2])) < self._config.reached_m:
+            self._goal, self._age = self._ahead(heard, pose), 0
+        self._places = (
+            [*self._places, pose[:2].copy()][-self._config.dwell_steps :] if self._goal is not None else []
+        )
+        if self._dwells():
+            self._dwelt += 1
+            self._left_alone = self._config.leave_steps * self._dwelt
+            self._goal, self._places = None, []
+        return self._goal
+
+    def _ahead(self, heard: Heard, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
+        strong = len(heard.snr_db) > 0 and heard.snr_db[0] >= self._config.min_snr_db
+        if not strong or heard.state not in self._trusted:
+            return None
+        angle = float(heard.aoa_rad[0])
+        return pose[:2] + self._config.ahead_m * np.array([math.cos(angle), math.sin(angle)])
+
+    def _dwells(self) -> bool:
+        if len(self._places) < self._config.dwell_steps:
+            return False
+        places = np.array(self._places)
+        return bool(np.hypot(*(places - places[-1]).T).max() < self._config.dwell_m)

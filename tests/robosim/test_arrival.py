@@ -1,0 +1,66 @@
+"""Following an arrival: when, where to, for how long, and when not any more."""
+
+import numpy as np
+import pytest
+
+from robosim.arrival import FollowArrival, FollowConfig
+from robosim.hearing import Heard
+from wireless.paths import LinkState
+
+BOTH = (LinkState.LOS, LinkState.FIRST_ORDER)
+
+
+def heard(state=LinkState.LOS, aoa=0.5, snr_db=30.0, n=1) -> Heard:
+    ones = np.ones(n)
+    return Heard(
+        pose=np.zeros(3),
+        aoa_rad=aoa * ones,
+        aod_rad=0 * ones,
+        snr_db=snr_db * ones,
+        gain_db=-80 * ones,
+        delay_s=0 * ones,
+        probability=np.eye(4)[state],
+    )
+
+
+def test_the_goal_lies_ahead_along_the_arrival():
+    goal = FollowArrival(BOTH).goal(heard(aoa=2.0), np.array([1.0, 2.0, 0.3]))
+    assert goal == pytest.approx([1 + 0.6 * np.cos(2.0), 2 + 0.6 * np.sin(2.0)])
+
+
+@pytest.mark.parametrize(
+    "what",
+    [heard(LinkState.HIGHER_ORDER), heard(LinkState.OUTAGE), heard(snr_db=9.9), heard(n=0)],
+    ids=["higher order", "outage", "weak", "nothing"],
+)
+def test_what_cannot_be_trusted_is_not_followed(what):
+    assert FollowArrival(BOTH).goal(what, np.zeros(3)) is None
+
+
+def test_first_order_is_followed_only_if_it_is_trusted():
+    assert FollowArrival((LinkState.LOS,)).goal(heard(LinkState.FIRST_ORDER), np.zeros(3)) is None
+    assert FollowArrival(BOTH).goal(heard(LinkState.FIRST_ORDER), np.zeros(3)) is not None
+
+
+def test_a_goal_is_kept_until_its_time_is_over_or_it_is_reached():
+    follow, pose = FollowArrival(BOTH), np.zeros(3)
+    first = follow.goal(heard(aoa=0.0), pose)
+    assert all(np.array_equal(follow.goal(heard(aoa=1.0), pose), first) for _ in range(9))
+    assert follow.goal(heard(aoa=1.0), pose) == pytest.approx([0.6 * np.cos(1), 0.6 * np.sin(1)])
+    beside = np.array([0.6 * np.cos(1) - 0.1, 0.6 * np.sin(1), 0.0])
+    assert follow.goal(heard(aoa=0.0), beside) == pytest.approx([beside[0] + 0.6, beside[1]])
+
+
+def test_a_robot_that_dwells_leaves_arrivals_alone_longer_each_time():
+    """It stands still: 29 decisions of following, then 50 without, 29 and 100, and so on."""
+    follow, pose = FollowArrival(BOTH, FollowConfig(dwell_steps=30, leave_steps=50)), np.zeros(3)
+    followed = np.array([follow.goal(heard(), pose) is not None for _ in range(400)])
+    changes = np.flatnonzero(np.diff(followed)) + 1
+    assert changes[:4].tolist() == [29, 80, 109, 210]
+    assert followed[0]
+
+
+def test_a_robot_that_gets_on_goes_on_following():
+    follow = FollowArrival(BOTH)
+    path = np.column_stack([0.05 * np.arange(200), np.zeros(200), np.zeros(200)])
+    assert all(follow.goal(heard(aoa=0.0), pose) is not None for pose in path)
