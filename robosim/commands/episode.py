@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
 from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
 
 
@@ -18,16 +19,7 @@ def episode(
     start: Pose | None = None,
     goal: Literal["oracle", "explore", "visual", "snr", "los", "los-or-first"] = "oracle",
     seed: int = 0,
-    physics: Literal["dynamic", "kinematic"] = "dynamic",
-    camera: Literal["pyrender", "embree"] = "pyrender",
-    robot: Literal["turtlebot", "locobot"] = "turtlebot",
-    noise: float = 1.0,
-    radio: Literal["live", "cached"] = "live",
-    link_states: str = "public",
-    recognition: Literal["marker", "perfect"] = "marker",
-    size: int = 128,
-    max_steps: int = 1000,
-    tolerance: float = 0.0,
+    simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     video: bool = True,
     out: Path | None = None,
@@ -48,45 +40,14 @@ def episode(
             the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
             one, in line of sight, or also where it is bent or reflected once.
         seed: Seed of everything random: task and noise.
-        physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, much faster.
-        camera: pyrender draws with OpenGL; embree casts rays, slower, and needs no OpenGL.
-        robot: turtlebot has a hull of radius 0.10 m, locobot 0.18 m.
-        noise: Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot.
-        radio: live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m.
-        link_states: Who tells link states: a shipped classifier by name, a .safetensors file, or "true".
-        recognition: How the camera knows the target: by its ArUco marker, or perfectly whenever it is in view.
-        size: Width and height of the camera's pictures [pixels].
-        max_steps: Actions before giving up.
-        tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
+        simulation: How the episode is simulated.
         reading: How to read the plan, where it does not say.
         video: Whether to write episode.mp4.
         out: Folder for the results; a new one under runs/ if not given.
     """
-    from robosim.building import BuildingConfig
-    from robosim.camera import CameraConfig
-    from robosim.episode import EpisodeConfig
-    from robosim.odometry import NoiseModel
-    from robosim.radio import RadioLinkConfig
-    from robosim.robot import ROBOTS
     from robosim.run import record_episode
-    from robosim.simulator import SimulatorConfig
 
-    config = EpisodeConfig(
-        goal=goal,
-        link_states=link_states,
-        seed=seed,
-        max_steps=max_steps,
-        building=BuildingConfig(tolerance_m=tolerance),
-        simulator=SimulatorConfig(
-            physics=physics,
-            camera=camera,
-            image=CameraConfig(width=size, height=size),
-            robot=ROBOTS[robot],
-            noise=NoiseModel(level=noise),
-            radio=RadioLinkConfig(engine=radio),
-            recognition=recognition,
-        ),
-    )
+    config = simulation.config(goal, seed)
     folder = folder_for(out, "episode")
     result = record_episode(
         read(plan, reading),

@@ -1,0 +1,82 @@
+"""What `robosim episode` and `robosim evaluate` let one choose about an episode."""
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from robosim.episode import EpisodeConfig
+    from robosim.goals import GoalName
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodeOptions:
+    """How an episode is simulated, whoever chooses the goals."""
+
+    physics: Literal["dynamic", "kinematic"] = "dynamic"
+    """dynamic drives wheels in MuJoCo; kinematic moves a disk, much faster."""
+    camera: Literal["pyrender", "embree"] = "pyrender"
+    """pyrender draws with OpenGL; embree casts rays, slower, and needs no OpenGL."""
+    robot: Literal["turtlebot", "locobot"] = "turtlebot"
+    """turtlebot has a hull of radius 0.10 m, locobot 0.18 m."""
+    noise: float = 1.0
+    """Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot."""
+    radio: Literal["live", "cached"] = "live"
+    """live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m."""
+    link_states: str = "public"
+    """Who tells link states: a shipped classifier by name, a .safetensors file, or "true"."""
+    recognition: Literal["marker", "perfect"] = "marker"
+    """How the camera knows the target: by its ArUco marker, or perfectly whenever it is in view."""
+    size: int = 128
+    """Width and height of the camera's pictures [pixels]."""
+    max_steps: int = 1000
+    """Actions before giving up."""
+    tolerance: float = 0.0
+    """How far walls may be moved to straighten them [m]; 0 keeps every cell."""
+
+    def config(self, goal: "GoalName" = "oracle", seed: int = 0) -> "EpisodeConfig":
+        """The configuration of an episode with a goal policy and a seed.
+
+        Raises:
+            ValueError: If a number is out of its range.
+        """
+        from robosim.building import BuildingConfig
+        from robosim.camera import CameraConfig
+        from robosim.episode import EpisodeConfig
+        from robosim.odometry import NoiseModel
+        from robosim.radio import RadioLinkConfig
+        from robosim.robot import ROBOTS
+        from robosim.simulator import SimulatorConfig
+
+        return EpisodeConfig(
+            goal=goal,
+            link_states=self.link_states,
+            seed=seed,
+            max_steps=self.max_steps,
+            building=BuildingConfig(tolerance_m=self.tolerance),
+            simulator=SimulatorConfig(
+                physics=self.physics,
+                camera=self.camera,
+                image=CameraConfig(width=self.size, height=self.size),
+                robot=ROBOTS[self.robot],
+                noise=NoiseModel(level=self.noise),
+                radio=RadioLinkConfig(engine=self.radio),
+                recognition=self.recognition,
+            ),
+        )
+
+    def words(self) -> str:
+        """What to type to get these options: those that differ from their defaults."""
+        words = []
+        for field in fields(self):
+            value, option = getattr(self, field.name), field.name.replace("_", "-")
+            if value == field.default:
+                continue
+            if isinstance(value, bool):
+                words.append(f"--{option}" if value else f"--no-{option}")
+            else:
+                words.append(f"--{option} {value}")
+        return " ".join(words)
+
+
+#: As published.
+DEFAULT_OPTIONS = EpisodeOptions()
