@@ -2,4 +2,6 @@
 
 from robosim.cli import main
 
-main()
+# Processes that commands spawn import this module again.
+if __name__ == "__main__":
+    main()

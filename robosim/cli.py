@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from robosim.commands import bench, figures, train
+from robosim.commands.dataset import dataset
 from robosim.commands.episode import episode
 from robosim.commands.machine import doctor
 from robosim.commands.scenes import generate, plan
@@ -38,6 +39,7 @@ _COMMANDS: _Commands = {
     "episode": episode,
     "plan": plan,
     "trace": trace,
+    "dataset": dataset,
     "generate": generate,
     "doctor": doctor,
 }

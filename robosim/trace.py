@@ -6,30 +6,32 @@ on; the other files are made from that one, a transmitter at a time.
 
 import importlib.metadata
 import shutil
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
-from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float, Int
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
 
 from robosim.files import whole_file, write_json
 from robosim.floorplan import FloorPlan
+from robosim.link_formats import (
+    deepmimo_folder,
+    write_csv,
+    write_deepmimo_paths,
+    write_deepmimo_scene,
+    write_transmitters,
+)
+from robosim.link_progress import link_progress
 from robosim.radio_plots import choose_link, plot_grid, plot_rays
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import ReceiverGrid, receiver_grid
 from wireless.dataset import read_transmitter, trace_grid
-from wireless.deepmimo_scenario import scenario_name, write_matrices, write_scenario
+from wireless.deepmimo_scenario import scenario_name
 from wireless.paths import LinkState, Paths
-from wireless.traced_csv import write_traced_csv
-
-SCENARIOS = "deepmimo_scenarios"
 
 
 def trace_plan(
@@ -152,38 +154,17 @@ def _trace(
         "building_sha256": scene.digest,
         "version": importlib.metadata.version("robosim"),
     }
-    start, found = time.perf_counter(), None
-    with _progress(console) as progress:
-        bar = progress.add_task("links", total=len(senders) * len(grid.position), note="")
-
-        def report(done: int, total: int) -> None:
-            nonlocal found
-            if found is None:
-                found = done
-                if done > 0:
-                    progress.console.print(f"{out} holds {done} of the {total} links; going on from there.")
-            new, seconds = done - found, time.perf_counter() - start
-            left = timedelta(seconds=round((total - done) * seconds / new)) if new else "?"
-            progress.update(bar, completed=done, note=f"{new / seconds:.0f} links/s, {left} left")
-
+    total = len(senders) * len(grid.position)
+    with link_progress(console, total, out) as progress:
         path = trace_grid(
-            scene.tracer, senders, grid.position, out, about=about, report=report, workers=workers
+            scene.tracer, senders, grid.position, out, about=about, report=progress.report, workers=workers
         )
-    seconds = time.perf_counter() - start
-    traced = len(senders) * len(grid.position) - (found or 0)
-    return path, {"seconds": round(seconds, 3), "traced": traced, "links_per_s": round(traced / seconds, 1)}
-
-
-def _progress(console: Console) -> Progress:
-    return Progress(
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(bar_width=24),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
-        console=console,
-        refresh_per_second=4,
-    )
+    seconds = progress.seconds
+    return path, {
+        "seconds": round(seconds, 3),
+        "traced": progress.new,
+        "links_per_s": round(progress.new / seconds, 1),
+    }
 
 
 def _write_formats(
@@ -198,7 +179,7 @@ def _write_formats(
     config, name = scene.config, scene.building.plan.name
     states, reached = np.zeros(4, np.int64), np.zeros(len(grid.position), bool)
     with (
-        _whole_folder(out / SCENARIOS / scenario_name(name)) as folder,
+        _whole_folder(deepmimo_folder(out, name)) as folder,
         console.status("writing ...") as status,
     ):
         for i in range(len(senders)):
@@ -206,31 +187,10 @@ def _write_formats(
             paths = read_transmitter(path, i)
             states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
             reached |= paths.count()[i] > 0
-            write_matrices(folder, paths, i, horizontal=config.tracer.polarisation == "horizontal")
-            with whole_file(out / f"{name}_Tx_{i + 1}.csv") as partial:
-                write_traced_csv(
-                    partial,
-                    paths,
-                    i,
-                    grid.cell,
-                    grid.shape,
-                    tx_power_dbm=config.tx_power_dbm,
-                    threshold_db=config.threshold_db,
-                )
-        write_scenario(
-            folder,
-            mesh=scene.building.mesh,
-            materials=scene.building.materials,
-            face_material=scene.face_material,
-            frequency_hz=config.frequency_hz,
-            config=config.tracer,
-            n_tx=len(senders),
-            n_rx=len(grid.position),
-            n_rx_active=int(reached.sum()),
-        )
-    with whole_file(out / f"{name}_tx_pos.csv") as partial:
-        rows = [f"{i},{x:g},{y:g},{z:g}" for i, (x, y, z) in enumerate(senders)]
-        partial.write_text("\n".join([",x,y,z", *rows]) + "\n", encoding="ascii")
+            write_deepmimo_paths(folder, scene, paths, i)
+            write_csv(out, scene, grid, paths, i)
+        write_deepmimo_scene(folder, scene, len(senders), len(grid.position), int(reached.sum()))
+    write_transmitters(out, name, senders)
     return states
 
 

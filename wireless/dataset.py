@@ -5,16 +5,13 @@ at all, and a run goes on from the units that it finds, with the same result as 
 the last one is there they are joined, by transmitter and receiver, to `paths.parquet`. The memory needed is
 that of a few thousand links, however many there are.
 
-A folder belongs to one grid: `settings.json` says of which, and other settings are refused.
+A folder belongs to one grid: `settings.json` says of which, and other settings are refused (`wireless.run_folder`).
 """
 
-import fcntl
 import hashlib
 import json
-import os
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import asdict, replace
 from itertools import groupby, product
 from os import PathLike
@@ -29,14 +26,11 @@ from jaxtyping import Float, Int
 from wireless.blocks import BLOCK_RX, BLOCK_TX, available_cores
 from wireless.paths import Paths
 from wireless.raytrace import Tracer
+from wireless.run_folder import alone, claim, whole
 
-PATHS, SETTINGS, UNITS = "paths.parquet", "settings.json", "units"
+PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit: what the tracer takes at once.
 UNIT_RX = BLOCK_RX
-
-
-class DatasetError(ValueError):
-    """A folder that holds something else, or is in use."""
 
 
 def trace_grid(
@@ -76,8 +70,9 @@ def trace_grid(
     folder.mkdir(parents=True, exist_ok=True)
     units = _Units(folder / UNITS, len(tx), len(rx))
     report = report or (lambda done, total: None)
-    with _alone(folder):
-        _claim(folder, _settings(tracer, tx, rx, dict(about or {})))
+    with alone(folder):
+        begun = (folder / PATHS).exists() or any(units.folder.glob("tx*.parquet"))
+        claim(folder, _settings(tracer, tx, rx, dict(about or {})), begun=begun)
         if not (folder / PATHS).exists():
             units.trace(tracer, tx, rx, report, workers)
             units.join(tx, rx, folder / PATHS)
@@ -171,14 +166,14 @@ class _Units:
                     tx=np.zeros_like(some.tx),
                     rx=some.rx - (first - start),
                 )
-                with _whole(self.path(i, first)) as partial:
+                with whole(self.path(i, first)) as partial:
                     one.write_parquet(partial)
                 done += end - first
                 report(done, total)
 
     def join(self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], path: Path) -> None:
         """Put the paths of all units into one file, a unit at a time."""
-        with _whole(path) as partial:
+        with whole(path) as partial:
             writer = None
             try:
                 for i, first in product(range(self.n_tx), self.starts):
@@ -207,62 +202,3 @@ def _settings(
         "receivers_sha256": hashlib.sha256(rx.tobytes()).hexdigest()[:16],
     }
     return json.loads(json.dumps(settings))
-
-
-def _claim(folder: Path, settings: dict[str, Any]) -> None:
-    """Note the settings in a folder, or find the same ones there.
-
-    Raises:
-        DatasetError: If it holds paths of other ones.
-    """
-    path = folder / SETTINGS
-    results = (folder / PATHS).exists() or any((folder / UNITS).glob("tx*.parquet"))
-    if results:
-        try:
-            there = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            raise DatasetError(
-                f"{folder} holds paths, but no readable {SETTINGS} that says of what. Use another folder, or "
-                f"delete {PATHS} and {UNITS}/ in it."
-            ) from None
-        if there != settings:
-            names = [name for name in {**there, **settings} if there.get(name) != settings.get(name)]
-            listed = ", ".join(f"{name} {there.get(name)} there, {settings.get(name)} now" for name in names)
-            raise DatasetError(
-                f"{folder} holds paths of other settings: {listed}. Use another folder, or the same settings."
-            )
-        return
-    with _whole(path) as partial:
-        partial.write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
-
-
-@contextmanager
-def _whole(path: Path) -> Iterator[Path]:
-    """A temporary path that takes its name when the block ends without an error."""
-    partial = path.with_name(f".{path.stem}.partial{path.suffix}")
-    try:
-        yield partial
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-@contextmanager
-def _alone(folder: Path) -> Iterator[None]:
-    """Keep other processes out of a folder.
-
-    Raises:
-        DatasetError: If one is at work there.
-    """
-    lock = folder / ".lock"
-    with lock.open("w") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise DatasetError(
-                f"Another process is tracing into {folder}. Wait for it, or use another folder."
-            ) from None
-        try:
-            yield
-        finally:
-            lock.unlink(missing_ok=True)

@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from wireless.materials import properties
-from wireless.paths import Interaction, Paths
+from wireless.paths import Paths
 from wireless.raytrace import TracerConfig
 
 #: Version of the format.
@@ -69,7 +69,7 @@ def write_matrices(
         "aoa_el": by_receiver(90 - np.degrees(some.aoa_el)),
         "aod_az": by_receiver(np.degrees(some.aod_az)),
         "aod_el": by_receiver(90 - np.degrees(some.aod_el)),
-        "inter": by_receiver(_digits(some), np.float64),  # up to ten digits, too many for float32
+        "inter": by_receiver(some.digits, np.float64),  # up to ten digits, too many for float32
         "inter_pos": by_receiver(some.point),
         "rx_pos": some.rx_position.astype(np.float32),
         "tx_pos": some.tx_position[tx : tx + 1].astype(np.float32),
@@ -134,14 +134,6 @@ def write_scenario(
 
 def _save(file: Path, arrays: dict[str, np.ndarray]) -> None:
     np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-
-
-def _digits(paths: Paths) -> Float[np.ndarray, "n"]:
-    """Kinds of interactions in a row, as one decimal number."""
-    number = np.zeros(len(paths))
-    for kind in paths.interaction.T:
-        number = np.where(kind == Interaction.NONE, number, 10 * number + kind)
-    return number
 
 
 def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:

@@ -4,7 +4,8 @@ The tensor (delay, receive port, beam) is first split between receive ports and 
 a receive signature times a (delay, beam) matrix. Each such matrix is split between delay and beam. Of these
 rank-one terms the strongest are kept. A term's delay is where its delay vector peaks, its departure the beam
 where its beam vector peaks, its arrival the azimuth on a grid whose signature matches best, arrays combined
-without their phases. Its SNR is its energy over the mean energy of an entry of the tensor.
+without their phases. Its SNR (`wireless.estimates`) is read off its energy in the best receive array,
+matched to that azimuth, and in that beam.
 
 As in the reference there is no threshold: it always returns as many paths as asked for, those in noise too.
 Terms are orthogonal, paths are not: close paths share terms, and strong ones leak into others.
@@ -12,7 +13,7 @@ Reference: arXiv 2110.14789, section on path estimation; the public code scans a
 """
 
 import numpy as np
-from jaxtyping import Complex
+from jaxtyping import Complex, Float
 
 from wireless.estimates import PathEstimates
 from wireless.sounding import Sounder
@@ -55,30 +56,40 @@ class PcaEstimator:
         n, window, kept, beams = tensor.shape
         most = self.n_paths
         ports_first = np.ascontiguousarray(tensor.transpose(0, 2, 1, 3)).reshape(n, kept, -1)
-        energy, signature = _strongest_modes(ports_first, most)
+        _, signature = _strongest_modes(ports_first, most)
         rest = (signature.conj().transpose(0, 2, 1) @ ports_first).reshape(n, -1, window, beams)
         inner_energy, timing = _strongest_modes(rest, most)
         inner_energy = inner_energy[..., :most]
         beam = timing.conj().swapaxes(-1, -2) @ rest
-        components = signature.shape[2]
         # The strongest of all pairs of components.
         flat = inner_energy.reshape(n, -1)
         order = np.argsort(-flat, axis=1, kind="stable")[:, :most]
         row = np.arange(n)[:, None]
         outer, inner = np.divmod(order, inner_energy.shape[2])
-        arrays = len(self.match)
-        parts = signature.transpose(0, 2, 1).reshape(n, components, arrays, -1).transpose(2, 0, 1, 3)
-        fit = sum(
-            np.abs(part.reshape(n * components, -1) @ match.T) ** 2
-            for part, match in zip(parts, self.match, strict=True)
-        )
-        aoa = self.azimuth_rad[fit.argmax(axis=1).reshape(n, components)]
+        azimuth, rx_share = self._read_arrivals(signature)
         late = np.abs(timing).argmax(axis=-2)[row, outer, inner]
-        aod = self.sounder.tx.beam_rad[np.abs(beam[row, outer, inner]).argmax(axis=-1)]
-        mean = np.maximum(np.sum(energy, axis=1), 1e-30) / (window * kept * beams)
-        snr = np.maximum(flat[row, order], 1e-30) / mean[:, None]
-        delay = (late - late[:, :1]) * self.sounder.config.sample_s
-        return aoa[row, outer], aod, 10 * np.log10(snr), delay
+        in_beam = np.abs(beam[row, outer, inner]) ** 2
+        snr = np.maximum(in_beam.max(axis=-1) * rx_share[row, outer], 1e-30)
+        again = np.argsort(-snr, axis=1, kind="stable")
+        aoa, aod, snr, late = (
+            np.take_along_axis(c, again, axis=1)
+            for c in (azimuth[row, outer], self.sounder.tx.beam_rad[in_beam.argmax(axis=-1)], snr, late)
+        )
+        snr_db = 10 * np.log10(snr) - self.sounder.config.correlation_gain_db
+        return aoa, aod, snr_db, (late - late[:, :1]) * self.sounder.config.sample_s
+
+    def _read_arrivals(
+        self, signature: Complex[np.ndarray, "links kept components"]
+    ) -> tuple[Float[np.ndarray, "links components"], Float[np.ndarray, "links components"]]:
+        """Azimuth that fits each signature best, and the share of its energy that the best array has of that."""
+        n, _, components = signature.shape
+        parts = signature.transpose(0, 2, 1).reshape(n * components, len(self.match), -1).swapaxes(0, 1)
+        fit = np.stack([np.abs(part @ match.T) ** 2 for part, match in zip(parts, self.match, strict=True)])
+        best = fit.sum(axis=0).argmax(axis=1)
+        size = np.sum(np.abs(self.match[:, best]) ** 2, axis=-1)
+        facing, each = size.argmax(axis=0), np.arange(len(best))
+        share = fit[facing, each, best] / size[facing, each]
+        return self.azimuth_rad[best].reshape(n, components), share.reshape(n, components)
 
 
 def _strongest_modes(

@@ -72,11 +72,13 @@ class SageEstimator:
         half, sample_s = self.sounder.config.half_window, self.sounder.config.sample_s
         late = at[..., 0] / SAMPLE_INTERVALS - APRON - half
         found = (np.arange(self.n_paths) < count[:, None]) & (np.abs(late) <= half + 0.5)
-        order = np.argsort(np.where(found, -energy, 0.0), axis=1, kind="stable")
-        late, energy, found = (np.take_along_axis(c, order, axis=1) for c in (late, energy, found))
-        turn = np.take_along_axis(at[..., 1:], order[..., None], axis=1) * (2 * np.pi / TURN_INTERVALS)
+        turn = at[..., 1:] * (2 * np.pi / TURN_INTERVALS)
+        snr = np.where(found, energy * self.sounder.pair_share(turn[..., 0], turn[..., 1]), 0.0)
+        order = np.argsort(-snr, axis=1, kind="stable")
+        late, snr, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr, found))
+        turn = np.take_along_axis(turn, order[..., None], axis=1)
         with np.errstate(divide="ignore"):
-            snr_db = 10 * np.log10(np.where(found, energy, 0.0))
+            snr_db = 10 * np.log10(snr) - self.sounder.config.correlation_gain_db
         return PathEstimates(
             aoa_rad=np.where(found, wrapped(turn[..., 0]), 0.0),
             aod_rad=np.where(found, wrapped(turn[..., 1]), 0.0),

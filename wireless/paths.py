@@ -95,6 +95,14 @@ class Paths:
         with np.errstate(divide="ignore"):
             return 10 * np.log10(self.power)
 
+    @property
+    def digits(self) -> Int[np.ndarray, "n"]:
+        """Kinds of interactions from the transmitter on, as decimal digits of one number; 0 for line of sight."""
+        number = np.zeros(len(self), np.int64)
+        for kind in self.interaction.T:
+            number = np.where(kind == Interaction.NONE, number, 10 * number + kind)
+        return number
+
     def select(self, mask: Bool[np.ndarray, "n"]) -> "Paths":
         """Some of the paths, of the same links."""
         return replace(self, **{f.name: getattr(self, f.name)[mask] for f in fields(self)[3:]})

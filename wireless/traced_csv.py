@@ -56,13 +56,10 @@ def write_traced_csv(
     """
     some = paths.select(paths.tx == tx).strongest(N_PATHS)
     state = some.link_state(threshold_db)[tx]
-    n_rows, n_columns = grid_shape
-    (rows, columns), found = cell.T, some.count()[tx]
+    found = some.count()[tx]
     link = np.column_stack(
         [
-            rows * n_columns + columns,
-            n_rows - rows,
-            columns + 1,
+            *grid_columns(cell, grid_shape),
             np.round(paths.rx_position[:, :2], 9),
             found,
             state == LinkState.LOS,
@@ -79,6 +76,19 @@ def write_traced_csv(
             mine = values[start[i] : start[i + 1]].ravel()
             empty = [""] * (N_PATHS * len(_PATH) - len(mine))
             writer.writerow([*(f"{v:.10g}" for v in row), *(f"{v:.9g}" for v in mine), *empty])
+
+
+def grid_columns(
+    cell: Int[np.ndarray, "n 2"], grid_shape: tuple[int, int]
+) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+    """Line index, row and column of receivers as mmwRobotNav counts them.
+
+    Args:
+        cell: Row from the bottom and column of each receiver in its grid, from 0.
+        grid_shape: Rows and columns of the grid.
+    """
+    rows, columns = cell.T
+    return rows * grid_shape[1] + columns, grid_shape[0] - rows, columns + 1
 
 
 def _values(paths: Paths, tx_power_dbm: float) -> Float[np.ndarray, "n 7"]:

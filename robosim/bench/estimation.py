@@ -6,9 +6,10 @@ medians of warm rounds. Lone paths: error of the azimuth of arrival over SNR, be
 (`wireless.bounds`), azimuths at random. Traced plans: how far the strongest estimated path is from the strongest
 true one (between isotropic antennas), for each link state, beside the published shares.
 
-A link for which no path is found counts as wrong by half a turn. SNR is the energy of a path in the whole
-measurement over that of noise in one of its entries, of which there are over ten thousand: below some 20 dB a
-path drowns in the strongest of them. That the closed form has the law of waveforms, the tests say.
+A link for which no path is found counts as wrong by half a turn. On plans links count whose strongest path has an SNR
+(`wireless.estimates`) of 10 dB or more. Over lone paths, SNR is the energy of the path in the whole measurement
+over that of noise in one of its entries, of which there are over ten thousand, some 40 dB more: below some 20 dB
+a path drowns in the strongest of them. That the closed form has the law of waveforms, the tests say.
 """
 
 import copy
@@ -153,7 +154,10 @@ def on_plan(
     """Errors of arrival on traced links, a row for each link state and estimator."""
     rays = Rays.from_paths(paths)
     state = paths.link_state().ravel()
-    heard = strongest_snr_db(sounder, rays) >= LEAST_SNR_DB
+    with np.errstate(divide="ignore"):
+        share_db = 10 * np.log10(sounder.pair_share(rays.aoa_az[:, 0], rays.aod_az[:, 0]))
+    snr_db = strongest_energy_db(sounder, rays) + share_db - sounder.config.correlation_gain_db
+    heard = snr_db >= LEAST_SNR_DB
     tensor = sounder.measure(rays, rng)
     error_deg = {
         kind: np.rad2deg(arrival_error_rad(estimator, tensor, rays.aoa_az[:, 0]))
@@ -198,7 +202,7 @@ def _within(error_deg: np.ndarray) -> dict[str, dict[float, float]]:
     }
 
 
-def strongest_snr_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, "links"]:
+def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, "links"]:
     """Energy of each link's first path in the whole measurement, over that of noise in an entry."""
     a = sounder.rx_response(rays.aoa_az[:, 0], rays.aoa_el[:, 0])
     b = sounder.tx_response(rays.aod_az[:, 0], rays.aod_el[:, 0])
@@ -226,7 +230,7 @@ def lone_paths(
     aoa, aod = rng.uniform(-np.pi, np.pi, (2, count, 1))
     zero = np.zeros_like(aoa)
     unit = Rays(gain=zero + 1 + 0j, delay_s=zero, aoa_az=aoa, aoa_el=zero, aod_az=aod, aod_el=zero)
-    gain = 10 ** ((snr_db - strongest_snr_db(sounder, unit)) / 20)
+    gain = 10 ** ((snr_db - strongest_energy_db(sounder, unit)) / 20)
     rays = Rays(gain=gain[:, None] + 0j, delay_s=zero, aoa_az=aoa, aoa_el=zero, aod_az=aod, aod_el=zero)
     tensor = sounder.measure(rays, rng)
     in_window_db = snr_db + 10 * float(np.log10(window_share(sounder)))

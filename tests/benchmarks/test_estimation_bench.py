@@ -73,7 +73,7 @@ def test_snr_is_that_of_the_measured_tensor():
     )
     tensor = sounder.measure(rays, np.random.default_rng(0))
     energy_db = 10 * np.log10(np.sum(np.abs(tensor) ** 2))
-    assert estimation.strongest_snr_db(sounder, rays)[0] == pytest.approx(energy_db, abs=0.25)
+    assert estimation.strongest_energy_db(sounder, rays)[0] == pytest.approx(energy_db, abs=0.25)
 
 
 def test_errors_wrap_and_missing_paths_are_half_a_turn():

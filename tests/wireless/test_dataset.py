@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from wireless import Paths, Tracer, TracerConfig, dataset
-from wireless.dataset import DatasetError, mesh_digest, read_transmitter, trace_grid
+from wireless.dataset import mesh_digest, read_transmitter, trace_grid
+from wireless.run_folder import DatasetError
 
 WALLS = [(0, 0), (6, 0), (6, 4), (0, 4)], [(2, 1), (3, 1), (3, 2)]
 TX = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2], [5.5, 0.6, 1.5]])

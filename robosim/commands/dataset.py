@@ -1,0 +1,94 @@
+"""`robosim dataset`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, folder_for, read
+
+
+def dataset(
+    plans: Positional[tuple[str, ...]] = (),
+    *,
+    generated: int = 0,
+    tx_per_plan: int = 10,
+    grid: float = 0.15,
+    seed: int = 0,
+    estimator: Literal["sage", "pca"] = "sage",
+    headings: Literal["fixed", "random"] = "fixed",
+    format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
+    tolerance: float = 0.05,
+    radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Make a data set of links: true paths, link states, and what a receiver with beams estimates of them.
+
+    Transmitters are put at random, receivers on a grid. Links are traced, sounded by the closed form with the
+    reference's base station and robot, and estimated. Writes links/NAME_Tx_K.parquet, a row a link, and
+    manifest.json, which tells what is in them. A long run that was interrupted or killed goes on when the same
+    command is given again, to the same bytes with any number of workers.
+
+    Example: robosim dataset flat office --tx-per-plan 10 --grid 0.15 --out out/links
+
+    Args:
+        plans: Floor plans, or folders of them.
+        generated: So many generated homes too, from --seed on.
+        tx_per_plan: Transmitters in each building.
+        grid: Step between receivers [m].
+        seed: Seed of places, phases and noise, and of the first generated home.
+        estimator: sage, likelihood of all paths together, or pca, the reference's, less sharp and faster.
+        headings: Where receivers' arrays face: fixed, as published, or random, as a robot's that drives about.
+        format: Written too: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
+        tolerance: How far walls may be moved to straighten them [m], faster; 0 keeps every cell.
+        radio: Which paths are traced.
+        reading: How to read the plans, where they do not say.
+        workers: Processes.
+        out: Folder for the data, and to go on from; a new one under runs/ if not given.
+    """
+    from robosim.generate import generate_plan
+    from robosim.link_dataset import make_dataset
+    from robosim.link_units import LinkSetConfig
+    from robosim.planfiles import find_plans
+
+    if generated < 0 or (not plans and not generated):
+        raise ValueError(
+            f"plans is empty and generated is {generated}: give floor plans or folders of them, or --generated 50."
+        )
+    config = LinkSetConfig(
+        tx_per_plan=tx_per_plan,
+        grid_m=grid,
+        seed=seed,
+        estimator=estimator,
+        headings=headings,
+        formats=tuple(sorted(set(format))),
+        radio=radio.config(tolerance),
+    )
+    with console.status("reading plans ..."):
+        buildings = [read(str(plan), reading) for plan in find_plans(plans)]
+        buildings += [generate_plan(number) for number in range(seed, seed + generated)]
+    folder = folder_for(out, "dataset")
+    try:
+        made = make_dataset(buildings, config, folder, workers=workers, console=console)
+    except KeyboardInterrupt:
+        console.print(
+            f"Interrupted; what was finished is kept. Go on with the same command and --out {folder}"
+        )
+        sys.exit(130)
+    rows, timing = made["rows"], made["timing"]
+    shares = ", ".join(f"{name} {100 * n / rows:.1f} %" for name, n in made["states"].items())
+    console.print(
+        f"[bold]{rows} links[/]: {shares}; {timing['links']} made in {timing['seconds']:.1f} s "
+        f"({timing['links_per_s']:.0f} links/s)"
+    )
+    console.print(
+        f"Wrote {len(made['units'])} tables in {folder / 'links'}, and manifest.json that tells their columns"
+    )
+    console.print(
+        f"Next: python -c \"import pyarrow.parquet as p; print(p.read_table('{folder / 'links'}'))\""
+    )

@@ -1,0 +1,74 @@
+"""Options of commands that trace radio."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from robosim.radio_scene import RadioConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadioOptions:
+    """Which paths are traced."""
+
+    frequency_ghz: float = 28.0
+    """Carrier frequency [GHz]."""
+    max_reflections: int = 3
+    """Most reflections on a path without diffraction."""
+    diffraction: bool = True
+    """Whether edges diffract."""
+    diffraction_reflections: int = 1
+    """Most reflections, before and after together, on a path with diffraction."""
+    floor_ceiling: bool = False
+    """Whether floor and ceiling reflect."""
+    max_transmissions: int = 0
+    """Most walls that a path goes through; needs --wall-thickness."""
+    wall_thickness: float | None = None
+    """Thickness of all walls [m]; half-spaces if not given."""
+    max_paths: int = 25
+    """Most paths of a link; the strongest are kept."""
+    material: str = "drywall"
+    """Of walls and furniture."""
+    height: float = 1.5
+    """Of receivers, and of transmitters that do not say theirs [m]."""
+    tx_power_dbm: float = 23.0
+    """Power sent [dBm]."""
+    threshold_dbm: float | None = None
+    """Paths received with less do not count for the link state [dBm]."""
+
+    def config(
+        self, tolerance: float, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
+    ) -> "RadioConfig":
+        """The same as the simulator takes it.
+
+        Args:
+            tolerance: How far walls may be moved to straighten them [m].
+            polarisation: Of all antennas.
+        """
+        from robosim.building import BuildingConfig
+        from robosim.radio_scene import RadioConfig
+        from wireless.raytrace import TracerConfig
+
+        return RadioConfig(
+            frequency_hz=self.frequency_ghz * 1e9,
+            height_m=self.height,
+            tx_power_dbm=self.tx_power_dbm,
+            threshold_dbm=self.threshold_dbm,
+            tracer=TracerConfig(
+                max_reflections=self.max_reflections,
+                diffraction=self.diffraction,
+                diffraction_reflections=self.diffraction_reflections,
+                floor_ceiling=self.floor_ceiling,
+                max_transmissions=self.max_transmissions,
+                wall_thickness_m=self.wall_thickness,
+                max_paths=self.max_paths,
+                polarisation=polarisation,
+            ),
+            building=BuildingConfig(
+                tolerance_m=tolerance, wall_material=self.material, furniture_material=self.material
+            ),
+        )
+
+
+#: As the reference has them.
+DEFAULT_RADIO = RadioOptions()

@@ -1,0 +1,244 @@
+"""Data sets of links for whole lists of buildings: true paths, link states, and what a receiver estimates.
+
+A unit is a transmitter of a building (`robosim.link_units`): units are written whole or not at all, by as many
+processes as are given, and a run that was killed goes on from those it finds, to the same bytes. In the folder:
+
+    links/NAME_Tx_K.parquet   links of transmitter K of building NAME (`wireless.link_records`)
+    manifest.json             written last: versions, configuration, plans, units with their rows, columns and units
+    settings.json             what the folder belongs to; other settings are refused
+    mmwrobotnav/NAME/         CSV files of traced and of estimated paths, if asked for
+    deepmimo_scenarios/NAME/  a DeepMIMO v4 scenario, if asked for
+"""
+
+import importlib.metadata
+import json
+import multiprocessing
+import os
+import platform
+import signal
+import threading
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+from rich.console import Console
+from rich.progress import track
+
+from robosim.building import make_building
+from robosim.files import plain, write_json
+from robosim.floorplan import FloorPlan, MapError
+from robosim.link_formats import deepmimo_folder, write_deepmimo_scene, write_transmitters
+from robosim.link_progress import LinkProgress, link_progress
+from robosim.link_units import (
+    LINKS,
+    MMWROBOTNAV,
+    LinkSetConfig,
+    Site,
+    make_unit,
+    plain_config,
+    plan_digest,
+    stream,
+    unit_path,
+)
+from robosim.radio_scene import RadioScene
+from robosim.receivers import receiver_grid
+from robosim.senders import random_senders
+from wireless.link_records import COLUMNS
+from wireless.paths import LinkState
+from wireless.run_folder import alone, claim
+
+#: Spawn key of transmitters' places; those of units are their numbers.
+_PLACES = 1 << 31
+#: What decides how arrays are multiplied: with one thread, the same on every run.
+_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB")}
+Unit = tuple[Site, int]
+
+
+def make_dataset(
+    plans: Sequence[FloorPlan],
+    config: LinkSetConfig,
+    out: Path,
+    *,
+    workers: int = 1,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Make a data set in a folder, or what is missing of it there.
+
+    Args:
+        plans: Buildings, of different names.
+        config: What is in the data set.
+        out: The folder, made if it is missing.
+        workers: Processes. No result depends on it.
+        console: Where progress is shown; nowhere if not given.
+
+    Returns:
+        What `manifest.json` holds, and under "timing" the links, seconds and links a second of this run.
+
+    Raises:
+        DatasetError: If the folder belongs to other settings or another process is at work in it.
+        MapError: If two plans have one name, or one has no free area.
+        ValueError: If a setting does not fit a plan.
+    """
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least one process.")
+    out, console = Path(out), console or Console(quiet=True)
+    _check_names(plans)
+    sites = [_site(plan, config) for plan in track(plans, "plans", console=console, transient=True)]
+    out.mkdir(parents=True, exist_ok=True)
+    with alone(out):
+        begun = any((out / LINKS).glob("*.parquet")) or (out / "paths.parquet").exists()
+        claim(out, _settings(sites, config), begun=begun)
+        for left in out.rglob(".*.partial-*"):
+            left.unlink(missing_ok=True)
+        with link_progress(console, sum(len(s.senders) * s.n_rx for s in sites), out) as progress:
+            _make_units(sites, config, out, workers, progress)
+        manifest = _manifest(sites, config, out)
+        _finish_formats(sites, config, out, manifest)
+        write_json(out / "manifest.json", manifest)
+    timing = {"links": progress.new, "seconds": progress.seconds, "links_per_s": progress.rate}
+    return {**manifest, "timing": timing}
+
+
+def _check_names(plans: Sequence[FloorPlan]) -> None:
+    if not plans:
+        raise ValueError("plans is empty, expected at least one floor plan.")
+    for name, count in Counter(plan.name.lower() for plan in plans).items():
+        if count > 1:
+            raise MapError(f"{count} plans are called {name!r}, but files are named after them. Rename them.")
+
+
+def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
+    """A building's transmitters, and how many receivers it has."""
+    building = make_building(plan, config=config.radio.building)
+    digest, height_m = plan_digest(plan), config.radio.height_m
+    grid = receiver_grid(building, config.grid_m, height_m)
+    senders = random_senders(building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES))
+    return Site(digest, plan, senders, len(grid.position))
+
+
+def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
+    """All that the data depend on, in JSON's own types."""
+    settings = {
+        "version": importlib.metadata.version("robosim"),
+        "config": plain_config(config),
+        "plans": [
+            {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.senders}
+            for site in sites
+        ],
+    }
+    return json.loads(json.dumps(plain(settings)))
+
+
+def _make_units(
+    sites: list[Site], config: LinkSetConfig, out: Path, workers: int, progress: LinkProgress
+) -> None:
+    """Make the units that have no file."""
+    units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.senders))]
+    missing = [(site, tx) for site, tx in units if not unit_path(out, site.plan.name, tx).exists()]
+    total = sum(site.n_rx for site, _ in units)
+    done = total - sum(site.n_rx for site, _ in missing)
+    progress.report(done, total)
+    if not missing:
+        return
+    with _pool(min(workers, len(missing))) as pool:
+        futures = [pool.submit(make_unit, site, tx, config, out) for site, tx in missing]
+        try:
+            for future in as_completed(futures):
+                done += future.result()
+                progress.report(done, total)
+        except BrokenProcessPool:
+            raise ChildProcessError(
+                "a process ended before its work was done, perhaps for lack of memory. What was finished is kept: "
+                "go on with the same command, and fewer workers."
+            ) from None
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+@contextmanager
+def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
+    """Processes of one thread each."""
+    before = {name: os.environ.get(name) for name in _ONE_THREAD}
+    os.environ.update(_ONE_THREAD)
+    try:
+        context = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
+            yield pool
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+
+
+def _begin() -> None:
+    """What a process does first: leave Ctrl-C to its parent, and end when the parent is killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+
+    def follow() -> None:
+        if parent is not None:
+            parent.join()
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True).start()
+
+
+def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, Any]:
+    """What the data set holds."""
+    units: list[dict[str, Any]] = []
+    for site in sites:
+        for tx in range(len(site.senders)):
+            path = unit_path(out, site.plan.name, tx)
+            state = pq.read_table(path, columns=["link_state"])["link_state"].to_numpy()
+            counts = np.bincount(state, minlength=len(LinkState))
+            units.append(
+                {
+                    "plan": site.plan.name,
+                    "tx": tx + 1,
+                    "file": path.relative_to(out).as_posix(),
+                    "rows": len(state),
+                    "states": {one.name.lower(): int(counts[one]) for one in LinkState},
+                }
+            )
+    libraries = ("numpy", "numba", "pyarrow", "scipy", "shapely")
+    return {
+        **_settings(sites, config),
+        "versions": {
+            "python": platform.python_version(),
+            **{name: importlib.metadata.version(name) for name in libraries},
+        },
+        "rows": sum(unit["rows"] for unit in units),
+        "states": {
+            one.name.lower(): sum(unit["states"][one.name.lower()] for unit in units) for one in LinkState
+        },
+        "units": units,
+        "columns": {
+            name: {"type": str(kind), "unit": unit, "meaning": meaning}
+            for name, (kind, unit, meaning) in COLUMNS.items()
+        },
+    }
+
+
+def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifest: dict[str, Any]) -> None:
+    """Write what formats have once a building."""
+    for site in sites:
+        name = site.plan.name
+        if "mmwrobotnav" in config.formats:
+            write_transmitters(out / MMWROBOTNAV / name, name, site.senders)
+        if "deepmimo" in config.formats:
+            reached = np.zeros(site.n_rx, bool)
+            for tx in range(len(site.senders)):
+                column = pq.read_table(unit_path(out, name, tx), columns=["n_paths"])["n_paths"]
+                reached |= column.to_numpy() > 0
+            scene = RadioScene(site.plan, config.radio)
+            write_deepmimo_scene(
+                deepmimo_folder(out, name), scene, len(site.senders), site.n_rx, int(reached.sum())
+            )

@@ -1,0 +1,198 @@
+"""`robosim dataset`: what it writes, that it goes on after a kill to the same bytes, and how it fails."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from robosim.cli import main
+from robosim.planfiles import read_plan, write_ros
+from robosim.radio_scene import RadioScene
+from tests.robosim.plans import two_rooms
+from wireless.estimates import wrapped
+from wireless.link_records import COLUMNS, read_links, read_rays
+from wireless.mmwrobotnav import find_measurements, read_measurements
+from wireless.paths import LinkState
+
+#: Two buildings, the second a generated home, with two transmitters each.
+OPTIONS = (
+    "--generated 1 --seed 5 --tx-per-plan 2 --grid 0.8 --estimator pca --format mmwrobotnav --format deepmimo"
+)
+
+
+@pytest.fixture(scope="module")
+def plan_file(tmp_path_factory):
+    path = tmp_path_factory.mktemp("plan") / "pair.yaml"
+    write_ros(two_rooms(0.8), path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(plan_file, tmp_path_factory):
+    """A folder that two processes made without interruption."""
+    out = tmp_path_factory.mktemp("made")
+    main(f"dataset {plan_file} {OPTIONS} --workers 2 --out {out}".split())
+    return out
+
+
+def contents(folder):
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def fails(arguments, capsys) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main([str(argument) for argument in arguments])
+    assert stop.value.code == 2
+    return re.sub(r"\s+", " ", capsys.readouterr().err)
+
+
+def test_manifest_tells_what_tables_hold(made):
+    """Rows, states and columns of the manifest are those of the files; each unit has its own."""
+    manifest = json.loads((made / "manifest.json").read_text())
+    files = [unit["file"] for unit in manifest["units"]]
+    assert sorted(files) == sorted(p.relative_to(made).as_posix() for p in made.glob("links/*"))
+    assert files[:2] == ["links/two rooms_Tx_1.parquet", "links/two rooms_Tx_2.parquet"]
+    assert {"numpy", "pyarrow", "python"} <= set(manifest["versions"])
+    assert manifest["config"]["seed"] == 5
+    assert len({plan["sha256"] for plan in manifest["plans"]}) == 2
+    total = 0
+    for unit in manifest["units"]:
+        table = pq.read_table(made / unit["file"])
+        assert table.column_names == list(COLUMNS) == list(manifest["columns"])
+        assert unit["rows"] == len(table) >= 20
+        counts = np.bincount(table["link_state"].to_numpy(), minlength=4)
+        assert [unit["states"][one.name.lower()] for one in LinkState] == counts.tolist()
+        assert set(table["tx"].to_pylist()) == {unit["tx"]}
+        assert table.schema.field("snr_db_1").metadata[b"unit"] == b"dB"
+        total += len(table)
+    assert manifest["rows"] == total == sum(manifest["states"].values())
+
+
+def test_links_are_those_of_the_tracer(made, plan_file):
+    """Traced anew from the positions in the file: the same paths and states; lists are as long as they say.
+
+    Of links in sight, whose strongest path stands alone most often, 90 % or more are estimated within 5 degrees
+    (measured 100 %): rows of estimates belong to rows of paths.
+    """
+    links = read_links(made / "links" / "two rooms_Tx_2.parquet")
+    rays = read_rays(made / "links" / "two rooms_Tx_2.parquet")
+    scene = RadioScene(read_plan(plan_file), _config())
+    paths = scene.tracer.trace(links.tx_position[None], links.rx_position)
+    assert paths.count()[0].tolist() == links.n_paths.tolist()
+    assert paths.link_state()[0].tolist() == links.state.tolist()
+    assert np.sum(np.abs(rays.gain) > 0, axis=1).tolist() == links.n_paths.tolist()
+    np.testing.assert_allclose(
+        np.abs(rays.gain[:, 0][links.n_paths > 0]) ** 2, paths.strongest().power, rtol=1e-5
+    )
+    sight = links.state == LinkState.LOS
+    off = np.abs(wrapped(links.estimates.aoa_rad[:, 0] - rays.aoa_az[:, 0]))[sight]
+    assert sight.sum() > 10
+    assert np.mean(off < np.deg2rad(5)) > 0.9
+
+
+def _config():
+    from robosim.link_units import LinkSetConfig
+
+    return LinkSetConfig().radio
+
+
+def test_arrays_turn_and_azimuths_stay(plan_file, tmp_path):
+    """Random headings fill the turn; arrivals in sight still are those of the scene, 90 % within 5 degrees."""
+    main(
+        f"dataset {plan_file} --tx-per-plan 1 --grid 0.6 --estimator pca --headings random --out {tmp_path}".split()
+    )
+    path = tmp_path / "links" / "two rooms_Tx_1.parquet"
+    links, rays = read_links(path), read_rays(path)
+    assert np.abs(np.exp(1j * links.rx_heading).mean()) < 0.3
+    sight = links.state == LinkState.LOS
+    off = np.abs(wrapped(links.estimates.aoa_rad[:, 0] - rays.aoa_az[:, 0]))[sight]
+    assert sight.sum() > 10
+    assert np.mean(off < np.deg2rad(5)) > 0.9
+
+
+def test_formats_hold_the_same_links(made):
+    """MmwRobotNav's files, by the reader of the published ones, and DeepMIMO's agree with the tables."""
+    found = find_measurements(made / "mmwrobotnav")
+    assert found == [("home-5", 1), ("home-5", 2), ("two rooms", 1), ("two rooms", 2)]
+    for name, number in found:
+        links = read_links(made / "links" / f"{name}_Tx_{number}.parquet")
+        read = read_measurements(made / "mmwrobotnav", name, number)
+        np.testing.assert_allclose(read.tx_position, links.tx_position)
+        np.testing.assert_allclose(read.rx_position, links.rx_position[:, :2])
+        assert read.state.tolist() == links.state.tolist()
+        np.testing.assert_allclose(read.aoa_az, links.estimates.aoa_rad, atol=1e-6)
+        np.testing.assert_allclose(read.aod_az, links.estimates.aod_rad, atol=1e-6)
+        np.testing.assert_allclose(read.snr_db, links.estimates.snr_db, atol=1e-4)
+        traced = (made / "mmwrobotnav" / name / f"{name}_Tx_{number}.csv").read_text().splitlines()
+        assert [int(row.split(",")[5]) for row in traced[1:]] == links.n_paths.tolist()
+        scenario = made / "deepmimo_scenarios" / name.replace(" ", "_")
+        with np.load(scenario / f"power_t000_tx{number - 1:03}_r001.npz") as file:
+            assert np.isfinite(file["power"]).sum(axis=1).tolist() == links.n_paths.tolist()
+        params = json.loads((scenario / "params.json").read_text())
+        assert params["txrx_sets"]["txrx_set_0"]["num_points"] == 2
+
+
+def test_a_killed_run_goes_on_to_the_same_bytes(made, plan_file, tmp_path, capsys):
+    """Killed with some units done, then finished: every file of an uninterrupted run of two processes, no other."""
+    command = f"dataset {plan_file} {OPTIONS} --workers 1 --out {tmp_path}".split()
+    process = subprocess.Popen([sys.executable, "-m", "robosim", *command], stdout=subprocess.DEVNULL)
+    deadline = time.monotonic() + 120
+    while not list(tmp_path.glob("links/*.parquet")) and time.monotonic() < deadline:
+        assert process.poll() is None
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    done = list(tmp_path.glob("links/*.parquet"))
+    assert 1 <= len(done) < 4
+    assert not (tmp_path / "manifest.json").exists()
+    kept = {path: path.stat().st_mtime_ns for path in done}
+    (tmp_path / "links" / ".torn.partial-1.parquet").write_bytes(b"PAR1")
+    capsys.readouterr()
+    main(command)
+    assert "going on from there" in capsys.readouterr().out
+    assert {path: path.stat().st_mtime_ns for path in done} == kept
+    assert contents(tmp_path) == contents(made)
+
+
+def test_the_same_command_again_makes_nothing(made, plan_file, capsys):
+    before = contents(made)
+    main(f"dataset {plan_file} {OPTIONS} --out {made}".split())
+    assert "0 made" in capsys.readouterr().out
+    assert contents(made) == before
+
+
+def test_other_settings_are_refused(made, plan_file, capsys):
+    command = f"dataset {plan_file} {OPTIONS} --out {made}"
+    assert "seed 5 there, 6 now" in fails(command.replace("--seed 5", "--seed 6").split(), capsys)
+    assert "estimator pca there, sage now" in fails(command.replace(" pca", " sage").split(), capsys)
+    assert "max_reflections 3 there, 1 now" in fails([*command.split(), "--max-reflections", "1"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("", "plans is empty and generated is 0: give floor plans"),
+        ("--generated -1", "generated is -1"),
+        ("nowhere.yaml", "no such file"),
+        ("{plan} --tx-per-plan 0", "tx_per_plan is 0, expected at least one"),
+        ("{plan} --grid 0", "grid is 0.0 m, expected a positive step"),
+        ("{plan} --grid 50", "grid is 50 m, and no receiver fits"),
+        ("{plan} --workers 0", "workers is 0"),
+        ("{plan} --seed -1", "seed is -1"),
+        ("{plan} --height 9", "height is 9.0 m, expected 0 to 2.5 m"),
+        ("{plan} --max-reflections -1", "max_reflections is -1"),
+        ("{plan} {plan}", "2 plans are called 'two rooms'"),
+        ("{plan} --estimator music", "invalid choice"),
+    ],
+)
+def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, capsys):
+    words = arguments.format(plan=plan_file).split()
+    assert message in fails(["dataset", *words, "--out", tmp_path / "out"], capsys)
+    assert not list(tmp_path.rglob("*.parquet"))
