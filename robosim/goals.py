@@ -10,17 +10,19 @@ the others' arrival times are measured against. All policies are asked once a de
     snr            follows the strongest path wherever there is one that is strong enough, else explores
     los            follows it where the link state is line of sight
     los-or-first   follows it where the link state is line of sight or first order: the published system
+    fused          goes where radio, camera and map together say that the target is, or will tell most about it
 
-Reference: arXiv 2110.14789 for the last four.
+Reference: arXiv 2110.14789 for all but the last.
 """
 
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.arrival import FollowArrival
+from robosim.fused import Fused
 from robosim.hearing import Heard
 from robosim.tasks import Task
 from slam.exploration import FrontierExplorer
@@ -28,7 +30,7 @@ from slam.grid import MapEstimate
 from slam.poses import to_map
 from wireless.paths import LinkState
 
-GoalName = Literal["oracle", "explore", "visual", "snr", "los", "los-or-first"]
+GoalName = Literal["oracle", "explore", "visual", "snr", "los", "los-or-first", "fused"]
 
 #: Link states in which a policy follows the strongest path.
 _TRUSTED: dict[str, tuple[LinkState, ...]] = {
@@ -125,6 +127,21 @@ class Wireless:
         return self._explorer.goal(moment.estimate) if ahead is None else ahead
 
 
+class Jointly:
+    """Goes where everything together says that the target is."""
+
+    seeks_target, listens, looks = True, True, True
+
+    def __init__(self, explorer: FrontierExplorer) -> None:
+        self._fused = Fused(explorer)
+
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+        """Where the target is believed to be, or where to learn most."""
+        if moment.heard is None:
+            raise ValueError("This policy needs what the radio heard, but there is no radio.")
+        return self._fused.goal(moment.estimate, moment.heard, moment.target)
+
+
 def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalPolicy:
     """A goal policy by its name.
 
@@ -139,4 +156,6 @@ def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalP
         return Visual(explorer)
     if name in _TRUSTED:
         return Wireless(explorer, _TRUSTED[name])
-    raise ValueError(f"Unknown goal policy {name!r}. Known: oracle, explore, visual, {', '.join(_TRUSTED)}.")
+    if name == "fused":
+        return Jointly(explorer)
+    raise ValueError(f"Unknown goal policy {name!r}. Known: {', '.join(get_args(GoalName))}.")

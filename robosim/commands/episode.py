@@ -17,7 +17,7 @@ def episode(
     *,
     target: XY | None = None,
     start: Pose | None = None,
-    goal: Literal["oracle", "explore", "visual", "snr", "los", "los-or-first"] = "oracle",
+    goal: Literal["oracle", "explore", "visual", "snr", "los", "los-or-first", "fused"] = "oracle",
     seed: int = 0,
     simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
@@ -38,7 +38,7 @@ def episode(
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
         goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
             the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
-            one, in line of sight, or also where it is bent or reflected once.
+            one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together.
         seed: Seed of everything random: task and noise.
         simulation: How the episode is simulated.
         reading: How to read the plan, where it does not say.

@@ -1,0 +1,144 @@
+"""Radio, camera and map used jointly: a belief over the target's place decides where to go.
+
+Where the belief has gathered, the robot goes there. Else it goes where it will learn most in the least time: of all
+frontiers, to the one from which most of the belief may come in sight for each decision that the way takes; in line
+of sight the radio tells place and distance. A target seen by the camera is gone to at once.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.belief import BeliefConfig, TargetBelief
+from robosim.hearing import Heard
+from robosim.sightlines import in_sight, knowledge
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.cost_map import CostConfig, cost_map, cut_box, known_box
+from slam.exploration import FrontierExplorer
+from slam.frontiers import Frontier, find_frontiers
+from slam.grid import MapEstimate
+from slam.poses import to_map, wrap
+from slam.travel_time import travel_time
+
+
+@dataclass(frozen=True, kw_only=True)
+class FusedConfig:
+    """When a belief is acted on, and what a look is worth."""
+
+    belief: BeliefConfig = field(default_factory=BeliefConfig)
+    """How the belief is formed."""
+    cost: CostConfig = field(default_factory=CostConfig)
+    """What a metre costs."""
+    sure: float = 0.3
+    """Probability within half a metre of a place from which on the robot goes there."""
+    view_m: float = 5.0
+    """Range around a frontier in which the belief counts [m]."""
+    head_start: float = 10.0
+    """Decisions added to each way, so that the nearest frontier is not always the best."""
+    keep: float = 1.3
+    """How much better another frontier must be before the goal is changed."""
+    every: int = 5
+    """Decisions for which a goal is kept, if it is not reached before."""
+    candidates: int = 12
+    """Frontiers that are looked at closely."""
+    dwell_steps: int = 40
+    """Decisions within half a metre of one place after which a goal is given up."""
+
+
+class Fused:
+    """Goes where the target is believed to be, or where most is learnt about it."""
+
+    seeks_target, listens, looks = True, True, True
+
+    def __init__(self, explorer: FrontierExplorer, config: FusedConfig | None = None) -> None:
+        self.config = config or FusedConfig()
+        self._explorer = explorer
+        self.belief: TargetBelief | None = None
+        self._goal: np.ndarray | None = None
+        self._age = 0
+        self._places: list[np.ndarray] = []
+        self._given_up: list[np.ndarray] = []
+        self._seen: np.ndarray | None = None
+
+    def goal(
+        self, estimate: MapEstimate, heard: Heard, target: Float[np.ndarray, "2"] | None
+    ) -> Float[np.ndarray, "2"] | None:
+        """The place to go to, in `map` [m].
+
+        Args:
+            estimate: Map and pose.
+            heard: What the radio heard.
+            target: Where the camera sees the target: x ahead, y left [m].
+        """
+        here = estimate.pose[:2]
+        if self.belief is None:
+            self.belief = TargetBelief(here, self.config.belief)
+        self.belief.hear(heard, estimate)
+        if target is not None:
+            self._seen = to_map(estimate.pose, target)
+        if self._seen is not None:
+            return self._seen
+        self._age += 1
+        self._places = [*self._places, here.copy()][-self.config.dwell_steps :]
+        if self._dwells():
+            self._give_up()
+        reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
+        if self._goal is None or reached or self._age >= self.config.every:
+            self._goal, self._age = self._choose(estimate, self.belief), 0
+        return self._goal
+
+    def _choose(self, estimate: MapEstimate, belief: TargetBelief) -> Float[np.ndarray, "2"] | None:
+        place, mass = belief.peak()
+        if mass >= self.config.sure:
+            if math.hypot(*(place - estimate.pose[:2])) > 0.2:
+                return place
+            belief.rule_out(place, 0.3)
+        rated = self._rate(estimate, belief)
+        if rated:
+            return max(rated, key=lambda r: r[0])[1]
+        onward = self._explorer.goal(estimate)
+        return place if onward is None else onward
+
+    def _rate(
+        self, estimate: MapEstimate, belief: TargetBelief
+    ) -> list[tuple[float, Float[np.ndarray, "2"]]]:
+        """Frontiers with the probability that may come in sight there for each decision on the way."""
+        low, high = known_box(estimate)
+        margin = 2 * estimate.frame.resolution_m
+        box = cut_box(estimate, low - margin, high + margin)
+        costs = cost_map(box, self.config.cost).reachable_from(estimate.pose[:2]).halved()
+        way = travel_time(
+            costs.frame, costs.cost.astype(float), costs.passable, costs.cell(estimate.pose[:2])
+        )
+        frontiers = find_frontiers(
+            box, way, min_cells=3, piece_m=1.6, given_up=np.array(self._given_up).reshape(-1, 2)
+        )
+        known, p = knowledge(estimate, beside_m=0.2), belief.probability()
+        nearest = sorted(frontiers, key=lambda f: f.cost_m)[: self.config.candidates]
+        rated = []
+        for frontier in nearest:
+            _, possibly = in_sight(known, frontier.near_xy, belief.frame, self.config.view_m)
+            value = float(p[possibly].sum()) / (self._decisions(frontier, estimate) + self.config.head_start)
+            if self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5:
+                value *= self.config.keep
+            rated.append((value, frontier.goal_xy))
+        return rated
+
+    def _decisions(self, frontier: Frontier, estimate: MapEstimate) -> float:
+        x, y = frontier.near_xy - estimate.pose[:2]
+        return frontier.cost_m / FORWARD_M + abs(wrap(math.atan2(y, x) - float(estimate.pose[2]))) / TURN_RAD
+
+    def _dwells(self) -> bool:
+        if len(self._places) < self.config.dwell_steps:
+            return False
+        places = np.array(self._places)
+        return bool(np.hypot(*(places - places[-1]).T).max() < 0.5)
+
+    def _give_up(self) -> None:
+        """What was expected at the goal is not there, or the way is barred."""
+        if self._goal is not None and self.belief is not None:
+            self.belief.rule_out(self._goal, 0.6)
+            self._given_up.append(self._goal)
+        self._goal, self._places = None, []

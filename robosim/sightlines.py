@@ -1,0 +1,193 @@
+"""Rays over a half-known map: what can surely be seen from a place, what may be, where a bent wave may come from.
+
+Cells of the map are unknown, free or obstacles; beyond its edge all is unknown. Results are marked on a coarser
+grid. Loops are compiled at their first use.
+"""
+
+import inspect
+import math
+from typing import NamedTuple
+
+import cv2
+import numba
+import numpy as np
+from jaxtyping import Bool, Float, Float32, UInt8
+
+from slam.grid import GridFrame, MapEstimate
+
+UNKNOWN, FREE, OBSTACLE = 0, 1, 2
+#: Bit of free cells that lie beside an obstacle, where a wave may bend or bounce.
+BESIDE = 4
+
+
+class Knowledge(NamedTuple):
+    """What is known of each cell of a map, as rays need it."""
+
+    frame: GridFrame
+    kind: UInt8[np.ndarray, "ny nx"]
+
+
+def knowledge(estimate: MapEstimate, beside_m: float) -> Knowledge:
+    """The map as rays need it.
+
+    Args:
+        estimate: The map.
+        beside_m: Free cells this near to an obstacle are marked [m].
+    """
+    obstacle = estimate.obstacle
+    kind = np.where(estimate.known_free, FREE, UNKNOWN).astype(np.uint8)
+    kind[obstacle] = OBSTACLE
+    n = 2 * round(beside_m / estimate.frame.resolution_m) + 1
+    near = cv2.dilate(obstacle.astype(np.uint8), cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n)))
+    kind[(near > 0) & (kind == FREE)] |= BESIDE
+    return Knowledge(estimate.frame, kind)
+
+
+def in_sight(
+    known: Knowledge, place: Float[np.ndarray, "2"], onto: GridFrame, reach_m: float
+) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"]]:
+    """Cells of a coarser grid in sight of a place: surely, through free cells only; and possibly, through unknown too.
+
+    Args:
+        known: The map.
+        place: x, y [m].
+        onto: The coarser grid.
+        reach_m: Length of the rays [m].
+    """
+    surely, possibly = np.zeros(onto.shape, bool), np.zeros(onto.shape, bool)
+    rays = math.ceil(2 * math.pi * reach_m / onto.resolution_m)
+    _sweep(
+        known.kind, _lattice(known.frame), _lattice(onto), place[0], place[1], reach_m, rays, surely, possibly
+    )
+    return surely, possibly
+
+
+def bent(
+    known: Knowledge,
+    place: Float[np.ndarray, "2"],
+    aoa_rad: float,
+    aod_rad: float,
+    spread_rad: float,
+    friis_m: float,
+    onto: GridFrame,
+) -> Float32[np.ndarray, "ny nx"]:
+    """Where a wave may have started that met one corner or wall on its way to a place; weights of cells.
+
+    The wave met something at a point along the arrival, beside an obstacle or in the unknown, and came there against
+    its departure. It lost up to 45 dB at that point, so its way is no longer than that of a free wave of its power.
+
+    Args:
+        known: The map.
+        place: Where it is received, x, y [m].
+        aoa_rad: Azimuth of arrival.
+        aod_rad: Azimuth of departure.
+        spread_rad: Standard deviation of the departure.
+        friis_m: Length of a free wave of the same power [m].
+        onto: The grid of the weights.
+    """
+    weight = np.zeros(onto.shape, np.float32)
+    _bend(
+        known.kind,
+        _lattice(known.frame),
+        _lattice(onto),
+        place[0],
+        place[1],
+        aoa_rad,
+        aod_rad,
+        spread_rad,
+        friis_m,
+        weight,
+    )
+    return weight
+
+
+def _lattice(frame: GridFrame) -> tuple[float, float, float]:
+    """Corner and cell of a grid, for compiled loops."""
+    return float(frame.origin_xy[0]), float(frame.origin_xy[1]), frame.resolution_m
+
+
+def _kind(kind: np.ndarray, fine: tuple[float, float, float], x: float, y: float) -> int:
+    """What is known of a point."""
+    ix, iy = math.floor((x - fine[0]) / fine[2]), math.floor((y - fine[1]) / fine[2])
+    if ix < 0 or iy < 0 or ix >= kind.shape[1] or iy >= kind.shape[0]:
+        return UNKNOWN
+    return int(kind[iy, ix])
+
+
+def _sweep(
+    kind: np.ndarray,
+    fine: tuple[float, float, float],
+    coarse: tuple[float, float, float],
+    x: float,
+    y: float,
+    reach_m: float,
+    rays: int,
+    surely: np.ndarray,
+    possibly: np.ndarray,
+) -> None:
+    cell = fine[2]
+    steps = int(reach_m / cell)
+    for r in range(rays):
+        dx, dy = math.cos(2 * math.pi * r / rays), math.sin(2 * math.pi * r / rays)
+        clear = True
+        for i in range(steps):
+            px, py = x + i * cell * dx, y + i * cell * dy
+            here = _kind(kind, fine, px, py)
+            if here == OBSTACLE:
+                break
+            clear = clear and here != UNKNOWN
+            iu, iv = math.floor((px - coarse[0]) / coarse[2]), math.floor((py - coarse[1]) / coarse[2])
+            if iu < 0 or iv < 0 or iu >= surely.shape[1] or iv >= surely.shape[0]:
+                break
+            possibly[iv, iu] = True
+            if clear:
+                surely[iv, iu] = True
+
+
+def _bend(
+    kind: np.ndarray,
+    fine: tuple[float, float, float],
+    coarse: tuple[float, float, float],
+    x: float,
+    y: float,
+    aoa: float,
+    aod: float,
+    spread: float,
+    friis_m: float,
+    weight: np.ndarray,
+) -> None:
+    step = 2 * fine[2]
+    into = 0  # samples inside of the obstacle that ends the arrival's ray
+    for i in range(2, int(min(friis_m, 20.0) / step)):
+        t = i * step
+        ix, iy = x + t * math.cos(aoa), y + t * math.sin(aoa)
+        here = _kind(kind, fine, ix, iy)
+        if here == FREE:
+            continue
+        if here == OBSTACLE:
+            into += 1
+            if into > 2:
+                break
+        share = 0.3 if here == UNKNOWN else 1.0
+        for k in range(-4, 5):
+            angle = aod + 0.5 * k * spread
+            dx, dy = -math.cos(angle), -math.sin(angle)
+            w = share * math.exp(-0.125 * k * k)
+            for j in range(1, int((friis_m - t) / step)):
+                s = j * step
+                px, py = ix + s * dx, iy + s * dy
+                # The first steps leave the surface that the wave met.
+                if s > 0.3 and _kind(kind, fine, px, py) == OBSTACLE:
+                    break
+                loss_db = 20 * math.log10(friis_m / (t + s))
+                if loss_db > 45:
+                    continue
+                iu, iv = math.floor((px - coarse[0]) / coarse[2]), math.floor((py - coarse[1]) / coarse[2])
+                if iu < 0 or iv < 0 or iu >= weight.shape[1] or iv >= weight.shape[0]:
+                    break
+                weight[iv, iu] += w
+
+
+_kind = numba.njit(cache=True, nogil=True)(inspect.unwrap(_kind))
+_sweep = numba.njit(cache=True, nogil=True)(inspect.unwrap(_sweep))
+_bend = numba.njit(cache=True, nogil=True)(inspect.unwrap(_bend))

@@ -1,0 +1,161 @@
+"""The belief over the target's place: gathers where geometry says, and is put right by what comes later."""
+
+import numpy as np
+import pytest
+
+from robosim.belief import BeliefConfig, TargetBelief
+from robosim.hearing import Heard
+from robosim.sightlines import bent, in_sight, knowledge
+from slam.grid import GridFrame, MapEstimate
+from wireless.paths import LinkState
+
+FRIIS_1M_DB = 20 * np.log10(299_792_458 / 28e9 / (4 * np.pi))
+
+
+def estimate(obstacle: np.ndarray | None = None, known: bool = True) -> MapEstimate:
+    """A map of 12 m by 12 m around the origin; free but for obstacles if known."""
+    frame = GridFrame(origin_xy=(-6.0, -6.0), resolution_m=0.05, shape=(240, 240))
+    probability = np.full(frame.shape, 0.1 if known else 0.5, np.float32)
+    if obstacle is not None:
+        probability[obstacle] = 0.9
+    return MapEstimate(
+        frame=frame,
+        obstacle_probability=probability,
+        explored=np.full(frame.shape, known),
+        blocked=np.zeros(frame.shape, bool),
+        pose=np.zeros(3),
+    )
+
+
+def wall(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
+    """Cells of a box [m]."""
+    at = np.arange(240) * 0.05 - 6 + 0.025
+    return ((at >= y0) & (at <= y1))[:, None] & ((at >= x0) & (at <= x1))[None]
+
+
+def heard(pose, aoa, aod, distance_m, state, loss_db=0.0) -> Heard:
+    """One path that lost as much as a free wave of that length, and more."""
+    return Heard(
+        pose=np.array([*pose, 0.0]),
+        aoa_rad=np.array([aoa]),
+        aod_rad=np.array([aod]),
+        snr_db=np.array([40.0]),
+        gain_db=np.array([FRIIS_1M_DB - 20 * np.log10(distance_m) - loss_db]),
+        delay_s=np.zeros(1),
+        probability=np.eye(4)[state],
+    )
+
+
+def to(pose, target):
+    return float(np.arctan2(target[1] - pose[1], target[0] - pose[0]))
+
+
+def test_one_measurement_in_sight_tells_direction_and_distance():
+    """The peak lies within 0.3 m of the target, though the map is unknown."""
+    target = np.array([3.0, 2.0])
+    belief = TargetBelief(np.zeros(2))
+    aoa = to((0, 0), target)
+    belief.hear(heard((0, 0), aoa, aoa + np.pi, np.hypot(*target), LinkState.LOS), estimate(known=False))
+    place, mass = belief.peak()
+    assert np.hypot(*(place - target)) < 0.3
+    assert mass > 0.01
+
+
+def test_measurements_on_the_way_gather_the_belief():
+    """Eight of them over 2 m: within 0.2 m, with more than 0.6 of the probability."""
+    target, belief = np.array([1.0, 4.0]), TargetBelief(np.zeros(2))
+    for x in np.linspace(-1, 1, 8):
+        aoa = to((x, 0), target)
+        belief.hear(
+            heard((x, 0), aoa, aoa + np.pi, np.hypot(target[0] - x, target[1]), LinkState.LOS),
+            estimate(known=False),
+        )
+    place, mass = belief.peak()
+    assert np.hypot(*(place - target)) < 0.2
+    assert mass > 0.6
+    assert belief.probability().sum() == pytest.approx(1, abs=1e-4)
+
+
+def test_a_bent_wave_leads_round_the_corner():
+    """A wall ends at (2, 0); the target is behind it, out of sight: arrival and departure meet at the wall's end.
+
+    Several places along the wall narrow the belief to within 0.6 m, none of it in sight.
+    """
+    blocks = estimate(wall(2.0, 2.2, 0.0, 6.0))
+    corner, target = np.array([2.05, -0.05]), np.array([4.0, 1.5])
+    belief = TargetBelief(np.zeros(2))
+    for y in np.linspace(0.6, 2.6, 9):
+        pose, leg = np.array([0.5, y]), np.hypot(*(target - corner))
+        length = leg + np.hypot(*(corner - pose))
+        belief.hear(
+            heard(pose, to(pose, corner), to(target, corner), length, LinkState.FIRST_ORDER, loss_db=15),
+            blocks,
+        )
+    place, _ = belief.peak()
+    off = to(corner, place) - to(corner, target)
+    assert abs(off) < np.deg2rad(6)
+    p, centres = belief.probability(), belief._centres
+    assert p[centres[..., 0] < 1.8].sum() < 0.2
+
+
+def test_out_of_sight_the_belief_leaves_what_is_in_sight():
+    """An outage in a known hall of 12 m by 12 m: what is in sight keeps a fiftieth of its probability a measurement."""
+    config = BeliefConfig(weight=1.0, doubt=0.0)
+    belief = TargetBelief(np.zeros(2), config)
+    before = belief.probability()
+    nothing = Heard(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
+    belief.hear(nothing, estimate())
+    ratio = belief.probability() / before
+    inside = np.abs(belief._centres).max(axis=-1) < 5.5
+    outside = np.abs(belief._centres).max(axis=-1) > 6.5
+    assert ratio[inside].max() / ratio[outside].min() == pytest.approx(0.02, rel=1e-3)
+
+
+def test_a_place_that_was_searched_is_left():
+    belief = TargetBelief(np.zeros(2))
+    aoa = 0.3
+    belief.hear(heard((0, 0), aoa, aoa + np.pi, 3.0, LinkState.LOS), estimate(known=False))
+    place, mass = belief.peak()
+    belief.rule_out(place, 0.5)
+    after, less = belief.peak()
+    assert less < mass
+    assert np.hypot(*(after - place)) > 0.2
+
+
+def test_a_wrong_measurement_is_put_right_by_later_ones():
+    """Two that point elsewhere, then six right ones."""
+    target, belief = np.array([3.0, 0.5]), TargetBelief(np.zeros(2))
+    for i, y in enumerate(np.linspace(0, 2, 8)):
+        aoa = 2.5 if i < 2 else to((0, y), target)
+        distance = np.hypot(target[0], target[1] - y)
+        belief.hear(heard((0, y), aoa, aoa + np.pi, distance, LinkState.LOS), estimate(known=False))
+    assert np.hypot(*(belief.peak()[0] - target)) < 0.3
+
+
+def test_measurements_from_one_place_count_once():
+    belief, one = TargetBelief(np.zeros(2)), heard((0, 0), 0.3, 3.4, 3.0, LinkState.LOS)
+    assert belief.hear(one, estimate())
+    before = belief.probability()
+    assert not belief.hear(one, estimate())
+    assert np.array_equal(belief.probability(), before)
+
+
+def test_sight_ends_at_obstacles_and_is_unsure_beyond_the_map():
+    """Behind a wall nothing is in sight; through the open side all of the map surely, beyond it possibly."""
+    known = knowledge(estimate(wall(1.0, 1.1, -6.0, 6.0)), beside_m=0.2)
+    onto = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
+    surely, possibly = in_sight(known, np.zeros(2), onto, 9.0)
+    x, y = np.moveaxis(onto.to_points(np.stack(np.meshgrid(np.arange(100), np.arange(100)), -1) + 0.5), -1, 0)
+    assert not possibly[(x > 1.3) & (np.abs(y) < 5)].any()
+    inside = (x < 0.8) & (x > -5.8) & (np.abs(y) < 5.8) & (np.hypot(x, y) < 8.5)
+    assert surely[inside].mean() > 0.99
+    beyond = (x < -6.2) & (np.hypot(x, y) < 8.5) & (np.abs(y) < 2)
+    assert possibly[beyond].mean() > 0.99
+    assert not surely[beyond].any()
+
+
+def test_a_wave_bends_only_where_there_is_something():
+    """In a known, empty hall there is nothing that could have bent it: no weight anywhere inside."""
+    known = knowledge(estimate(), beside_m=0.2)
+    onto = GridFrame(origin_xy=(-5.0, -5.0), resolution_m=0.2, shape=(50, 50))
+    assert not bent(known, np.zeros(2), 0.3, 1.0, 0.05, 5.0, onto).any()
