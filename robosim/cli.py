@@ -24,6 +24,7 @@ _BENCH: _Commands = {
     "render": bench.render,
     "physics": bench.physics,
     "navigation": bench.navigation,
+    "exploration": bench.exploration,
     "wireless": bench.wireless,
     "estimation": bench.estimation,
     "labels": bench.labels,

@@ -22,6 +22,7 @@ from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.stopwatch import Stopwatch
 from robosim.tasks import Task
+from slam.exploration import ExplorerName
 from slam.grid import MapEstimate
 from slam.planning import Plan
 
@@ -32,6 +33,8 @@ class EpisodeConfig:
 
     goal: GoalName = "oracle"
     """Who chooses the goals."""
+    explorer: ExplorerName = "gain"
+    """Who chooses among frontiers when the goal is to explore."""
     seed: int = 0
     """Seed of everything random in the episode."""
     max_steps: int = 1000
@@ -87,7 +90,7 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    mapper, planner, controller, explorer = make_navigator(config.simulator)
+    mapper, planner, controller, explorer = make_navigator(config.simulator, config.explorer)
     policy = make_policy(config.goal, task, explorer)
     simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
     listener = Listener(simulator.radio, config.link_states) if simulator.radio else None

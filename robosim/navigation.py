@@ -10,7 +10,7 @@ from robosim.simulator import SimulatorConfig
 from slam.actions import Action
 from slam.control import ControlConfig, Controller
 from slam.cost_map import CostConfig
-from slam.exploration import ExplorerConfig, FrontierExplorer
+from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping import ClassicalMapper, MapperConfig
 from slam.odometry import OdometryConfig
 from slam.planning import Planner, PlannerConfig
@@ -26,8 +26,13 @@ class Navigator(NamedTuple):
     explorer: FrontierExplorer
 
 
-def make_navigator(config: SimulatorConfig) -> Navigator:
-    """The navigator of the robot that is simulated."""
+def make_navigator(config: SimulatorConfig, explorer: ExplorerName = "gain") -> Navigator:
+    """The navigator of the robot that is simulated.
+
+    Args:
+        config: The robot and its camera.
+        explorer: Who rates frontiers.
+    """
     radius_m = config.robot.radius_m
     odometry = OdometryConfig(
         forward_bias=_bias(config, Action.FORWARD),
@@ -44,7 +49,7 @@ def make_navigator(config: SimulatorConfig) -> Navigator:
         ),
         Planner(PlannerConfig(cost=cost)),
         Controller(ControlConfig(radius_m=radius_m)),
-        FrontierExplorer(ExplorerConfig(cost=cost)),
+        FrontierExplorer(ExplorerConfig(rating=explorer, cost=cost)),
     )
 
 

@@ -1,16 +1,16 @@
 """Where to look next: one frontier after another, until nothing is left to see.
 
-One travel-time field from the robot prices the ways to all frontiers. The most promising are then priced in
-decisions (turns of 10 degrees and steps of a quarter metre, along the real way) and rated: "nearest" takes the
-cheapest, the named baseline; "gain" lets the unseen area behind make up for decisions. A goal is kept until its
-frontier has been seen or another one is clearly better. A frontier that stays although the robot stands before it,
-or that is not reached in good time, is given up.
+One travel-time field from the robot prices the ways to all frontiers. "nearest" goes to the one with the shortest
+way, the named baseline. For the others, the most promising are priced in decisions (turns of 10 degrees and steps of a
+quarter metre, along the real way): "cheapest" takes the one that takes fewest, "gain" lets the unseen area behind make
+up for decisions. A goal is kept until its frontier has been seen or another one is clearly better. A frontier that
+stays although the robot stands before it, or that is not reached in good time, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -23,13 +23,15 @@ from slam.paths import downhill, length, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
 
+ExplorerName = Literal["nearest", "cheapest", "gain"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class ExplorerConfig:
     """How frontiers are found and rated."""
 
-    rating: Literal["gain", "nearest"] = "gain"
-    """Let the area that can be seen make up for the way, or take the nearest frontier."""
+    rating: ExplorerName = "gain"
+    """What makes a frontier the best: the shortest way, the fewest decisions, or area seen against decisions."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
     view_m: float = 3.2
@@ -54,8 +56,9 @@ class ExplorerConfig:
     """Decisions near a frontier that show nothing new after which it is given up."""
 
     def __post_init__(self) -> None:
-        if self.rating not in ("gain", "nearest"):
-            raise ValueError(f"rating = {self.rating!r}, expected 'gain' or 'nearest'.")
+        if self.rating not in get_args(ExplorerName):
+            known = ", ".join(get_args(ExplorerName))
+            raise ValueError(f"rating = {self.rating!r}, expected one of: {known}.")
         for name in ("min_cells", "candidates", "every", "patience"):
             if getattr(self, name) < 1:
                 raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
@@ -163,7 +166,8 @@ class FrontierExplorer:
         rated = []
         for frontier in promising:
             decisions = self._decisions(way, frontier, box.pose)
-            rating = decisions - self._bonus(frontier)
+            rating = frontier.cost_m / FORWARD_M if self.config.rating == "nearest" else decisions
+            rating -= self._bonus(frontier)
             if self.config.rating == "gain":
                 area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
                 rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
@@ -188,7 +192,9 @@ class FrontierExplorer:
         """Rating without looking along the way or at the area behind."""
         x, y = frontier.near_xy - pose[:2]
         turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
-        guess = frontier.cost_m / FORWARD_M + turn - self._bonus(frontier)
+        guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
+        if self.config.rating != "nearest":
+            guess += turn
         if self.config.rating == "gain":
             area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
             guess -= self.config.gain_weight * area

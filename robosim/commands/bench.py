@@ -72,6 +72,52 @@ def navigation(
     console.print(f"Wrote navigation.json and one folder an episode in {folder}")
 
 
+def exploration(
+    plans: Positional[tuple[str, ...]],
+    *,
+    explorers: tuple[Literal["nearest", "cheapest", "gain"], ...] = ("nearest", "gain"),
+    seed: int = 1,
+    noise: float = 1.0,
+    physics: Literal["dynamic", "kinematic"] = "dynamic",
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Measure exploration: how much of the floor is seen after how many decisions, explorer beside explorer.
+
+    Goes on after a kill if given the same folder; the results do not depend on the number of workers.
+
+    Example: robosim bench exploration flat office --out out/exploration
+
+    Args:
+        plans: Floor plans, or folders of them.
+        explorers: Explorers to compare, with the first of them.
+        seed: Seed of the tasks and of the noise.
+        noise: Level of actuation and odometry noise.
+        physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
+        workers: Processes to run at once.
+        out: Folder for table, curves and pictures; a new one under runs/ if not given.
+    """
+    from robosim.bench.exploration import run
+
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least one process.")
+    folder = folder_for(out, "bench-exploration")
+    table = run(
+        plans,
+        explorers=explorers,
+        seed=seed,
+        noise=noise,
+        physics=physics,
+        workers=workers,
+        out=folder,
+        console=console,
+    )
+    console.print(table)
+    console.print(
+        f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"
+    )
+
+
 def wireless(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,

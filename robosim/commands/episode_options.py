@@ -22,6 +22,8 @@ class EpisodeOptions:
     """Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot."""
     radio: Literal["live", "cached"] = "live"
     """live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m."""
+    explorer: Literal["nearest", "cheapest", "gain"] = "gain"
+    """Who chooses among frontiers: the nearest, the one cheapest in decisions, or gain against decisions."""
     link_states: str = "public"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true"."""
     recognition: Literal["marker", "perfect"] = "marker"
@@ -49,6 +51,7 @@ class EpisodeOptions:
 
         return EpisodeConfig(
             goal=goal,
+            explorer=self.explorer,
             link_states=self.link_states,
             seed=seed,
             max_steps=self.max_steps,

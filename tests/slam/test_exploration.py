@@ -74,7 +74,7 @@ def _drawn(seed: int) -> MapEstimate:
 
 
 @pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("rating", ["gain", "nearest"])
+@pytest.mark.parametrize("rating", ["gain", "cheapest", "nearest"])
 def test_a_goal_is_where_seen_floor_meets_what_is_unseen(seed, rating):
     """On drawn maps, the centre of a cell of the brute-force set; half a cell or a neighbour off is not."""
     estimate = _drawn(seed)
@@ -85,6 +85,17 @@ def test_a_goal_is_where_seen_floor_meets_what_is_unseen(seed, rating):
     iy, ix = estimate.frame.index(goal)
     assert frontiers[iy, ix]
     np.testing.assert_allclose(goal, [(ix + 0.5) * CELL, (iy + 0.5) * CELL], atol=1e-9)
+
+
+def test_the_nearest_frontier_may_lie_behind_and_the_cheapest_does_not():
+    """Patches 1.2 m behind and 2.2 m ahead: behind is nearer by 1 m, 4 decisions, but 18 turns of 10 degrees away."""
+    world = GridWorld(hall((8, 3)), (4.0, 1.5, 0.0)).know_all()
+    for box in ((2.2, 1.2, 2.8, 1.8), (6.2, 1.2, 6.8, 1.8)):
+        world.explored[cells_of(box)], world.probability[cells_of(box)] = False, 0.5
+    nearest = FrontierExplorer(ExplorerConfig(rating="nearest")).goal(world.estimate())
+    cheapest = FrontierExplorer(ExplorerConfig(rating="cheapest")).goal(world.estimate())
+    assert nearest[0] < 3.0
+    assert cheapest[0] > 6.0
 
 
 @pytest.mark.parametrize("walls_seen", [True, False])

@@ -1,0 +1,217 @@
+"""Exploration over many plans: how much of the floor is seen after how many decisions, by each explorer.
+
+Every explorer gets the same tasks: start, noise and seeds depend on the plan alone. The score is the area under the
+curve of coverage over the first 1000 decisions, divided by 1000: the mean part of the floor that had been seen. A
+robot that ends sooner keeps what it has seen. Against the first explorer the difference is taken plan by plan, with an
+interval of 95 % from drawing the plans anew 2000 times (bootstrap).
+Each episode is kept in a file of its own, so that a run which was killed goes on where it was.
+Reference: Chaplot et al., ICLR 2020 (coverage at 1000 steps); Efron, Annals of Statistics 7(1), 1979.
+"""
+
+import json
+import zlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import joblib
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
+from matplotlib.collections import LineCollection
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+from robosim.building import Building, make_building
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.files import write_json
+from robosim.odometry import NoiseModel
+from robosim.planfiles import find_plans, read_plan
+from robosim.plots import draw_walls, plan_axes, save_figure
+from robosim.reach import reach
+from robosim.simulator import Physics, SimulatorConfig
+from robosim.stopwatch import LOOP_STAGES
+from robosim.tasks import make_task
+from slam.exploration import ExplorerName
+
+#: Decisions of an episode, and those at which coverage is told.
+DECISIONS = 1000
+MILESTONES = (250, 500, 1000)
+
+
+def run(
+    plans: Sequence[str],
+    *,
+    explorers: Sequence[ExplorerName],
+    seed: int,
+    noise: float,
+    physics: Physics,
+    workers: int,
+    out: Path,
+    console: Console,
+) -> Table:
+    """Run the episodes that are missing, write `exploration.json`, curves and pictures, and return the table.
+
+    Args:
+        plans: Files of floor plans, folders of them, or names of shipped ones.
+        explorers: Explorers to run on each; the first is the one that others are compared with.
+        seed: Seed of tasks and noise.
+        noise: Level of actuation and odometry noise.
+        physics: How the robot is moved.
+        workers: Processes at once.
+        out: Folder for the files.
+        console: Where progress is shown.
+    """
+    found = find_plans(plans)
+    jobs = [
+        joblib.delayed(_episode)(path, explorer, seed, noise, physics, out)
+        for path in found
+        for explorer in explorers
+    ]
+    rows = []
+    with Progress(console=console, transient=True) as progress:
+        bar = progress.add_task("episodes", total=len(jobs))
+        for row in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
+            rows.append(row)
+            progress.update(bar, advance=1, description=f"{row['plan']} {row['explorer']}")
+    scores = [{key: value for key, value in row.items() if key not in ("coverage", "poses")} for row in rows]
+    settings = {"seed": seed, "noise": noise, "physics": physics}
+    write_json(out / "exploration.json", {**settings, "episodes": scores})
+    plot_curves(out / "exploration.png", rows)
+    _plot_ways(rows, {read_plan(path).name: path for path in found}, out)
+    return table(rows)
+
+
+def _episode(
+    path: str | Path, explorer: ExplorerName, seed: int, noise: float, physics: Physics, out: Path
+) -> dict[str, Any]:
+    """One episode, as a row of the table; read from its file if it was run before."""
+    plan = read_plan(path)
+    settings = {"plan": plan.name, "explorer": explorer, "seed": seed, "noise": noise, "physics": physics}
+    file = out / "episodes" / f"{plan.name}-{explorer}.json"
+    if file.exists():
+        row: dict[str, Any] = json.loads(file.read_text())
+        if all(row.get(key) == value for key, value in settings.items()):
+            return row
+    own_seed = zlib.crc32(f"{seed} {plan.name}".encode())
+    simulator = SimulatorConfig(noise=NoiseModel(level=noise), physics=physics)
+    config = EpisodeConfig(
+        goal="explore", explorer=explorer, seed=own_seed, simulator=simulator, max_steps=DECISIONS
+    )
+    building = make_building(plan, config=config.building)
+    places = reach(building, simulator.robot.radius_m)
+    task = make_task(places, np.random.default_rng([own_seed, 0]))
+    log, _ = run_episode(building, places, task, config)
+    loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
+    row = {
+        **settings,
+        **log.result(),
+        "coverage": held(np.array(log.coverage)).round(4),
+        "poses": np.array(log.poses).round(3),
+        "decisions_per_s": log.steps / loop_s,
+    }
+    write_json(file, row)
+    stored: dict[str, Any] = json.loads(file.read_text())
+    return stored
+
+
+def held(coverage: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:
+    """Coverage before each of the first 1000 decisions and after the last: the last value is held."""
+    n = DECISIONS + 1
+    return np.concatenate([coverage, np.full(n, coverage[-1])])[:n]
+
+
+def area_under(coverage: Float[np.ndarray, "n"]) -> float:
+    """Area under the curve of coverage over decisions, by trapezoids, divided by its width: 0 to 1."""
+    return float(np.trapezoid(coverage) / (len(coverage) - 1))
+
+
+def gain_over(
+    own: Float[np.ndarray, "n"], other: Float[np.ndarray, "n"], draws: int = 2000
+) -> tuple[float, float, float]:
+    """By which part the mean over plans exceeds another explorer's on the same plans, with its interval of 95 %."""
+    drawn = np.random.default_rng(0).integers(len(own), size=(draws, len(own)))
+    ratios = own[drawn].mean(axis=1) / other[drawn].mean(axis=1) - 1
+    low, high = np.quantile(ratios, [0.025, 0.975])
+    return float(own.mean() / other.mean() - 1), float(low), float(high)
+
+
+def _by_explorer(rows: list[dict[str, Any]]) -> dict[str, list[dict[str, Any]]]:
+    """Rows of each explorer, sorted by plan."""
+    names = dict.fromkeys(row["explorer"] for row in rows)
+    return {
+        name: sorted((r for r in rows if r["explorer"] == name), key=lambda r: str(r["plan"]))
+        for name in names
+    }
+
+
+def table(rows: list[dict[str, Any]]) -> Table:
+    """One row an explorer: what all its episodes come to.
+
+    Args:
+        rows: Episodes, as `run` collects them: the same plans for each explorer.
+    """
+    grid = Table(title=f"Exploration: {DECISIONS} decisions a plan")
+    grid.add_column("explorer")
+    for name in ("plans", *(f"seen after {n} [%]" for n in MILESTONES), "least after 1000 [%]"):
+        grid.add_column(name, justify="right")
+    for name in ("area under curve", "over the first [%]", "collisions", "decisions/s"):
+        grid.add_column(name, justify="right")
+    first: np.ndarray | None = None
+    for name, own in _by_explorer(rows).items():
+        curves = np.array([row["coverage"] for row in own])
+        area = np.array([area_under(curve) for curve in curves])
+        first = area if first is None else first
+        more, low, high = (100 * value for value in gain_over(area, first))
+        grid.add_row(
+            name,
+            str(len(own)),
+            *(f"{100 * curves[:, n].mean():.1f}" for n in MILESTONES),
+            f"{100 * curves[:, -1].min():.1f}",
+            f"{area.mean():.4f}",
+            "-" if area is first else f"{more:+.1f} ({low:+.1f} to {high:+.1f})",
+            f"{np.mean([row['collisions'] for row in own]):.1f}",
+            f"{np.median([row['decisions_per_s'] for row in own]):.0f}",
+        )
+    return grid
+
+
+def plot_curves(path: Path, rows: list[dict[str, Any]]) -> None:
+    """Draw median and quartiles over plans of coverage against decisions."""
+    figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
+    for name, own in _by_explorer(rows).items():
+        curves = 100 * np.array([row["coverage"] for row in own])
+        low, middle, high = np.quantile(curves, [0.25, 0.5, 0.75], axis=0)
+        line = axes.plot(middle, label=f"{name}: area {curves.mean() / 100:.3f}")[0]
+        axes.fill_between(np.arange(len(middle)), low, high, color=line.get_color(), alpha=0.15, lw=0)
+    axes.set(xlabel="decisions", ylabel="reachable floor seen [%]", xlim=(0, DECISIONS), ylim=(0, 101))
+    axes.set_title("Median over plans, and the middle half of them", fontsize=9)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right", fontsize=8)
+    save_figure(figure, path)
+
+
+def _plot_ways(rows: list[dict[str, Any]], files: dict[str, str | Path], out: Path) -> None:
+    """Draw the last explorer's ways through the best, the median and the worst of its plans."""
+    own = next(reversed(_by_explorer(rows).values()))
+    order = sorted(own, key=lambda row: area_under(np.array(row["coverage"])))
+    for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
+        plot_way(out / f"{name}.png", make_building(read_plan(files[row["plan"]])), row)
+
+
+def plot_way(path: Path, building: Building, row: dict[str, Any]) -> None:
+    """Draw the way of an episode through its plan, coloured by decision."""
+    figure, axes = plan_axes(building)
+    axes.set_facecolor("white")
+    draw_walls(axes, building)
+    points = np.array(row["poses"])[:, :2]
+    way = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), cmap="viridis", linewidths=1.6)
+    way.set_array(np.arange(len(points) - 1))
+    axes.add_collection(way)
+    axes.plot(*points[0], "o", color="black", ms=5)
+    figure.colorbar(way, ax=axes, label="decision", shrink=0.7)
+    curve = np.array(row["coverage"])
+    seen = ", ".join(f"{100 * curve[n]:.0f} % after {n}" for n in MILESTONES)
+    axes.set_title(f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}", fontsize=9)
+    save_figure(figure, path)
