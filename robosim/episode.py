@@ -13,9 +13,10 @@ from jaxtyping import Float
 
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
-from robosim.goals import GoalName, GoalPolicy, Moment, make_policy
+from robosim.goals import GoalName, GoalPolicy, make_policy
 from robosim.hearing import Heard, Listener
 from robosim.interrupt import noted_interrupt
+from robosim.moment import Moment
 from robosim.navigation import make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.belief import BeliefConfig, TargetBelief
-from robosim.hearing import Heard
+from robosim.moment import Moment
 from robosim.sightlines import in_sight, knowledge
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.cost_map import CostConfig, cost_map, cut_box, known_box
@@ -62,22 +62,14 @@ class Fused:
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
-    def goal(
-        self, estimate: MapEstimate, heard: Heard, target: Float[np.ndarray, "2"] | None
-    ) -> Float[np.ndarray, "2"] | None:
-        """The place to go to, in `map` [m].
-
-        Args:
-            estimate: Map and pose.
-            heard: What the radio heard.
-            target: Where the camera sees the target: x ahead, y left [m].
-        """
-        here = estimate.pose[:2]
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+        """Where the target is, or is believed to be, or where most is learnt about it."""
+        estimate, here = moment.estimate, moment.estimate.pose[:2]
         if self.belief is None:
             self.belief = TargetBelief(here, self.config.belief)
-        self.belief.hear(heard, estimate)
-        if target is not None:
-            self._seen = to_map(estimate.pose, target)
+        self.belief.hear(moment.listened(), estimate)
+        if moment.target is not None:
+            self._seen = to_map(estimate.pose, moment.target)
         if self._seen is not None:
             return self._seen
         self._age += 1

@@ -15,7 +15,6 @@ the others' arrival times are measured against. All policies are asked once a de
 Reference: arXiv 2110.14789 for all but the last.
 """
 
-from dataclasses import dataclass
 from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
@@ -23,10 +22,9 @@ from jaxtyping import Float
 
 from robosim.arrival import FollowArrival
 from robosim.fused import Fused
-from robosim.hearing import Heard
+from robosim.moment import Moment
 from robosim.tasks import Task
 from slam.exploration import FrontierExplorer
-from slam.grid import MapEstimate
 from slam.poses import to_map
 from wireless.paths import LinkState
 
@@ -38,18 +36,6 @@ _TRUSTED: dict[str, tuple[LinkState, ...]] = {
     "los": (LinkState.LOS,),
     "los-or-first": (LinkState.LOS, LinkState.FIRST_ORDER),
 }
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """What a robot knows when it chooses a goal."""
-
-    estimate: MapEstimate
-    """Map and pose."""
-    heard: Heard | None = None
-    """What its radio heard; None without a radio."""
-    target: Float[np.ndarray, "2"] | None = None
-    """Where its camera sees the target now: x ahead, y left [m]."""
 
 
 @runtime_checkable
@@ -121,25 +107,8 @@ class Wireless:
 
     def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""
-        if moment.heard is None:
-            raise ValueError("This policy needs what the radio heard, but there is no radio.")
-        ahead = self._follow.goal(moment.heard, moment.estimate.pose)
+        ahead = self._follow.goal(moment.listened(), moment.estimate.pose)
         return self._explorer.goal(moment.estimate) if ahead is None else ahead
-
-
-class Jointly:
-    """Goes where everything together says that the target is."""
-
-    seeks_target, listens, looks = True, True, True
-
-    def __init__(self, explorer: FrontierExplorer) -> None:
-        self._fused = Fused(explorer)
-
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
-        """Where the target is believed to be, or where to learn most."""
-        if moment.heard is None:
-            raise ValueError("This policy needs what the radio heard, but there is no radio.")
-        return self._fused.goal(moment.estimate, moment.heard, moment.target)
 
 
 def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalPolicy:
@@ -157,5 +126,5 @@ def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalP
     if name in _TRUSTED:
         return Wireless(explorer, _TRUSTED[name])
     if name == "fused":
-        return Jointly(explorer)
+        return Fused(explorer)
     raise ValueError(f"Unknown goal policy {name!r}. Known: {', '.join(get_args(GoalName))}.")
