@@ -106,7 +106,7 @@ def run_episode(
             with watch.stage("mapper"):
                 estimate = mapper.update(view.depth, action, view.odometry)
             with watch.stage("judging"):
-                coverage.update(simulator.pose, view.depth)
+                coverage.update(simulator.pose, simulator.true_depth)
                 log.see(simulator.pose, estimate.pose, coverage.fraction)
                 log.ended = "interrupted" if interrupt.asked else _verdict(log, policy, config)
             if log.ended != "running":

@@ -1,7 +1,7 @@
 """The simulated half of an episode: a robot in a building, what it does and what it senses.
 
-Noise enters in two places, both after Active Neural SLAM: what the robot does differs from what it was told
-(actuation), and what its odometry says differs from what it did (sensing). Whoever drives it sees an
+Noise enters in three places: what the robot does differs from what it was told (actuation), what its odometry says
+differs from what it did (sensing), both after Active Neural SLAM, and its depth camera errs. Whoever drives it sees an
 `Observation` only; the true pose is for judging.
 """
 
@@ -13,6 +13,7 @@ from jaxtyping import Float, UInt8
 
 from robosim.building import Building
 from robosim.camera import RGBD, Camera, CameraConfig, camera_pose, make_camera
+from robosim.depth_noise import DepthNoise
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
 from robosim.radio import RadioLink, RadioLinkConfig
@@ -45,6 +46,8 @@ class SimulatorConfig:
     """The robot's body."""
     noise: NoiseModel = field(default_factory=NoiseModel)
     """Actuation and odometry noise."""
+    depth_noise: DepthNoise = field(default_factory=DepthNoise)
+    """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
     """How the target sends and the robot listens."""
     recognition: Recognition = "marker"
@@ -57,7 +60,7 @@ class Observation:
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float[np.ndarray, "h w"]
-    """Metres along the camera's axis; 0 where nothing was hit."""
+    """Metres along the camera's axis, as measured; 0 where nothing was."""
     odometry: Float[np.ndarray, "3"]
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
     heard: PathEstimates | None = None
@@ -100,12 +103,14 @@ class Simulator:
         self._marker_eye = MarkerRecogniser(image) if looks and not perfect else None
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
-        self._rng = self._radio_rng = np.random.default_rng()
+        self._rng = self._radio_rng = self._depth_rng = np.random.default_rng()
+        self._depth = np.zeros((0, 0), np.float32)
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
-        self._radio_rng = rng.spawn(1)[0]  # of its own: whether there is a radio changes no other noise
+        # Of their own: whether there is a radio or noise of depth changes no other noise.
+        self._radio_rng, self._depth_rng = rng.spawn(2)
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
@@ -139,6 +144,11 @@ class Simulator:
         """True pose: x [m], y [m], yaw [rad] in `map`."""
         return self.world.pose
 
+    @property
+    def true_depth(self) -> Float[np.ndarray, "h w"]:
+        """Depth of the last observation without noise, for judging [m]; 0 where nothing was hit."""
+        return self._depth
+
     def close(self) -> None:
         """Free the camera's OpenGL context."""
         if self._camera is not None:
@@ -150,11 +160,15 @@ class Simulator:
             raise RuntimeError("The simulator was not reset. Call reset first.")
         with self.watch.stage("camera"):
             frame = self._camera.render(camera_pose(self.pose, self.config.image))
+        self._depth = frame.depth
+        noise, focal_px = self.config.depth_noise, float(self.config.image.focal_px)
+        with self.watch.stage("noise"):
+            measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("radio"):
             heard = None if self.radio is None else self.radio.listen(self.pose, self._radio_rng)
         with self.watch.stage("recognition"):
             target = self._recognise(frame)
-        return Observation(frame.rgb, frame.depth, odometry, heard, target)
+        return Observation(frame.rgb, measured, odometry, heard, target)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
         if self._marker_eye is not None:

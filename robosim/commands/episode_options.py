@@ -20,6 +20,8 @@ class EpisodeOptions:
     """turtlebot has a hull of radius 0.10 m, locobot 0.18 m."""
     noise: float = 1.0
     """Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot."""
+    depth_noise: float = 0.0
+    """Level of the depth camera's noise: 0 none, 1 as published for a Kinect."""
     radio: Literal["live", "cached"] = "live"
     """live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m."""
     explorer: Literal["nearest", "cheapest", "gain"] = "gain"
@@ -43,6 +45,7 @@ class EpisodeOptions:
         """
         from robosim.building import BuildingConfig
         from robosim.camera import CameraConfig
+        from robosim.depth_noise import DepthNoise
         from robosim.episode import EpisodeConfig
         from robosim.odometry import NoiseModel
         from robosim.radio import RadioLinkConfig
@@ -62,6 +65,7 @@ class EpisodeOptions:
                 image=CameraConfig(width=self.size, height=self.size),
                 robot=ROBOTS[self.robot],
                 noise=NoiseModel(level=self.noise),
+                depth_noise=DepthNoise(level=self.depth_noise),
                 radio=RadioLinkConfig(engine=self.radio),
                 recognition=self.recognition,
             ),

@@ -11,13 +11,15 @@ import numpy as np
 import pytest
 
 from robosim.building import BuildingConfig, make_building
+from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.planfiles import read_plan
 from robosim.reach import reach
 from robosim.run import record_episode
-from robosim.simulator import SimulatorConfig
+from robosim.simulator import Simulator, SimulatorConfig
 from robosim.tasks import make_task
+from slam.actions import Action
 from tests.robosim.plans import two_rooms
 
 KINEMATIC = SimulatorConfig(physics="kinematic")
@@ -47,7 +49,7 @@ def test_the_oracle_goes_through_the_door_to_the_target(physics, camera):
     assert result["position_error_last_m"] < 0.1
 
 
-@pytest.mark.parametrize("goal", ["snr", "los", "los-or-first", "visual", "fused"])
+@pytest.mark.parametrize("goal", ["snr", "los", "los-or-first", "visual"])
 def test_a_robot_that_listens_or_looks_finds_the_target(goal):
     """From the other room, facing away; the way is 4.4 m, which the oracle drives in some 40 steps."""
     config = EpisodeConfig(goal=goal, link_states="true", simulator=KINEMATIC, max_steps=300)
@@ -166,3 +168,22 @@ def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
     assert len((tmp_path / "trajectory.tum").read_text().splitlines()) == kept["steps"] + 1
     with av.open(str(tmp_path / "episode.mp4")) as file:
         assert sum(1 for _ in file.decode(video=0)) >= kept["steps"]
+
+
+def test_depth_noise_is_measured_but_not_judged_by():
+    """The mapper gets noisy depth, coverage the true one, and motion noise is the same with and without depth noise."""
+    plan = read_plan("cottage")
+    building = make_building(plan)
+    task = make_task(reach(building, 0.1), np.random.default_rng(0))
+    views = {}
+    for level in (0.0, 1.0):
+        simulator = Simulator(
+            building, SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=level))
+        )
+        first = simulator.reset(task, np.random.default_rng(3))
+        views[level] = (first, simulator.true_depth, *simulator.step(Action.LEFT))
+        simulator.close()
+    (clean, true, turned, _), (noisy, same, turned_too, _) = views[0.0], views[1.0]
+    assert (clean.depth == true).all() and (true == same).all()
+    assert (noisy.depth != true).any()
+    np.testing.assert_array_equal(turned.odometry, turned_too.odometry)
