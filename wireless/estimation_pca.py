@@ -4,8 +4,8 @@ The tensor (delay, receive port, beam) is first split between receive ports and 
 a receive signature times a (delay, beam) matrix. Each such matrix is split between delay and beam. Of these
 rank-one terms the strongest are kept. A term's delay is where its delay vector peaks, its departure the beam
 where its beam vector peaks, its arrival the azimuth on a grid whose signature matches best, arrays combined
-without their phases. Its SNR (`wireless.estimates`) is read off its energy in the best receive array,
-matched to that azimuth, and in that beam.
+without their phases. Its SNR (`wireless.estimates`) comes of its energy; the reference divides
+that by the mean of the whole tensor, of which strong paths are a part.
 
 As in the reference there is no threshold: it always returns as many paths as asked for, those in noise too.
 Terms are orthogonal, paths are not: close paths share terms, and strong ones leak into others.
@@ -66,30 +66,22 @@ class PcaEstimator:
         order = np.argsort(-flat, axis=1, kind="stable")[:, :most]
         row = np.arange(n)[:, None]
         outer, inner = np.divmod(order, inner_energy.shape[2])
-        azimuth, rx_share = self._read_arrivals(signature)
+        aoa = self._read_arrivals(signature)[row, outer]
         late = np.abs(timing).argmax(axis=-2)[row, outer, inner]
-        in_beam = np.abs(beam[row, outer, inner]) ** 2
-        snr = np.maximum(in_beam.max(axis=-1) * rx_share[row, outer], 1e-30)
-        again = np.argsort(-snr, axis=1, kind="stable")
-        aoa, aod, snr, late = (
-            np.take_along_axis(c, again, axis=1)
-            for c in (azimuth[row, outer], self.sounder.tx.beam_rad[in_beam.argmax(axis=-1)], snr, late)
-        )
-        snr_db = 10 * np.log10(snr) - self.sounder.config.correlation_gain_db
+        aod = self.sounder.tx.beam_rad[np.abs(beam[row, outer, inner]).argmax(axis=-1)]
+        snr_db = self.sounder.snr_db(np.maximum(flat[row, order], 1e-30), aoa, aod)
+        again = np.argsort(-snr_db, axis=1, kind="stable")
+        aoa, aod, snr_db, late = (np.take_along_axis(c, again, axis=1) for c in (aoa, aod, snr_db, late))
         return aoa, aod, snr_db, (late - late[:, :1]) * self.sounder.config.sample_s
 
     def _read_arrivals(
         self, signature: Complex[np.ndarray, "links kept components"]
-    ) -> tuple[Float[np.ndarray, "links components"], Float[np.ndarray, "links components"]]:
-        """Azimuth that fits each signature best, and the share of its energy that the best array has of that."""
+    ) -> Float[np.ndarray, "links components"]:
+        """Azimuth whose signature fits best."""
         n, _, components = signature.shape
         parts = signature.transpose(0, 2, 1).reshape(n * components, len(self.match), -1).swapaxes(0, 1)
-        fit = np.stack([np.abs(part @ match.T) ** 2 for part, match in zip(parts, self.match, strict=True)])
-        best = fit.sum(axis=0).argmax(axis=1)
-        size = np.sum(np.abs(self.match[:, best]) ** 2, axis=-1)
-        facing, each = size.argmax(axis=0), np.arange(len(best))
-        share = fit[facing, each, best] / size[facing, each]
-        return self.azimuth_rad[best].reshape(n, components), share.reshape(n, components)
+        fit = sum(np.abs(part @ match.T) ** 2 for part, match in zip(parts, self.match, strict=True))
+        return self.azimuth_rad[fit.argmax(axis=1).reshape(n, components)]
 
 
 def _strongest_modes(

@@ -73,12 +73,10 @@ class SageEstimator:
         late = at[..., 0] / SAMPLE_INTERVALS - APRON - half
         found = (np.arange(self.n_paths) < count[:, None]) & (np.abs(late) <= half + 0.5)
         turn = at[..., 1:] * (2 * np.pi / TURN_INTERVALS)
-        snr = np.where(found, energy * self.sounder.pair_share(turn[..., 0], turn[..., 1]), 0.0)
-        order = np.argsort(-snr, axis=1, kind="stable")
-        late, snr, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr, found))
+        snr_db = self.sounder.snr_db(np.where(found, energy, 0.0), turn[..., 0], turn[..., 1])
+        order = np.argsort(-snr_db, axis=1, kind="stable")
+        late, snr_db, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, found))
         turn = np.take_along_axis(turn, order[..., None], axis=1)
-        with np.errstate(divide="ignore"):
-            snr_db = 10 * np.log10(snr) - self.sounder.config.correlation_gain_db
         return PathEstimates(
             aoa_rad=np.where(found, wrapped(turn[..., 0]), 0.0),
             aod_rad=np.where(found, wrapped(turn[..., 1]), 0.0),

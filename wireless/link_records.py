@@ -68,7 +68,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str, str]] = {
         f"snr_db_{k}": (
             pa.float32(),
             "dB",
-            f"estimate {k}: SNR in its best pair of beams, before correlation",
+            f"estimate {k}: SNR by the link budget, before correlation",
         )
         for k in _PLACES
     },

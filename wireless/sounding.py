@@ -70,15 +70,10 @@ class SoundingConfig:
         return 1e-6 / self.bandwidth_mhz
 
     @property
-    def correlation_gain_db(self) -> float:
-        """What correlation with the waveform adds to the SNR of a path."""
-        return 10 * float(np.log10(self.n_samples))
-
-    @property
     def snr_per_gain_db(self) -> float:
         """SNR after correlation of a path of unit power gain, between isotropic antennas."""
         noise_dbm = NOISE_DBM_PER_HZ + 10 * np.log10(self.bandwidth_mhz * 1e6) + self.loss_db
-        return self.tx_power_dbm - float(noise_dbm) + self.correlation_gain_db
+        return self.tx_power_dbm - float(noise_dbm) + 10 * float(np.log10(self.n_samples))
 
     @property
     def window(self) -> int:
@@ -204,41 +199,37 @@ class Sounder:
         """Field of each transmit beam."""
         return self.tx.beam_response(azimuth_rad, elevation_rad)
 
-    def pair_directivity(
-        self, aoa_rad: Float[np.ndarray, "*batch"], aod_rad: Float[np.ndarray, "*batch"]
+    @cached_property
+    def budget_db(self) -> float:
+        """SNR of a path of unit power gain as estimates give it (`wireless.estimates`): by the link budget."""
+        ring = np.linspace(-np.pi, np.pi, 1440, endpoint=False)
+        rx = self.rx.platform.directivity(ring).max()
+        tx = np.abs(self.tx_response(ring)).max() ** 2
+        before_correlation = self.config.snr_per_gain_db - 10 * np.log10(self.config.n_samples)
+        return float(before_correlation + 10 * np.log10(rx * tx))
+
+    def snr_db(
+        self,
+        energy: Float[np.ndarray, "*batch"],
+        aoa_rad: Float[np.ndarray, "*batch"],
+        aod_rad: Float[np.ndarray, "*batch"],
     ) -> Float[np.ndarray, "*batch"]:
-        """What both ends' antennas add to a level path in its best pair of beams.
+        """SNR of level paths, as estimates give it, from their energy in the measurement; -inf for no energy.
 
-        Such a pair is a transmit beam, and a receive array whose ports are matched to the path.
+        Args:
+            energy: Over that of noise in one entry of the tensor.
+            aoa_rad: Azimuths of arrival in the receiver's frame.
+            aod_rad: Azimuths of departure in the transmitter's frame.
         """
-        rx, tx = self._directivities(aoa_rad, aod_rad)
-        return rx.max(axis=-1) * tx.max(axis=-1)
-
-    def pair_share(
-        self, aoa_rad: Float[np.ndarray, "*batch"], aod_rad: Float[np.ndarray, "*batch"]
-    ) -> Float[np.ndarray, "*batch"]:
-        """Share of a level path's energy in the measurement that its best pair of beams has.
-
-        The rest is in other arrays and in other beams.
-        """
-        rx, tx = self._directivities(aoa_rad, aod_rad)
-        return rx.max(axis=-1) * tx.max(axis=-1) / (rx.sum(axis=-1) * tx.sum(axis=-1))
-
-    def _directivities(
-        self, aoa_rad: Float[np.ndarray, "*batch"], aod_rad: Float[np.ndarray, "*batch"]
-    ) -> tuple[Float[np.ndarray, "*batch arrays"], Float[np.ndarray, "*batch beams"]]:
-        """Of each receive array's matched ports, and of each transmit beam."""
-        arrays = len(self.rx.platform.face_rad)
-        at_rx = self.rx_response(aoa_rad).reshape(*aoa_rad.shape, arrays, -1)
-        return np.sum(np.abs(at_rx) ** 2, axis=-1), np.abs(self.tx_response(aod_rad)) ** 2
+        rx = np.sum(np.abs(self.rx_response(aoa_rad)) ** 2, axis=-1)
+        tx = np.sum(np.abs(self.tx_response(aod_rad)) ** 2, axis=-1)
+        with np.errstate(divide="ignore"):
+            gain_db = 10 * np.log10(energy / (rx * tx)) - self.config.snr_per_gain_db
+        return gain_db + self.budget_db
 
     def gain_db(self, paths: PathEstimates) -> Float[np.ndarray, "links paths"]:
-        """Power gain of estimated paths between isotropic antennas; -inf where there is none.
-
-        What both terminals' arrays add towards the paths is taken off their SNR; waves are taken as level.
-        """
-        isotropic = paths.snr_db - 10 * np.log10(self.pair_directivity(paths.aoa_rad, paths.aod_rad))
-        return isotropic + self.config.correlation_gain_db - self.config.snr_per_gain_db
+        """Power gain of estimated paths between isotropic antennas; -inf where there is none."""
+        return paths.snr_db - self.budget_db
 
     def pulse(self, delay: Float[np.ndarray, "*batch"]) -> Complex[np.ndarray, "*batch"]:
         """Correlation of the waveform with itself, delayed by some samples: 1 at zero, 0 at other integers."""

@@ -155,8 +155,7 @@ def on_plan(
     rays = Rays.from_paths(paths)
     state = paths.link_state().ravel()
     with np.errstate(divide="ignore"):
-        share_db = 10 * np.log10(sounder.pair_share(rays.aoa_az[:, 0], rays.aod_az[:, 0]))
-    snr_db = strongest_energy_db(sounder, rays) + share_db - sounder.config.correlation_gain_db
+        snr_db = sounder.budget_db + 20 * np.log10(np.abs(rays.gain[:, 0]))
     heard = snr_db >= LEAST_SNR_DB
     tensor = sounder.measure(rays, rng)
     error_deg = {

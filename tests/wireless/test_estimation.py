@@ -52,12 +52,14 @@ def bounds_rad(sounder, snr_db, aoa, aod):
 
 
 def budget_db(sounder, energy_db, aoa, aod):
-    """SNR of a path by the link budget: directivities towards it over those its energy comes from."""
-    aoa, aod = np.array([aoa]), np.array([aod])
-    rx = sounder.rx.platform.directivity(aoa)[0]
-    tx = np.abs(sounder.tx.beam_response(aod)[0]) ** 2
-    per_gain_db = energy_db - 10 * np.log10(rx.sum() * tx.sum())
-    return per_gain_db + 10 * np.log10(rx.max() * tx.max()) - 10 * np.log10(sounder.config.n_samples)
+    """SNR of a path by the link budget, arrays looking straight at it: beam 0 and array 0 face 0."""
+    aoa, aod, straight = np.array([aoa]), np.array([aod]), np.zeros(1)
+    spread = sounder.rx.platform.directivity(aoa).sum() * np.sum(np.abs(sounder.tx.beam_response(aod)) ** 2)
+    facing = (
+        sounder.rx.platform.directivity(straight)[0, 0]
+        * np.abs(sounder.tx.beam_response(straight)[0, 0]) ** 2
+    )
+    return energy_db + 10 * np.log10(facing / spread / sounder.config.n_samples)
 
 
 def rms(values):
