@@ -5,8 +5,9 @@ entered at the pose found. Occupancy (where may the robot go), surfaces (where e
 marks share one grid that grows with the building.
 
 Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
-Left out: loop closure, and finding back after a push of more than about a decimetre. The surfaces first seen stay
-where they are and later scans are fitted to them.
+A pose whose scan contradicts the map is doubted: the robot is looked for farther away, and as long as it is not found,
+what it sees is not entered (`relocalization`).
+Left out: loop closure. The surfaces first seen stay where they are and later scans are fitted to them.
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
 
@@ -24,6 +25,7 @@ from slam.occupancy import OccupancyConfig, OccupancyGrid
 from slam.odometry import OdometryConfig, OdometryCorrector
 from slam.poses import between, compose, to_map, wrap
 from slam.projection import Band, CameraModel, Scan, scan_from_depth
+from slam.relocalization import RelocalizationConfig, Relocalizer
 from slam.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
 from slam.surfaces import SurfaceGrid
 
@@ -51,6 +53,8 @@ class MapperConfig:
     """Weight and reach of the evidence."""
     match: MatchConfig = field(default_factory=MatchConfig)
     """How far scans are trusted."""
+    relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
+    """When the robot counts as lost."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Biases and noise of odometry."""
 
@@ -81,6 +85,7 @@ class ClassicalMapper:
         self.surfaces = SurfaceGrid(frame)
         self.marks = CollisionMarks(frame, CollisionConfig(radius_m=config.radius_m))
         self.odometry = OdometryCorrector(config.odometry)
+        self.relocalizer = Relocalizer(config.relocalization)
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
         self._step = 0
@@ -107,11 +112,15 @@ class ClassicalMapper:
         moved, variance = self._measured(action, odometry)
         start = self.pose
         match = self._match(points, compose(start, moved), variance)
+        match, doubted = self.relocalizer.judge(
+            match, points, self.occupancy, self.surfaces, self.config.match, self.config.camera.height_m
+        )
         self.pose = match.pose
         # A reading that is not a number must not get into the learned bias, where it would stay for ever.
-        if action is not None and odometry is not None and np.isfinite(odometry).all():
+        if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
             self._learn(action, odometry, start, match)
-        self._enter(depth, scan, points)
+        if not self.relocalizer.lost:
+            self._enter(depth, scan, points)
         if action is not None:
             obstacle = self.occupancy.log_odds > 0
             self.collided = self.marks.update(self._step, action, moved, self.pose, obstacle)

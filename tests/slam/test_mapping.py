@@ -138,24 +138,6 @@ def test_a_bias_that_nobody_calibrated_is_learned():
     assert np.hypot(*(true - found)[:, :2].T).max() < 0.1
 
 
-@pytest.mark.parametrize("push", [(0.3, 0.0), (-0.2, -0.2)])
-def test_a_robot_that_was_pushed_keeps_a_finite_map_and_pose(push):
-    """Moved by 0.3 m in the room without odometry noticing: everything stays finite, and the error does not grow.
-
-    Recovery is not asked for: measured, the error stays at the 0.28 to 0.30 m of the push.
-    """
-    room, mapper = Room(), ClassicalMapper()
-    true, _ = _drive(mapper, room, ROUND[:36])
-    pose = true[-1] + [*push, 0.0]
-    for _ in range(18):
-        pose = compose(pose, MOTION[L])
-        estimate = mapper.update(room.depth(pose), L, MOTION[L])
-        assert _finite(estimate)
-        iy, ix = estimate.frame.index(estimate.pose[:2])
-        assert estimate.frame.inside(iy, ix)
-    assert np.hypot(*(estimate.pose - pose)[:2]) < 0.4
-
-
 @pytest.mark.parametrize("wild", [0.0, np.nan])
 def test_three_hundred_blind_frames_do_no_harm(wild):
     """The pose is that of odometry, the map what the hull stood on; nothing grows, nothing is NaN, no error.
