@@ -202,6 +202,18 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
 
 
 @compiled
+def _most_on_a_side(m: int, room: Room) -> int:
+    """Reflections before the edge of the path in `room`, or after it if these are more."""
+    before = after = 0
+    for j in range(m):
+        if room.kind[j] == DIFFRACTION:
+            before, after = after, 0
+        elif room.kind[j] == REFLECTION:
+            after += 1
+    return max(before, after)
+
+
+@compiled
 def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tuple[float, float]:
     """Length and power of the path in `room`, gain set; length -1 if it is none."""
     n = 1.0
@@ -244,6 +256,8 @@ def _try_bounces(
     new = np.empty(5)
     for bounce in range(-down, up + 1):
         m = _raise(plan, setting, tx[2], rx[2], n, bounce, room)
+        if corner >= 0 and bounce != 0 and _most_on_a_side(m, room) > setting.side_reflections:
+            continue
         length, power = _weigh(plan, setting, corner, m, room)
         if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
             continue
@@ -315,7 +329,7 @@ def trace_links(
         target_start,
         target_list,
         setting.max_reflections,
-        setting.edge_reflections,
+        setting.side_reflections,
         setting.max_through,
     )
     hit_start, hit_view = _by_first(hit, n_rx)

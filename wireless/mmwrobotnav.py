@@ -6,8 +6,7 @@ x to the right, y up, so that y is negative). Angles in the files are degrees, c
 they are radians. The link states come from a commercial ray tracer, the paths from a simulated receiver.
 
 What tells the link states was found from the data: walls are sheets that let a path through once, and the
-passage is one more interaction, but a direct path counts as line of sight even so, at some receivers
-(`link_states`, `fully_traced`).
+passage is one more interaction, but a direct path counts as line of sight even so (`link_states`).
 
 Reference: Yin et al., "Millimeter wave wireless assisted robot navigation with link state classification",
 IEEE OJ-COMS 2022, and its repository mmwRobotNav.
@@ -20,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as csv
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from wireless.paths import Interaction, LinkState, Paths
 
@@ -132,24 +131,14 @@ def read_tx_positions(path: Path) -> Float[np.ndarray, "n 3"]:
     return np.column_stack([table["x"], table["y"], table["z"]])
 
 
-def fully_traced(rx_cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
-    """Which receivers have a direct path through a wall labelled line of sight: even row, odd column.
-
-    In the 18 training buildings 96 % of these receivers, behind one wall and with the ray steeper than 45 degrees
-    to it, are line of sight, and 38 % of the other three quarters, mostly the ones behind long straight walls.
-    """
-    return (rx_cell[:, 0] % 2 == 0) & (rx_cell[:, 1] % 2 == 1)
-
-
-def link_states(paths: Paths, fully: Bool[np.ndarray, "n_rx"]) -> UInt8[np.ndarray, "n_tx n_rx"]:
+def link_states(paths: Paths) -> UInt8[np.ndarray, "n_tx n_rx"]:
     """`LinkState` of each link as the published labels have it.
 
-    First order takes a path with a single reflection or diffraction that passes no wall. Whatever else arrives is
-    of higher order, but a direct path is line of sight: if it passes a wall, then at some receivers only.
+    A direct path is line of sight, also if it passes a wall. First order takes a path with a single reflection or
+    diffraction that passes no wall. Whatever else arrives is of higher order.
 
     Args:
-        paths: Paths, of which some pass walls.
-        fully: Receivers where direct paths through walls count, see `fully_traced`.
+        paths: Paths, of which some may pass walls.
     """
     passed = (paths.interaction == Interaction.TRANSMISSION).sum(axis=1)
     direct = paths.order == passed
@@ -157,7 +146,7 @@ def link_states(paths: Paths, fully: Bool[np.ndarray, "n_rx"]) -> UInt8[np.ndarr
     state = np.full(shape[0] * shape[1], LinkState.OUTAGE, np.uint8)
     state[paths.link] = LinkState.HIGHER_ORDER
     state[paths.link[(paths.order == 1) & ~direct]] = LinkState.FIRST_ORDER
-    state[paths.link[direct & ((passed == 0) | fully[paths.rx])]] = LinkState.LOS
+    state[paths.link[direct]] = LinkState.LOS
     return state.reshape(shape)
 
 

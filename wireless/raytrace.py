@@ -52,6 +52,8 @@ class TracerConfig:
     """Whether edges diffract."""
     diffraction_reflections: int = 1
     """Most reflections, before and after together, on a path with diffraction."""
+    diffraction_side_reflections: int | None = None
+    """Most of them on either side of the edge; None for no such limit."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 0
@@ -78,6 +80,9 @@ class TracerConfig:
         ):
             if getattr(self, name) < low:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected at least {low}.")
+        side = self.diffraction_side_reflections
+        if side is not None and side < 0:
+            raise ValueError(f"diffraction_side_reflections is {side}, expected at least 0, or None.")
         if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
             raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
         if self.max_transmissions and self.wall_thickness_m is None:
@@ -133,7 +138,7 @@ class _PlanScene:
                     "floor and ceiling. Trace other points with scene='space'."
                 )
         around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
-        order, through = self._setting.edge_reflections, self._setting.max_through
+        order, through = self._setting.side_reflections, self._setting.max_through
 
         def trace(txs: slice, rxs: slice) -> list[Table]:
             some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
@@ -278,6 +283,7 @@ class Tracer:
         """Physics and limits of this tracer, for walls or facets of some permittivities."""
         config = self.config
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
+        bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
             wall_eps=eps,
             low_m=0.0,
@@ -286,7 +292,8 @@ class Tracer:
             has_ceiling=False,
             wavenumber=2 * np.pi * self.frequency_hz / speed_of_light,
             max_reflections=config.max_reflections,
-            edge_reflections=config.diffraction_reflections if config.diffraction else -1,
+            edge_reflections=bent if config.diffraction else -1,
+            side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
             max_through=config.max_transmissions,
             thickness_m=config.wall_thickness_m or 0.0,
             vertical=vertical,

@@ -130,14 +130,15 @@ def _bend(
     """Enter all ways over an edge into the lists of their links."""
     most, keep, orders = most_interactions(setting), rank.shape[1], setting.edge_reflections
     occluding = setting.max_through == 0
-    near, n_near = all_views(space, tx, orders, occluding)
+    side = setting.side_reflections
+    near, n_near = all_views(space, tx, side, occluding)
     pair, sight = _lit_edges(space, near, n_near, occluding)
     start = np.searchsorted(pair[:, 0], np.arange(len(space.surfaces.edge) + 1))
     plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.surfaces.edge), np.int64)
     points, who = np.empty((most, 3)), np.zeros(3 + most, np.int64)
     where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
     for r in range(len(rx)):
-        far, n_far = all_views(space, rx[r], orders, occluding)
+        far, n_far = all_views(space, rx[r], side, occluding)
         for v in range(n_far):
             after = far.order[v]
             image = far.image[v, after]

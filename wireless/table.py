@@ -31,6 +31,8 @@ class Setting(NamedTuple):
     """Most reflections on a path without diffraction."""
     edge_reflections: int
     """Most reflections on a path with diffraction; -1 for no diffraction."""
+    side_reflections: int
+    """Most of them before the edge, and after it; at most edge_reflections."""
     max_through: int
     """Most walls that a path passes."""
     thickness_m: float

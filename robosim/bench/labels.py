@@ -17,7 +17,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 import wireless
-from robosim.bench import label_links, label_maps, label_walls
+from robosim.bench import label_adjacent, label_links, label_maps, label_walls
 from robosim.bench.label_links import TRACER, Links, compare, confusion
 from robosim.files import whole_file, write_json
 from wireless.mmwrobotnav import DataError, find_measurements, read_measurements
@@ -120,6 +120,7 @@ def _key(data: Path, plan: Path, unit: Unit) -> str:
     files = (plan, data / name / f"{name}_tx_pos.csv", data / name / f"{name}_Tx_{number}_beam_search.csv")
     content = b"".join(path.read_bytes() for path in files if path.is_file())
     sources = [
+        Path(label_adjacent.__file__),
         Path(label_links.__file__),
         Path(label_walls.__file__),
         *sorted(Path(wireless.__file__).parent.glob("*.py")),

@@ -115,7 +115,7 @@ def test_a_wall_between_keeps_line_of_sight_and_raises_the_rest(extruded):
     crossed = shapely.get_num_geometries(shapely.intersection(way, walls)) * ~shapely.is_empty(
         shapely.intersection(way, walls)
     )
-    state = link_states(tracer.trace(tx, rx), np.ones(6, bool))[0]
+    state = link_states(tracer.trace(tx, rx))[0]
     np.testing.assert_array_equal(crossed, [0, 1, 1, 1, 1, 2])
     expected = [
         LinkState.LOS,
@@ -128,7 +128,7 @@ def test_a_wall_between_keeps_line_of_sight_and_raises_the_rest(extruded):
     assert state.tolist() == expected
     opaque = Tracer(extruded(screen + sheet), config=TracerConfig(max_reflections=0))
     expected = [LinkState.LOS, LinkState.OUTAGE, LinkState.OUTAGE, LinkState.FIRST_ORDER, LinkState.OUTAGE]
-    assert link_states(opaque.trace(tx, rx), np.ones(6, bool))[0].tolist() == [*expected, LinkState.OUTAGE]
+    assert link_states(opaque.trace(tx, rx))[0].tolist() == [*expected, LinkState.OUTAGE]
 
 
 def test_the_published_files_hold_what_is_said_of_them(shared):

@@ -348,3 +348,34 @@ def test_a_wall_passed_where_its_triangles_meet_is_one_wall(extruded):
         paths = tracer.trace(np.array([[2.0, -1, 2]]), np.array([[2.0, 1, 2]]))
         assert paths.order.tolist() == [1]
         np.testing.assert_allclose(paths.point[0, 0], (2, 0, 2), atol=1e-12)
+
+
+@pytest.mark.parametrize("floor_ceiling", [False, True])
+@pytest.mark.parametrize("scene", ["plan", "space"])
+def test_reflections_on_a_side_of_an_edge_are_limited(extruded, walls, floor_ceiling, scene):
+    """At most one before and one after the edge: of all paths with two reflections exactly those, to 1e-12.
+
+    Two on one side are left out, also if the floor is one of them; paths without an edge keep their three.
+    """
+    mesh = extruded(walls, floor=True, ceiling=True)
+    every, limited = (
+        Tracer(
+            mesh,
+            config=TracerConfig(
+                scene=scene,
+                floor_ceiling=floor_ceiling,
+                diffraction_reflections=2,
+                diffraction_side_reflections=side,
+                max_paths=2000,
+            ),
+        ).trace(TX, RX)
+        for side in (None, 1)
+    )
+    edge = every.interaction == Interaction.DIFFRACTION
+    mirror = every.interaction == Interaction.REFLECTION
+    before = (mirror & (np.cumsum(edge, axis=1) == 0)).sum(axis=1)
+    after = mirror.sum(axis=1) - before
+    wanted = every.select(~edge.any(axis=1) | ((before <= 1) & (after <= 1)))
+    assert len(every) > len(wanted) > 0
+    assert (edge.any(axis=1) & (before == 1) & (after == 1)).any()
+    np.testing.assert_allclose(table(limited), table(wanted), rtol=0, atol=1e-12)
