@@ -22,3 +22,8 @@ def shipped_weights() -> dict[str, Path]:
         path.stem.removeprefix("link-state-"): path
         for path in sorted(folder.glob("link-state-*.safetensors"))
     }
+
+
+def shipped_mapper() -> Path:
+    """Weights of the shipped mapper."""
+    return assets_dir() / "weights" / "mapper.safetensors"

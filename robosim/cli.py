@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.logging import RichHandler
 
 from robosim.commands import bench, figures, train
+from robosim.commands.collect import collect
 from robosim.commands.dataset import dataset
 from robosim.commands.episode import episode
 from robosim.commands.machine import doctor
@@ -30,7 +31,7 @@ _BENCH: _Commands = {
     "labels": bench.labels,
 }
 _FIGURES: _Commands = {"plans": figures.plans, "arrays": figures.arrays}
-_TRAIN: _Commands = {"link-state": train.link_state}
+_TRAIN: _Commands = {"link-state": train.link_state, "mapper": train.mapper}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),
@@ -42,6 +43,7 @@ _COMMANDS: _Commands = {
     "trace": trace,
     "dataset": dataset,
     "generate": generate,
+    "collect": collect,
     "doctor": doctor,
 }
 

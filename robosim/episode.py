@@ -36,6 +36,8 @@ class EpisodeConfig:
     """Who chooses the goals."""
     explorer: ExplorerName = "gain"
     """Who chooses among frontiers when the goal is to explore."""
+    mapper: str = "classical"
+    """Who makes the map: classical, neural, or a .safetensors file of a trained network."""
     seed: int = 0
     """Seed of everything random in the episode."""
     max_steps: int = 1000
@@ -91,7 +93,7 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    mapper, planner, controller, explorer = make_navigator(config.simulator, config.explorer)
+    mapper, planner, controller, explorer = make_navigator(config.simulator, config.explorer, config.mapper)
     policy = make_policy(config.goal, task, explorer)
     simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
     listener = Listener(simulator.radio, config.link_states) if simulator.radio else None

@@ -4,14 +4,16 @@ They are told what a builder would know of a robot: the optics and height of its
 hull, and the mean error of its odometry for each action, which a calibration run gives.
 """
 
+from pathlib import Path
 from typing import NamedTuple
 
+from robosim.assets import shipped_mapper
 from robosim.simulator import SimulatorConfig
 from slam.actions import Action
 from slam.control import ControlConfig, Controller
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
-from slam.mapping import ClassicalMapper, MapperConfig
+from slam.mapping import ClassicalMapper, Mapper, MapperConfig
 from slam.odometry import OdometryConfig
 from slam.planning import Planner, PlannerConfig
 from slam.projection import Band, CameraModel
@@ -20,18 +22,24 @@ from slam.projection import Band, CameraModel
 class Navigator(NamedTuple):
     """The parts of a navigator."""
 
-    mapper: ClassicalMapper
+    mapper: Mapper
     planner: Planner
     controller: Controller
     explorer: FrontierExplorer
 
 
-def make_navigator(config: SimulatorConfig, explorer: ExplorerName = "gain") -> Navigator:
+def make_navigator(
+    config: SimulatorConfig, explorer: ExplorerName = "gain", mapper: str = "classical"
+) -> Navigator:
     """The navigator of the robot that is simulated.
 
     Args:
         config: The robot and its camera.
         explorer: Who rates frontiers.
+        mapper: "classical", "neural" for the shipped network, or a .safetensors file of another.
+
+    Raises:
+        ValueError: If the mapper is unknown or its file is damaged.
     """
     radius_m = config.robot.radius_m
     odometry = OdometryConfig(
@@ -43,14 +51,25 @@ def make_navigator(config: SimulatorConfig, explorer: ExplorerName = "gain") -> 
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
+    mapping = MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry, band=Band(high_m=top_m))
     return Navigator(
-        ClassicalMapper(
-            MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry, band=Band(high_m=top_m))
-        ),
+        _mapper(mapper, mapping),
         Planner(PlannerConfig(cost=cost)),
         Controller(ControlConfig(radius_m=radius_m)),
         FrontierExplorer(ExplorerConfig(rating=explorer, cost=cost)),
     )
+
+
+def _mapper(name: str, config: MapperConfig) -> Mapper:
+    if name == "classical":
+        return ClassicalMapper(config)
+    from slam.mapper.weights import load_mapper  # brings torch, which takes seconds
+    from slam.neural_mapping import NeuralMapper
+
+    path = shipped_mapper() if name == "neural" else Path(name)
+    if path.suffix != ".safetensors":
+        raise ValueError(f"mapper is {name!r}, expected classical, neural, or a .safetensors file.")
+    return NeuralMapper(load_mapper(path)[0], config)
 
 
 def _bias(config: SimulatorConfig, action: Action) -> tuple[float, float, float]:

@@ -10,6 +10,9 @@ Cells of the patch are looked up in the map by their centres, without mixing nei
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
 """
 
+import math
+
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
@@ -47,6 +50,50 @@ def egocentric_map(
     iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
     obstacle = estimate.obstacle_probability[iy, ix] > 0.5
     return np.stack([obstacle, estimate.explored[iy, ix]]) & inside
+
+
+def belief_ahead(
+    estimate: MapEstimate, pose: Float[np.ndarray, "3"] | None = None, patch: GridFrame = AHEAD
+) -> Float32[np.ndarray, "ny nx"]:
+    """Obstacle probability of a map around a pose, mixed between neighbouring cells; 0.5 beyond the map.
+
+    Args:
+        estimate: The map.
+        pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
+        patch: The cells asked for, in the robot's frame.
+    """
+    return cut_ahead(
+        estimate.obstacle_probability, estimate.frame, estimate.pose if pose is None else pose, patch
+    )
+
+
+def cut_ahead(
+    values: Float32[np.ndarray, "ny nx"],
+    frame: GridFrame,
+    pose: Float[np.ndarray, "3"],
+    patch: GridFrame = AHEAD,
+    beyond: float = 0.5,
+) -> Float32[np.ndarray, "my mx"]:
+    """Values of a map at the cell centres of a patch around a pose, linear between the centres of map cells.
+
+    Args:
+        values: The map.
+        frame: Where its cells lie.
+        pose: x [m], y [m], yaw [rad] in `map`.
+        patch: The cells asked for, in the robot's frame.
+        beyond: Value outside of the map.
+    """
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    step = patch.resolution_m / frame.resolution_m
+    first = np.array(patch.origin_xy) + 0.5 * patch.resolution_m
+    at = frame.to_cells(
+        np.array([pose[0] + c * first[0] - s * first[1], pose[1] + s * first[0] + c * first[1]])
+    )
+    place = np.array([[c * step, -s * step, at[0] - 0.5], [s * step, c * step, at[1] - 0.5]])
+    ny, nx = patch.shape
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    border = cv2.BORDER_CONSTANT
+    return cv2.warpAffine(values, place, (nx, ny), flags=flags, borderMode=border, borderValue=beyond)
 
 
 def egocentric_view(

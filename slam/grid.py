@@ -112,6 +112,9 @@ class MapEstimate:
     """Estimated x [m], y [m], yaw [rad] in `map`."""
     surface_offset_m: Float32[np.ndarray, "ny nx 2"] | None = None
     """Where in an obstacle cell its surface lies, from the centre of the cell (x, y) [m]; None if unknown."""
+    anticipated_probability: Float32[np.ndarray, "ny nx"] | None = None
+    """`obstacle_probability` continued by a guess where the camera has not looked, as far as one was made: behind
+    furniture, round corners. None if the mapper does not guess."""
 
     @property
     def obstacle(self) -> Bool[np.ndarray, "ny nx"]:

@@ -14,6 +14,7 @@ Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D 
 import logging
 import math
 from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -65,6 +66,29 @@ class MapperConfig:
             raise ValueError(
                 f"max_side_m = {self.max_side_m}, expected at least 20 m: the camera sees 10 m far."
             )
+
+
+@runtime_checkable
+class Mapper(Protocol):
+    """What every mapper does."""
+
+    @property
+    def collided(self) -> bool:
+        """Whether the last action ended at something."""
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
+
+    def update(
+        self,
+        depth: Float32[np.ndarray, "h w"],
+        action: Action | None = None,
+        odometry: Float[np.ndarray, "3"] | None = None,
+    ) -> MapEstimate:
+        """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
+
+    def estimate(self) -> MapEstimate:
+        """The map and pose as they are now."""
 
 
 class ClassicalMapper:

@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float32
 
 from slam.grid import GridFrame
 from slam.poses import to_map
-from slam.projection import Scan
+from slam.projection import Scan, dense_points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,7 +154,7 @@ class OccupancyGrid:
         """Cells in which the scan sees a surface; raises `top_m` there to the height seen."""
         hit = np.zeros(frame.shape, bool)
         for depth_m, top in ((scan.depth_m, scan.top_m), (scan.far_m, np.full_like(scan.top_m, 9.0))):
-            points, heights = _dense_points(scan.left, depth_m, top, self.config.free_range_m)
+            points, heights = dense_points(scan.left, depth_m, top, self.config.free_range_m)
             iy, ix = frame.index(to_map(pose, points))
             inside = frame.inside(iy, ix)
             iy, ix = iy[inside], ix[inside]
@@ -181,27 +181,3 @@ def _robot_coordinates(
     ahead = (c * x).astype(np.float32) + (s * y).astype(np.float32)[:, None]
     left = (-s * x).astype(np.float32) + (c * y).astype(np.float32)[:, None]
     return ahead, left / np.where(np.abs(ahead) < 1e-6, np.float32(1e-6), ahead)
-
-
-def _dense_points(
-    left: Float32[np.ndarray, "w"],
-    depth_m: Float32[np.ndarray, "w"],
-    top_m: Float32[np.ndarray, "w"],
-    range_m: float,
-    between: int = 4,
-) -> tuple[Float[np.ndarray, "n 2"], Float32[np.ndarray, "n"]]:
-    """Points of a scan with others in between on each surface, so that far walls have no holes.
-
-    The inverse depth of a plane is linear in the column, so the points in between lie exactly on it.
-    """
-    inverse = 1 / depth_m
-    a, b = inverse[:-1], inverse[1:]
-    share = (np.arange(between) / between).astype(np.float32)
-    dense = a[:, None] * (1 - share) + b[:, None] * share
-    slope = left[:-1, None] * (1 - share) + left[1:, None] * share
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gap = np.hypot(1 / a - 1 / b, left[:-1] / a - left[1:] / b)
-        z = 1 / dense
-    use = (z <= range_m) & ((share == 0) | (gap < 0.2)[:, None])
-    z, slope, heights = z[use], slope[use], np.broadcast_to(top_m[:-1, None], use.shape)[use]
-    return np.column_stack([z, z * slope]), heights

@@ -26,6 +26,8 @@ class EpisodeOptions:
     """live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m."""
     explorer: Literal["nearest", "cheapest", "gain"] = "gain"
     """Who chooses among frontiers: the nearest, the one cheapest in decisions, or gain against decisions."""
+    mapper: str = "classical"
+    """Who makes the map: classical, neural with the shipped network, or a .safetensors file of another."""
     link_states: str = "public"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true"."""
     recognition: Literal["marker", "perfect"] = "marker"
@@ -55,6 +57,7 @@ class EpisodeOptions:
         return EpisodeConfig(
             goal=goal,
             explorer=self.explorer,
+            mapper=self.mapper,
             link_states=self.link_states,
             seed=seed,
             max_steps=self.max_steps,

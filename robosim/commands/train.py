@@ -82,3 +82,59 @@ def link_state(
             f"validation accuracy {card['validation']['mean_accuracy']:.4f} (held-out buildings, see above)"
         )
     console.print(last, highlight=False)
+
+
+def mapper(
+    *,
+    data: Path | None = None,
+    steps: int = 6000,
+    batch: int = 32,
+    widths: tuple[int, ...] = (16, 32, 64, 96),
+    seed: int = 0,
+    threads: int = 2,
+    smoke: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Train the learned mapper on collected frames, supervised by the truth kept with them.
+
+    Writes mapper.safetensors with its card, result.json and the curves. Every tenth home is held out, for the choice of
+    the best weights and the scores. An interrupted run goes on when the same command is given again.
+
+    Example: robosim train mapper --data out/frames --out out/mapper
+
+    Args:
+        data: Folder of frames (`robosim collect`); with --smoke a few are collected.
+        steps: Batches to learn from.
+        batch: Frames of a batch.
+        widths: Channels of the network at each scale, finest first.
+        seed: Seed of the first weights and of the order of frames.
+        threads: Threads of the network.
+        smoke: A run of a minute or two that shows that all works: few frames, few steps.
+        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+    """
+    for name, value in (("threads", threads), ("steps", steps)):
+        if value < 1:
+            raise ValueError(f"{name} is {value}, expected at least 1.")
+    from robosim.mapper_training import smoke_frames, train_mapper
+    from slam.mapper.network import NetworkConfig
+    from slam.mapper.training import Recipe
+
+    folder = folder_for(out, "train-mapper")
+    if smoke:
+        steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
+    if data is None:
+        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    recipe = Recipe(
+        network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
+    )
+    told = f"robosim train mapper --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
+    card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
+    for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
+        console.print(
+            f"{name:>14}: IoU of obstacles seen {score['iou_seen']:.3f}, hidden {score['iou_hidden']:.3f}, of hidden "
+            f"floor {score['iou_hidden_floor']:.3f}; calibration error {score['calibration_error_seen']:.3f} seen, "
+            f"{score['calibration_error_hidden']:.3f} elsewhere",
+            highlight=False,
+        )
+    console.print(f"Wrote the mapper, its card and curves in {folder}")
+    console.print(f"Next: robosim episode flat --goal explore --mapper {folder / 'mapper.safetensors'}")

@@ -1,0 +1,51 @@
+"""`robosim collect`."""
+
+from pathlib import Path
+
+from robosim.commands.terminal import console, folder_for
+
+
+def collect(
+    *,
+    homes: int = 400,
+    seed: int = 0,
+    steps: int = 120,
+    depth_noise: float = 1.0,
+    noise: float = 1.0,
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Collect frames to train a mapper on: a robot explores invented homes, the truth is kept beside what it senses.
+
+    One file a home, the same for any number of workers. An interrupted run goes on when the command is given again,
+    and more homes may be added later.
+
+    Example: robosim collect --homes 400 --out out/frames
+
+    Args:
+        homes: Number of homes.
+        seed: Seed of homes and noise.
+        steps: Frames of each home.
+        depth_noise: Level of the depth camera's noise: 0 none, 1 as published for a Kinect.
+        noise: Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot.
+        workers: Processes at once.
+        out: Folder for the files, and to go on from; a new one under runs/ if not given.
+    """
+    from robosim.collect import CollectConfig
+    from robosim.collect import collect as collect_frames
+    from robosim.depth_noise import DepthNoise
+    from robosim.odometry import NoiseModel
+
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least one process.")
+    config = CollectConfig(
+        homes=homes,
+        steps=steps,
+        seed=seed,
+        depth_noise=DepthNoise(level=depth_noise),
+        noise=NoiseModel(level=noise),
+    )
+    folder = folder_for(out, "collect")
+    shards = collect_frames(config, folder, workers=workers, console=console)
+    console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
+    console.print(f"Next: robosim train mapper --data {folder}")

@@ -1,0 +1,128 @@
+"""Train the learned mapper on collected frames, and score it on homes that were held out.
+
+Every tenth home is held out, for the choice of the best weights and for the scores on the card. Scores of the classical
+map on the same frames stand beside them.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from rich.console import Console
+from rich.progress import Progress
+
+from robosim.collect import CollectConfig, collect
+from robosim.files import write_json
+from robosim.mapper_plots import plot_curve
+from robosim.true_patch import MATTERS, OBSTACLE, SEEN
+from slam.mapper.features import Features
+from slam.mapper.network import parameters
+from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
+from slam.mapper.weights import save_mapper
+
+#: One home in so many is held out.
+HOLD_OUT = 10
+
+
+def train_mapper(
+    data: Path, out: Path, recipe: Recipe, *, threads: int, console: Console, about: str = ""
+) -> dict[str, Any]:
+    """Train, score and write a mapper.
+
+    Args:
+        data: Folder of shards (`robosim.collect`).
+        out: Folder for everything, and to go on from.
+        recipe: How to train.
+        threads: Threads of the network.
+        console: Where to print.
+        about: The command that does it again, for the card.
+
+    Returns:
+        The card.
+
+    Raises:
+        ValueError: If there are too few homes.
+    """
+    start = time.perf_counter()
+    shards = sorted(Path(data).glob("home-*.npz"))
+    held_out = shards[HOLD_OUT - 1 :: HOLD_OUT] or shards[-1:]
+    learnt = [path for path in shards if path not in held_out]
+    if not learnt:
+        raise ValueError(
+            f"{data} holds {len(shards)} homes, expected two or more: one is held out. Collect more with "
+            "`robosim collect`."
+        )
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        with Progress(console=console, transient=True) as progress:
+            reading = progress.add_task("reading", total=len(shards))
+            frames, held = (
+                read_frames(part, lambda: progress.advance(reading)) for part in (learnt, held_out)
+            )
+            learning = progress.add_task("learning", total=recipe.steps)
+            network, curve = train(
+                frames,
+                held,
+                recipe,
+                out / "checkpoint.pt",
+                lambda step: progress.update(learning, completed=step),
+            )
+    finally:
+        torch.set_num_threads(before)
+    classical = classical_scores(held)
+    best = min(curve, key=lambda row: row["loss"])
+    card: dict[str, Any] = {
+        "data": f"{len(learnt)} homes, {len(frames)} frames; held out {len(held_out)}, {len(held)} frames",
+        "command": about,
+        "recipe": asdict(recipe),
+        "parameters": parameters(network),
+        "validation": best,
+        "validation_classical": classical,
+        "seconds": round(time.perf_counter() - start, 1),
+    }
+    save_mapper(network, card, out / "mapper.safetensors")
+    write_json(out / "result.json", {**card, "curve": curve})
+    plot_curve(curve, classical, out / "curves.png")
+    return card
+
+
+def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
+    """Frames of shards as a network learns from them.
+
+    Args:
+        shards: Files of `robosim.collect`.
+        on_shard: Called after each.
+
+    Raises:
+        ValueError: If a file is not such a shard.
+    """
+    features_of = Features()
+    features, truth = [], []
+    for path in shards:
+        try:
+            with np.load(path) as shard:
+                depth, belief = shard["depth"], shard["belief"]
+                truth.append(np.unpackbits(shard["truth"], axis=-1).astype(bool))
+        except (OSError, KeyError, ValueError) as error:
+            raise ValueError(
+                f"{path} is no shard of `robosim collect` ({error}). Collect it anew."
+            ) from error
+        for image, known in zip(depth, belief, strict=True):
+            metres = image.astype(np.float32) / 1000
+            features.append(coded(features_of.of(metres, known.astype(np.float32) / 255)))
+        on_shard()
+    true = np.concatenate(truth)
+    return Frames(
+        features=np.stack(features), obstacle=true[:, OBSTACLE], seen=true[:, SEEN], matters=true[:, MATTERS]
+    )
+
+
+def smoke_frames(folder: Path, console: Console) -> Path:
+    """A folder of few frames, collected if they are not there: to see that training works, not to learn from."""
+    collect(CollectConfig(homes=4, steps=30), folder, workers=1, console=console)
+    return folder

@@ -1,0 +1,1 @@
+"""The learned mapper: what it is shown, its network, training, scores and files."""

@@ -1,0 +1,41 @@
+"""A trained mapper in files: weights as safetensors, and a card that says what they are and what they reached."""
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save
+
+from slam.mapper.network import MapNetwork, NetworkConfig
+
+
+def save_mapper(network: MapNetwork, card: dict[str, Any], path: Path) -> None:
+    """Write PATH (.safetensors) and the card beside it (.json)."""
+    head = {"widths": list(network.config.widths), "inputs": network.config.inputs}
+    text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
+    weights = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for target, content in ((path, save(weights)), (path.with_suffix(".json"), f"{text}\n".encode())):
+        partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
+        partial.write_bytes(content)
+        os.replace(partial, target)
+
+
+def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
+    """A network from its weights, ready for use, and its card, which lies beside them.
+
+    Raises:
+        ValueError: If a file is missing or damaged, or they do not fit each other.
+    """
+    try:
+        card = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        network = MapNetwork(NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"]))
+        network.load_state_dict(load_file(path))
+    except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
+        raise ValueError(
+            f"{path} and its card {path.with_suffix('.json').name} are no weights of a mapper ({error}). "
+            "Train them anew with `robosim train mapper`."
+        ) from error
+    return network.eval(), card
