@@ -59,7 +59,7 @@ class RelocalizationConfig:
             )
 
 
-#: Steps of the lattice of poses [m, rad], points of the scan used on it, and poses refined.
+#: Steps of the lattice of poses [m, rad], points of the scan used, and poses refined.
 STEP_M, STEP_RAD, POINTS, REFINED = 0.1, math.radians(4.0), 48, 12
 #: What a metre, or a radian, away from the pose believed takes off the score of a pose found.
 FAR_PRICE = 0.2
@@ -75,10 +75,13 @@ class Surroundings:
     """Distances to obstacles, and what is firmly free, in a window of the map."""
 
     def __init__(
-        self, occupancy: OccupancyGrid, centre: Float[np.ndarray, "2"], half_side_m: float, eye_m: float
+        self,
+        occupancy: OccupancyGrid,
+        low_xy: Float[np.ndarray, "2"],
+        high_xy: Float[np.ndarray, "2"],
+        eye_m: float,
     ) -> None:
-        x, y = centre
-        low, high = (x - half_side_m, y - half_side_m), (x + half_side_m, y + half_side_m)
+        low, high = (float(low_xy[0]), float(low_xy[1])), (float(high_xy[0]), float(high_xy[1]))
         rows, columns, self.frame = occupancy.frame.window(low, high)
         probability = occupancy.probability[rows, columns]
         free = (probability <= 0.5).astype(np.uint8)
@@ -121,6 +124,11 @@ def _cells(
     return np.where(inside, iy, 0), np.where(inside, ix, 0), inside
 
 
+def _thinned(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "m 2"]:
+    """Evenly chosen points of a scan, enough to judge a pose by."""
+    return points[np.linspace(0, len(points) - 1, min(POINTS, len(points))).astype(int)]
+
+
 class Relocalizer:
     """Judges every pose that scan matching finds, and looks for a better one where it contradicts the map."""
 
@@ -160,9 +168,11 @@ class Relocalizer:
         self.lost = False
         if len(points.points) < config.min_points:
             return match, False
-        reach = matching.max_range_m + config.search_m
-        around = Surroundings(occupancy, match.pose[:2], reach, eye_m)
-        doubt = around.contradiction(match.pose, points.points, config.near_m)
+        some = _thinned(points.points)
+        seen = np.vstack([to_map(match.pose, some), match.pose[:2]])
+        margin_m = 2 * config.near_m
+        view = Surroundings(occupancy, seen.min(axis=0) - margin_m, seen.max(axis=0) + margin_m, eye_m)
+        doubt = view.contradiction(match.pose, some, config.near_m)
         if doubt <= config.contradiction:
             self._tried = 0
             return match, False
@@ -171,6 +181,8 @@ class Relocalizer:
             # As many scans are entered now as were not: should doubts outlast that, the search begins anew.
             self._tried %= 2 * config.tries
             return match, True
+        reach = matching.max_range_m + config.search_m
+        around = Surroundings(occupancy, match.pose[:2] - reach, match.pose[:2] + reach, eye_m)
         found = self._search(match.pose, points, around, surfaces, matching)
         if found is None:
             self.lost = True
@@ -215,7 +227,7 @@ def _lattice(
     half_rad: float,
 ) -> Float[np.ndarray, "k 3"]:
     """The best poses of a lattice around one, no two of them neighbours."""
-    some = points[np.linspace(0, len(points) - 1, min(POINTS, len(points))).astype(int)]
+    some = _thinned(points)
     likely = np.exp(-0.5 * (np.minimum(around.gap_m, 9.0) / _BLUR_M) ** 2)
     n = round(half_m / STEP_M)
     shift = np.arange(-n, n + 1) * STEP_M
