@@ -147,8 +147,9 @@ def _make_units(
     if not missing:
         return
     with _pool(min(workers, len(missing))) as pool:
-        futures = [pool.submit(make_unit, site, tx, config, out) for site, tx in missing]
         try:
+            with _ctrl_c_held_back():
+                futures = [pool.submit(make_unit, site, tx, config, out) for site, tx in missing]
             for future in as_completed(futures):
                 done += future.result()
                 progress.report(done, total)
@@ -178,9 +179,18 @@ def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
                 os.environ[name] = value
 
 
+@contextmanager
+def _ctrl_c_held_back() -> Iterator[None]:
+    """Ctrl-C comes when the block ends; to processes that start inside of it never: they finish what they are at."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _begin() -> None:
-    """What a process does first: leave Ctrl-C to its parent, and end when the parent is killed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    """What a process does first: see to it that it ends when its parent is killed."""
     parent = multiprocessing.parent_process()
 
     def follow() -> None:

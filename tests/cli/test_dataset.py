@@ -196,3 +196,24 @@ def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, c
     words = arguments.format(plan=plan_file).split()
     assert message in fails(["dataset", *words, "--out", tmp_path / "out"], capsys)
     assert not list(tmp_path.rglob("*.parquet"))
+
+
+def test_ctrl_c_says_how_to_go_on(plan_file, tmp_path):
+    """To the whole group of processes, as a terminal sends it, at any moment: one sentence, no traceback."""
+    command = f"dataset {plan_file} --tx-per-plan 20 --grid 0.3 --estimator pca --out {tmp_path}".split()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "robosim", *command],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while not (tmp_path / "settings.json").exists() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.5)  # processes are starting
+    os.killpg(process.pid, signal.SIGINT)
+    said, complained = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "Go on with the same command" in said
+    assert complained == ""
