@@ -15,6 +15,7 @@ from robosim.commands import bench, figures, train
 from robosim.commands.collect import collect
 from robosim.commands.dataset import dataset
 from robosim.commands.episode import episode
+from robosim.commands.evaluate import evaluate
 from robosim.commands.machine import doctor
 from robosim.commands.scenes import generate, plan
 from robosim.commands.trace import trace
@@ -39,6 +40,7 @@ _GROUPS: dict[str, tuple[str, _Commands]] = {
 }
 _COMMANDS: _Commands = {
     "episode": episode,
+    "evaluate": evaluate,
     "plan": plan,
     "trace": trace,
     "dataset": dataset,

@@ -69,7 +69,7 @@ def navigation(
     folder = folder_for(out, "bench-navigation")
     table = run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=console)
     console.print(table)
-    console.print(f"Wrote navigation.json and one folder an episode in {folder}")
+    console.print(f"Wrote navigation.json and the episodes in {folder}")
 
 
 def exploration(

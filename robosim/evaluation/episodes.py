@@ -1,0 +1,250 @@
+"""One episode of an evaluation: what it needs to run in any process, and all that is kept of it.
+
+What is kept is one compressed NumPy file: the scores as a row of the table, times, both trajectories, the goals, what
+the radio heard, and the map that the robot had built in the end. It holds enough to draw the episode without running
+it again, in some 20 kB. A process keeps the building of the last plan, since jobs come ordered by plan.
+"""
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields, replace
+from functools import lru_cache
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import shapely
+import torch
+from jaxtyping import Float, UInt8
+
+from robosim.building import Building, BuildingConfig, make_building
+from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
+from robosim.files import plain
+from robosim.floorplan import MapError
+from robosim.goals import GoalName
+from robosim.planfiles import read_plan
+from robosim.reach import Reach, reach
+from robosim.record import EpisodeLog
+from robosim.stopwatch import LOOP_STAGES
+from robosim.tasks import Task, make_task
+from slam.grid import MapEstimate
+
+#: Steps at which the part of the floor that was seen is told.
+MILESTONES = (250, 500, 1000)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Job:
+    """One episode to run."""
+
+    task: SuiteTask
+    """What is searched."""
+    plan_file: Path
+    """Where."""
+    repeat: int
+    """Which repetition with other noise, from 0."""
+    config: EpisodeConfig
+    """How, with the policy and the seed."""
+    made_by: str
+    """Digest of code and versions, kept with the result."""
+
+    @property
+    def policy(self) -> GoalName:
+        """Who chooses the goals."""
+        return self.config.goal
+
+    @property
+    def name(self) -> str:
+        """Of its file, unique in an evaluation."""
+        return f"{self.task.plan}/{self.task.number:03d}-{self.policy}-{self.repeat}"
+
+    def file(self, out: Path) -> Path:
+        """Where the episode is kept below the folder of an evaluation."""
+        return Path(out) / "episodes" / f"{self.name}.npz"
+
+
+@dataclass(frozen=True)
+class Head:
+    """What tables tell of an episode."""
+
+    row: dict[str, Any]
+    """Identity and scores: the same for the same seed."""
+    timing: dict[str, float]
+    """Seconds by stage, and in all."""
+    made_by: str
+    """Digest of code and versions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """What is kept of an episode."""
+
+    head: Head
+    poses: Float[np.ndarray, "n 3"]
+    """True poses."""
+    estimates: Float[np.ndarray, "n 3"]
+    """Estimated poses."""
+    goals: Float[np.ndarray, "m 2"]
+    """Where the robot wanted to be at each decision."""
+    coverage: Float[np.ndarray, "n"]
+    """Part of the reachable floor seen, at each pose."""
+    links: Float[np.ndarray, "k 4"]
+    """True state, believed state, SNR [dB] and error of the angle of arrival [rad] at each decision."""
+    built: UInt8[np.ndarray, "ny nx"]
+    """The built map: 0 unknown, 1 free, 2 obstacle."""
+    built_frame: Float[np.ndarray, "3"]
+    """Origin x, y and resolution [m] of the built map."""
+
+
+def make_jobs(
+    suite: Suite, config: EpisodeConfig, policies: tuple[GoalName, ...], repeats: int, made_by: str
+) -> list[Job]:
+    """Every task by every policy, ordered by plan, and there by policy, task and repetition."""
+    return [
+        Job(
+            task=task,
+            plan_file=file,
+            repeat=repeat,
+            config=replace(config, goal=policy, seed=task.seed(suite.seed, repeat)),
+            made_by=made_by,
+        )
+        for plan, file in suite.plans.items()
+        for policy in policies
+        for task in suite.tasks
+        if task.plan == plan
+        for repeat in range(repeats)
+    ]
+
+
+def run_job(job: Job) -> bytes:
+    """Run an episode and return the content of its file.
+
+    Raises:
+        MapError: If the task cannot be done in the plan.
+        KeyboardInterrupt: If it was interrupted: half an episode is not kept.
+    """
+    # How a sum is split over threads changes its last bits, and there is one episode a core.
+    torch.set_num_threads(1)
+    begin = perf_counter()
+    building, places = scene(job.plan_file, job.config.building, job.config.simulator.robot.radius_m)
+    task = _task(places, job.task)
+    goals: list[np.ndarray] = []
+
+    def look(decision: Decision) -> None:
+        goals.append(np.array(decision.goal, float))
+
+    log, estimate = run_episode(building, places, task, job.config, look)
+    if log.ended == "interrupted":
+        raise KeyboardInterrupt
+    seconds = perf_counter() - begin
+    loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
+    timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
+    row = _row(job, log, building)
+    return _to_bytes(Head(row, timing, job.made_by), log, np.array(goals).reshape(-1, 2), estimate)
+
+
+def read_head(path: Path) -> Head:
+    """Read what tables tell of an episode.
+
+    Raises:
+        ValueError: If the file is no episode, or damaged.
+    """
+    with _opened(path) as file:
+        return Head(**json.loads(str(file["head"])))
+
+
+def read_episode(path: Path) -> Episode:
+    """Read all that is kept of an episode.
+
+    Raises:
+        ValueError: If the file is no episode, or damaged.
+    """
+    with _opened(path) as file:
+        arrays = {field.name: file[field.name] for field in fields(Episode) if field.name != "head"}
+    return Episode(head=read_head(path), **arrays)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            yield file
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path}: no episode, or damaged ({error}). Delete it to run it again.") from error
+
+
+def draw_plan(
+    plan: str, file: Path, count: int, seed: int, building: BuildingConfig, radius_m: float
+) -> list[SuiteTask]:
+    """Tasks in one plan, for a process of its own."""
+    return draw_tasks(plan, scene(file, building, radius_m)[1], count, seed)
+
+
+@lru_cache(maxsize=1)
+def scene(plan_file: Path, config: BuildingConfig, radius_m: float) -> tuple[Building, Reach]:
+    """The building of a plan and what a hull can reach in it; the last one is kept."""
+    building = make_building(read_plan(plan_file), config=config)
+    return building, reach(building, radius_m)
+
+
+def _task(places: Reach, task: SuiteTask) -> Task:
+    x, y, yaw_deg = task.start
+    start = np.array([x, y, np.radians(yaw_deg)])
+    try:
+        return make_task(places, np.random.default_rng(0), start=start, target=np.array(task.target))
+    except MapError as error:
+        raise MapError(f"task {task.number} of {task.plan}: {error}") from error
+
+
+def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
+    """Identity and scores; whatever the log's result tells passes through."""
+    clearance = shapely.distance(shapely.points(np.array(log.poses)[:, :2]), building.free.boundary)
+    seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
+    deepest = max(0.0, job.config.simulator.robot.radius_m - float(clearance.min()))
+    return {
+        "plan": job.task.plan,
+        "task": job.task.number,
+        "policy": job.policy,
+        "repeat": job.repeat,
+        "seed": job.config.seed,
+        **plain(log.result()),
+        **seen,
+        "deepest_by_distance_m": deepest,
+    }
+
+
+def _to_bytes(head: Head, log: EpisodeLog, goals: np.ndarray, estimate: MapEstimate) -> bytes:
+    built, frame = _built(estimate)
+    links = [[link.state, link.believed, link.snr_db, link.aoa_error_rad] for link in log.links]
+    buffer = io.BytesIO()
+    np.savez_compressed(
+        buffer,
+        head=np.array(json.dumps(asdict(head))),
+        poses=np.array(log.poses, np.float32),
+        estimates=np.array(log.estimates, np.float32),
+        goals=goals.astype(np.float32),
+        coverage=np.array(log.coverage, np.float32),
+        links=np.array(links, np.float32).reshape(-1, 4),
+        built=built,
+        built_frame=frame,
+    )
+    return buffer.getvalue()
+
+
+def _built(estimate: MapEstimate) -> tuple[UInt8[np.ndarray, "ny nx"], Float[np.ndarray, "3"]]:
+    """The built map as one number a cell, cut to what was explored, and where it lies."""
+    kind = np.zeros(estimate.obstacle.shape, np.uint8)
+    kind[estimate.explored] = 1
+    kind[estimate.obstacle | estimate.blocked] = 2
+    rows, columns = (np.flatnonzero((kind > 0).any(axis)) for axis in (1, 0))
+    frame = estimate.frame
+    if not len(rows):
+        return kind[:0, :0], np.array([*frame.origin_xy, frame.resolution_m])
+    corner = frame.origin_xy + np.array([columns[0], rows[0]]) * frame.resolution_m
+    cut = kind[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return cut, np.array([*corner, frame.resolution_m])

@@ -1,0 +1,150 @@
+"""A whole evaluation: the suite, its episodes, their scores, and what is written of them.
+
+Below the folder: `suite.yaml` (what was searched), `manifest.json` (how), `episodes/` (each episode whole), and from
+these `episodes.parquet` (one row an episode), `timing.parquet` (its seconds; all else is the same for the same seed),
+`summary.json`, `report.html` and its pictures.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import get_args
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+from rich.text import Text
+
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
+from robosim.evaluation.manifest import check_manifest, code_digest
+from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
+from robosim.evaluation.results import Evaluation, write_results
+from robosim.evaluation.scores import Summary, score, summarise
+from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
+from robosim.evaluation.sweep import in_parallel, sweep
+from robosim.goals import GoalName
+from robosim.planfiles import find_plans
+
+
+def check_policies(names: Sequence[str]) -> tuple[GoalName, ...]:
+    """Policies by their names; all that seek the target if none is given.
+
+    Raises:
+        ValueError: If there is none of that name.
+    """
+    known = get_args(GoalName)
+    for name in names:
+        if name not in known:
+            raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(known)}.")
+    return tuple(name for name in known if (name in names if names else name != "explore"))
+
+
+def find_suite(
+    plans: Sequence[str],
+    config: EpisodeConfig,
+    *,
+    targets: int | None,
+    seed: int | None,
+    workers: int,
+    console: Console,
+) -> Suite:
+    """The suite of a file, or tasks drawn in floor plans.
+
+    Args:
+        plans: A suite file; or plan files, folders of them and names of shipped ones.
+        config: What says how plans become buildings and how large the robot is.
+        targets: Tasks of each plan, 10 if not given.
+        seed: What they are drawn from, 0 if not given.
+        workers: Processes at once.
+        console: Where progress is shown.
+
+    Raises:
+        ValueError: If a suite comes with plans, targets or a seed beside it, or two plans have one name.
+        MapError: If a plan cannot be read or has no room for the robot.
+    """
+    if any(is_suite(plan) for plan in plans):
+        if len(plans) > 1 or targets is not None or seed is not None:
+            raise ValueError(
+                "A suite file lists its plans, tasks and seed: give it alone, without plans, --targets and --seed."
+            )
+        return read_suite(plans[0])
+    count, seed = 10 if targets is None else targets, 0 if seed is None else seed
+    files = name_plans(list(dict.fromkeys(find_plans(plans))))
+    radius_m = config.simulator.robot.radius_m
+    calls = [(name, file, count, seed, config.building, radius_m) for name, file in files.items()]
+    drawn = {}
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("drawing tasks", total=len(calls))
+        for tasks in in_parallel(draw_plan, calls, workers):
+            drawn[tasks[0].plan] = tasks
+            progress.update(bar, advance=1)
+    return Suite(plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed)
+
+
+def evaluate(
+    suite: Suite,
+    out: Path,
+    *,
+    config: EpisodeConfig,
+    policies: Sequence[GoalName],
+    repeats: int,
+    workers: int,
+    console: Console,
+    cluster: str | None = None,
+    options: str = "",
+) -> Evaluation:
+    """Run every task by the oracle and every policy, score them, and write everything.
+
+    Args:
+        suite: What is searched.
+        out: Folder of the results; episodes that it holds are not run again.
+        config: How episodes run, but for policy and seed.
+        policies: Who chooses the goals; the oracle comes first, asked for or not.
+        repeats: Episodes of each task and policy, with other noise.
+        workers: Processes at once; the results do not depend on it.
+        console: Where progress is shown.
+        cluster: Address of a dask scheduler that runs the episodes instead.
+        options: What is typed after `robosim episode` for the same configuration.
+
+    Raises:
+        ValueError: If the folder holds episodes of another configuration.
+        MapError: If a plan cannot be read.
+    """
+    check_manifest(out, suite, config)
+    write_suite(suite, out / "suite.yaml")
+    everyone: tuple[GoalName, ...] = (
+        "oracle",
+        *(name for name in dict.fromkeys(policies) if name != "oracle"),
+    )
+    made_by = code_digest()
+    jobs = make_jobs(suite, config, everyone, repeats, made_by)
+    errors = sweep(jobs, out, workers=workers, console=console, cluster=cluster)
+    kept = [(job, read_head(job.file(out))) for job in jobs if job.file(out).is_file()]
+    judged = {(job.task.plan, job.task.number) for job, _ in kept if job.policy == "oracle"}
+    kept = [(job, head) for job, head in kept if (job.task.plan, job.task.number) in judged]
+    rows = score([head.row for _, head in kept])
+    result = Evaluation(
+        jobs=[job for job, _ in kept],
+        rows=rows,
+        timing=[head.timing for _, head in kept],
+        summaries=summarise(rows),
+        errors=errors,
+        foreign=sum(head.made_by != made_by for _, head in kept),
+    )
+    if rows:
+        write_results(result, out, config=config, options=options, workers=workers, console=console)
+    return result
+
+
+def summary_table(summaries: Sequence[Summary]) -> Table:
+    """The summary for a terminal."""
+    table = Table(caption="95 % intervals in brackets; times in steps relative to the oracle's")
+    for place, name in enumerate(SUMMARY_HEADS):
+        table.add_column(name, justify="left" if place < 2 else "right", no_wrap=True)
+    before = None
+    for summary in summaries:
+        if before is not None and before != summary.policy:
+            table.add_section()
+        before = summary.policy
+        table.add_row(*(Text(cell) for cell in summary_cells(summary)))
+    return table

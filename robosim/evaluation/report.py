@@ -1,0 +1,167 @@
+"""The page of an evaluation: one HTML file with its pictures inside, which opens anywhere and needs nothing else."""
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+import numpy as np
+
+from robosim.evaluation.scores import Estimate, Summary
+from robosim.files import whole_file
+
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto; padding: 0 1em }
+h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 2em }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
+td, th { padding: .2em .8em; text-align: right; border-bottom: 1px solid #eee; white-space: nowrap }
+th { border-bottom: 1px solid #999; font-weight: 600 }
+td:first-child, th:first-child, td.name { text-align: left }
+tr.first td { border-top: 1px solid #999 }
+img { max-width: 100% } figure { margin: 1em 0 } figcaption { color: #555; font-size: 13px }
+.failures { display: grid; grid-template-columns: repeat(auto-fill, minmax(330px, 1fr)); gap: 1.2em }
+code { font: 12px/1.4 ui-monospace, monospace; background: #f5f5f5; overflow-wrap: anywhere; padding: .1em .3em }
+.wide { overflow-x: auto } .warn { color: #a33 } small { color: #777 }
+"""
+
+
+@dataclass(frozen=True)
+class FailedEpisode:
+    """An episode without arrival, as the page shows it."""
+
+    title: str
+    what: str
+    command: str
+    """What to type to run it again."""
+    picture: Path | None
+
+
+@dataclass(frozen=True)
+class Page:
+    """What the page tells."""
+
+    title: str
+    lead: Sequence[str]
+    """Lines on what was run."""
+    warnings: Sequence[str]
+    summaries: Sequence[Summary]
+    pictures: Sequence[tuple[Path, str]]
+    """PNG files and captions."""
+    means: Mapping[str, Mapping[str, float]]
+    """By policy: means of the table's columns."""
+    seconds: Mapping[str, Mapping[str, float]]
+    """By policy: mean seconds of an episode by stage."""
+    failed: Sequence[FailedEpisode]
+
+
+def write_report(page: Page, path: Path) -> None:
+    """Write the page; pictures become part of it."""
+    parts = [
+        f"<h1>{escape(page.title)}</h1>",
+        *(f"<p>{escape(line)}</p>" for line in page.lead),
+        *(f'<p class="warn">{escape(line)}</p>' for line in page.warnings),
+        "<h2>Summary</h2>",
+        _summary_table(page.summaries),
+        "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over tasks for the rest. Times are "
+        "steps relative to the oracle's on the same task; never: fewer episodes than that arrive.</small></p>",
+        *(_figure(picture, caption) for picture, caption in page.pictures),
+        "<h2>Where the time goes</h2><p>Mean seconds of an episode.</p>",
+        _wide_table(page.seconds, "{:.2f}"),
+        "<h2>Means of all columns</h2>",
+        _wide_table(page.means, "{:.3g}"),
+        f"<h2>Episodes without arrival: {len(page.failed)}</h2>",
+        '<div class="failures">',
+        *(_failed(episode) for episode in page.failed),
+        "</div>",
+    ]
+    body = "\n".join(parts)
+    head = f'<meta charset="utf-8"><title>{escape(page.title)}</title><style>{_STYLE}</style>'
+    with whole_file(path) as partial:
+        partial.write_text(
+            f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n',
+            encoding="utf-8",
+        )
+
+
+def summary_cells(summary: Summary) -> tuple[str, ...]:
+    """One line of the summary table."""
+    return (
+        summary.policy,
+        summary.difficulty,
+        str(summary.tasks),
+        _percent(summary.arrival_rate),
+        _times(summary.time_median),
+        _times(summary.time_p80),
+        "{:.3f} [{:.3f}, {:.3f}]".format(*summary.spl),
+    )
+
+
+SUMMARY_HEADS = (
+    "policy",
+    "tasks are",
+    "tasks",
+    "arrived %",
+    "rel. time, median",
+    "rel. time, 80 %",
+    "mean SPL",
+)
+
+
+def _percent(rate: Estimate) -> str:
+    return "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in rate))
+
+
+def _times(time: Estimate) -> str:
+    value, low, high = ("-" if np.isnan(v) else "never" if np.isinf(v) else f"{v:.2f}" for v in time)
+    return f"{value} [{low}, {high}]"
+
+
+def _summary_table(summaries: Sequence[Summary]) -> str:
+    rows, before = [], None
+    for summary in summaries:
+        first = ' class="first"' if before is not None and before != summary.policy else ""
+        before = summary.policy
+        policy, name, *cells = summary_cells(summary)
+        rows.append(
+            f'<tr{first}><td>{escape(policy)}</td><td class="name">{name}</td>'
+            + "".join(f"<td>{cell}</td>" for cell in cells)
+            + "</tr>"
+        )
+    return _table(SUMMARY_HEADS, rows)
+
+
+def _wide_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
+    """A table with a column for each policy and a line for each name."""
+    names = list(dict.fromkeys(name for values in columns.values() for name in values))
+    rows = [
+        f"<tr><td>{escape(name)}</td>"
+        + "".join(
+            f"<td>{form.format(values[name]) if name in values else ''}</td>" for values in columns.values()
+        )
+        + "</tr>"
+        for name in names
+    ]
+    return _table(("", *columns), rows)
+
+
+def _table(heads: Sequence[str], rows: Sequence[str]) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
+    return f'<div class="wide"><table><tr>{head}</tr>\n' + "\n".join(rows) + "</table></div>"
+
+
+def _figure(picture: Path, caption: str) -> str:
+    return f"<figure>{_image(picture, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+
+
+def _failed(episode: FailedEpisode) -> str:
+    image = _image(episode.picture, episode.title) if episode.picture else ""
+    return (
+        f"<figure>{image}<figcaption><b>{escape(episode.title)}</b> {escape(episode.what)}<br>"
+        f"<code>{escape(episode.command)}</code></figcaption></figure>"
+    )
+
+
+def _image(path: Path, text: str) -> str:
+    data = base64.b64encode(path.read_bytes()).decode()
+    return f'<img alt="{escape(text)}" src="data:image/png;base64,{data}">'

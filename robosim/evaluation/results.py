@@ -1,0 +1,208 @@
+"""What an evaluation leaves to be read: tables, pictures, and the page that shows them.
+
+All of it is made anew from the kept episodes at the end of every run. `episodes.parquet` is the same for the same
+seed, byte for byte; `timing.parquet` is not.
+"""
+
+import io
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from matplotlib.figure import Figure
+from PIL import Image
+from rich.console import Console
+from rich.progress import Progress
+
+from robosim.assets import shipped_plans
+from robosim.building import BuildingConfig
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
+from robosim.evaluation.episodes import Job, read_episode, scene
+from robosim.evaluation.report import FailedEpisode, Page, write_report
+from robosim.evaluation.scores import Summary
+from robosim.evaluation.sweep import Failure, in_parallel
+from robosim.files import plain, whole_file, write_json
+from robosim.plots import save_figure
+
+#: Episodes without arrival that the page shows with their pictures; all are listed.
+_PICTURES = 60
+_IDENTITY = ("plan", "task", "policy", "repeat", "seed")
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """What an evaluation came to; jobs, rows and timing go together."""
+
+    jobs: list[Job]
+    rows: list[dict[str, Any]]
+    """One an episode, scored."""
+    timing: list[dict[str, Any]]
+    """Seconds of each episode by stage."""
+    summaries: list[Summary]
+    errors: list[Failure]
+    """Episodes that raised an error instead of ending."""
+    foreign: int
+    """Episodes that other code or other versions of packages have run."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before trusting the numbers."""
+        lines = [f"{f.job.name} failed and is left out: {f.error}" for f in self.errors]
+        if self.foreign:
+            lines.append(
+                f"{self.foreign} of {len(self.rows)} episodes were run by other code or other versions of packages. "
+                "Delete the folder `episodes` to run all of them anew."
+            )
+        return lines
+
+
+def replay_command(job: Job, options: str) -> str:
+    """What to type to run an episode again, with its video."""
+    plan = next((name for name, file in shipped_plans().items() if file == job.plan_file), str(job.plan_file))
+    start, target = (",".join(f"{v!r}" for v in place) for place in (job.task.start, job.task.target))
+    words = f"--start {start} --target {target} --goal {job.policy} --seed {job.config.seed} {options}"
+    return f"robosim episode {shlex.quote(plan)} {words}".strip()
+
+
+def write_results(
+    result: Evaluation, out: Path, *, config: EpisodeConfig, options: str, workers: int, console: Console
+) -> None:
+    """Write tables, pictures and the page.
+
+    Args:
+        result: What to write.
+        out: Folder of the evaluation.
+        config: How episodes ran, but for policy and seed.
+        options: What is typed after `robosim episode` for the same configuration.
+        workers: Processes that draw.
+        console: Where progress is shown.
+    """
+    write_parquet(result.rows, out / "episodes.parquet")
+    timing = [
+        {**{k: row[k] for k in _IDENTITY}, **seconds}
+        for row, seconds in zip(result.rows, result.timing, strict=True)
+    ]
+    write_parquet(timing, out / "timing.parquet")
+    write_json(out / "summary.json", {"summary": [_finite(vars(summary)) for summary in result.summaries]})
+    charts = (
+        ("arrival", arrival_chart(result.summaries), "Arrival rates by difficulty."),
+        (
+            "relative_time",
+            time_chart(result.rows),
+            "Episodes that have arrived by a time; a curve that ends below 100 % never gets higher.",
+        ),
+        ("spl", spl_chart(result.summaries), "Mean success weighted by path length."),
+    )
+    for name, figure, _ in charts:
+        save_figure(figure, out / f"{name}.png")
+    pictures = [(out / f"{name}.png", caption) for name, _, caption in charts]
+    failed = _draw_failed(result, out, options, workers, console)
+    write_report(_page(result, config, pictures, failed), out / "report.html")
+
+
+def _page(
+    result: Evaluation,
+    config: EpisodeConfig,
+    pictures: list[tuple[Path, str]],
+    failed: list[FailedEpisode],
+) -> Page:
+    policies = list(dict.fromkeys(row["policy"] for row in result.rows))
+    own = {p: [i for i, row in enumerate(result.rows) if row["policy"] == p] for p in policies}
+    tasks, plans = {(row["plan"], row["task"]) for row in result.rows}, {row["plan"] for row in result.rows}
+    lead = (
+        f"{len(tasks)} tasks in {len(plans)} floor plans, {len(result.rows)} episodes. "
+        f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
+        f"{config.simulator.noise.level:g}, at most {config.max_steps} steps."
+    )
+    return Page(
+        title=f"Evaluation of {', '.join(policies)}",
+        lead=[lead],
+        warnings=result.warnings,
+        summaries=result.summaries,
+        pictures=pictures,
+        means={p: _means([result.rows[i] for i in own[p]]) for p in policies},
+        seconds={p: _means([result.timing[i] for i in own[p]]) for p in policies},
+        failed=failed,
+    )
+
+
+def write_parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Write rows; a column that one row lacks is null there."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    table = pa.Table.from_pylist([{name: row.get(name) for name in names} for row in map(plain, rows)])
+    with whole_file(path) as partial:
+        pq.write_table(table, partial)
+
+
+def _draw_failed(
+    result: Evaluation, out: Path, options: str, workers: int, console: Console
+) -> list[FailedEpisode]:
+    """Episodes without arrival, the first of them with pictures; each plan's are drawn in one process."""
+    failed = [(job, row) for job, row in zip(result.jobs, result.rows, strict=True) if not row["arrived"]]
+    by_plan: dict[Path, list[Job]] = {}
+    for job, _ in failed[:_PICTURES]:
+        by_plan.setdefault(job.plan_file, []).append(job)
+    drawn: dict[str, Path] = {}
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("drawing failures", total=len(by_plan))
+        for some in in_parallel(_draw, [(own, out) for own in by_plan.values()], workers):
+            drawn.update(some)
+            progress.update(bar, advance=1)
+    return [
+        FailedEpisode(
+            job.name,
+            f"{row['difficulty']}: {row['ended']} after {row['steps']} steps, "
+            f"{row['final_distance_m']:.1f} m from the target",
+            replay_command(job, options),
+            drawn.get(job.name),
+        )
+        for job, row in failed
+    ]
+
+
+def _draw(jobs: list[Job], out: Path) -> dict[str, Path]:
+    config: BuildingConfig = jobs[0].config.building
+    building, _ = scene(jobs[0].plan_file, config, jobs[0].config.simulator.robot.radius_m)
+    paths = {}
+    for job in jobs:
+        path = out / "failures" / f"{job.name.replace('/', '-')}.png"
+        _save_small(episode_picture(building, read_episode(job.file(out))), path)
+        paths[job.name] = path
+    return paths
+
+
+def _save_small(figure: Figure, path: Path) -> None:
+    """Write a picture in few colours, since a page may hold many."""
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=70)
+    plt.close(figure)
+    few = Image.open(buffer).convert("RGB").quantize(192, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    with whole_file(path) as partial:
+        few.save(partial, optimize=True)
+
+
+def _means(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Means of the columns that hold numbers, over the rows that have one."""
+    means = {}
+    for name in dict.fromkeys(name for row in rows for name in row):
+        values = [row[name] for row in rows if isinstance(row.get(name), (bool, int, float))]
+        finite = [float(value) for value in values if np.isfinite(value)]
+        if finite and name not in _IDENTITY:
+            means[name] = float(np.mean(finite))
+    return means
+
+
+def _finite(value: Any) -> Any:
+    """Estimates as dictionaries, infinite as null: never."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if hasattr(value, "_asdict"):
+        return _finite(value._asdict())
+    return None if isinstance(value, float) and not np.isfinite(value) else value

@@ -1,0 +1,176 @@
+"""What the episodes come to: difficulty, arrival rates, relative arrival times, and how sure they are.
+
+The difficulty of a task goes by the steps that the oracle needs: the tasks in order of them, the first 27 % easy, the
+next 39 % moderate, the rest hard, the shares of the published 52, 76 and 65 tasks (arXiv 2110.14789). The arrival
+time of a policy is counted in steps, relative to the oracle's on the same task; never arriving is infinite. With
+repetitions a task's oracle steps are their median.
+
+Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. What is drawn again, and what
+counts as one observation, is a task with all its repetitions. Left out: that tasks of one building are alike.
+"""
+
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+CLASSES = ("easy", "moderate", "hard")
+#: Tasks of each class in the published evaluation.
+_PUBLISHED = (52, 76, 65)
+#: Two-sided 95 % of the normal distribution.
+_Z95 = 1.959964
+_RESAMPLES = 2000
+
+TaskKey = tuple[str, int]
+
+
+class Estimate(NamedTuple):
+    """A number and its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Summary:
+    """One policy on the tasks of one class, or on all."""
+
+    policy: str
+    difficulty: str
+    """easy, moderate, hard or all."""
+    tasks: int
+    episodes: int
+    arrival_rate: Estimate
+    time_median: Estimate
+    """Relative arrival time that half of the episodes keep within; infinite if less than half arrive."""
+    time_p80: Estimate
+    """The same for 80 %."""
+    spl: Estimate
+    """Mean success weighted by path length."""
+
+
+def score(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows with `difficulty`, `oracle_steps` and `relative_time` added.
+
+    `relative_time` is infinite without arrival, and NaN where the oracle did not arrive either: such tasks count as
+    hard, and have no relative times.
+
+    Raises:
+        ValueError: If a task has no episode of the oracle.
+    """
+    oracle = oracle_steps(rows)
+    missing = {_key(row) for row in rows} - set(oracle)
+    if missing:
+        raise ValueError(f"no episode of the oracle for {sorted(missing)[0]}; difficulty goes by it.")
+    classes = difficulty(oracle)
+    scored = []
+    for row in rows:
+        steps = oracle[_key(row)]
+        at = np.inf if row["arrived_at_step"] is None else row["arrived_at_step"]
+        relative = at / max(steps, 1) if np.isfinite(steps) else np.nan
+        added = {"difficulty": classes[_key(row)], "oracle_steps": steps, "relative_time": float(relative)}
+        scored.append({**row, **added})
+    return scored
+
+
+def oracle_steps(rows: Sequence[Mapping[str, Any]]) -> dict[TaskKey, float]:
+    """Steps that the oracle needs for each task: the median of the repetitions, infinite if it does not arrive."""
+    steps: dict[TaskKey, list[float]] = defaultdict(list)
+    for row in rows:
+        if row["policy"] == "oracle":
+            at = row["arrived_at_step"]
+            steps[_key(row)].append(np.inf if at is None else float(at))
+    return {key: float(np.quantile(own, 0.5, method="inverted_cdf")) for key, own in steps.items()}
+
+
+def difficulty(steps: Mapping[TaskKey, float]) -> dict[TaskKey, str]:
+    """Class of each task by the oracle's steps, in the published shares; ties go by name."""
+    order = sorted(steps, key=lambda key: (steps[key], key))
+    share = np.cumsum(_PUBLISHED) / sum(_PUBLISHED)
+    first_moderate, first_hard = (round(float(part) * len(order)) for part in share[:2])
+    return {
+        key: CLASSES[(place >= first_moderate) + (place >= first_hard)] for place, key in enumerate(order)
+    }
+
+
+def summarise(scored: Sequence[Mapping[str, Any]]) -> list[Summary]:
+    """Every policy on every class that has tasks, and on all, in the order that the policies come in."""
+    found = []
+    for policy in dict.fromkeys(row["policy"] for row in scored):
+        for name in (*CLASSES, "all"):
+            own = [r for r in scored if r["policy"] == policy and name in (r["difficulty"], "all")]
+            if own:
+                found.append(_summary(policy, name, own))
+    return found
+
+
+def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
+    tasks: dict[TaskKey, list[Mapping[str, Any]]] = defaultdict(list)
+    for row in rows:
+        tasks[_key(row)].append(row)
+    arrived, times, spl = (
+        _table([[float(row[column]) for row in own] for own in tasks.values()])
+        for column in ("arrived", "relative_time", "spl")
+    )
+    return Summary(
+        policy,
+        name,
+        len(tasks),
+        len(rows),
+        arrival_rate=wilson(float(np.nanmean(arrived, axis=1).sum()), len(tasks)),
+        time_median=bootstrap(times, 0.5),
+        time_p80=bootstrap(times, 0.8),
+        spl=bootstrap(spl, None),
+    )
+
+
+def wilson(successes: float, n: int) -> Estimate:
+    """A rate with Wilson's score interval (1927); successes may be a sum of shares."""
+    if n == 0:
+        return Estimate(np.nan, 0.0, 1.0)
+    rate, z2 = successes / n, _Z95**2
+    centre = (rate + z2 / (2 * n)) / (1 + z2 / n)
+    half = _Z95 / (1 + z2 / n) * np.sqrt(rate * (1 - rate) / n + z2 / (4 * n**2))
+    return Estimate(rate, max(0.0, centre - half), min(1.0, centre + half))
+
+
+def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | None) -> Estimate:
+    """A quantile, or the mean if None, with percentiles of what it is for tasks drawn again with replacement.
+
+    Args:
+        values: NaN where there is none; infinite is larger than all others.
+        quantile: Which one, 0 to 1; the least value that so many do not exceed.
+    """
+    values = values[~np.isnan(values).all(axis=1)]
+    if not len(values):
+        return Estimate(np.nan, np.nan, np.nan)
+    drawn = np.random.default_rng(0).integers(len(values), size=(_RESAMPLES, len(values)))
+    resampled = values[drawn].reshape(_RESAMPLES, -1)
+    ends = _statistic(resampled, quantile)
+    low, high = np.quantile(ends, [0.025, 0.975], method="inverted_cdf")
+    return Estimate(float(_statistic(values.reshape(1, -1), quantile)[0]), float(low), float(high))
+
+
+def _statistic(rows: Float[np.ndarray, "m n"], quantile: float | None) -> Float[np.ndarray, "m"]:
+    if quantile is None:
+        return np.nanmean(rows, axis=1)
+    rows = np.sort(rows, axis=1)  # NaN last
+    count = (~np.isnan(rows)).sum(axis=1)
+    place = np.maximum(np.ceil(quantile * count - 1e-9).astype(int) - 1, 0)
+    return rows[np.arange(len(rows)), place]
+
+
+def _table(lists: list[list[float]]) -> Float[np.ndarray, "n_tasks n_repeats"]:
+    """Lists as rows of a table, the short ones filled up with NaN."""
+    table = np.full((len(lists), max(map(len, lists))), np.nan)
+    for row, own in zip(table, lists, strict=True):
+        row[: len(own)] = own
+    return table
+
+
+def _key(row: Mapping[str, Any]) -> TaskKey:
+    return row["plan"], row["task"]
