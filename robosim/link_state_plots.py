@@ -5,6 +5,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float, Shaped
+from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from robosim.plots import save_figure
@@ -37,18 +38,34 @@ def plot_curves(runs: dict[str, list[Epoch]], path: Path) -> None:
     save_figure(figure, path)
 
 
+def plot_confusions(matrices: dict[str, Shaped[np.ndarray, "4 4"]], path: Path) -> None:
+    """Draw confusion matrices of all links beside each other, as shares of each true state."""
+    figure, axes = plt.subplots(
+        1, len(matrices), figsize=(4.6 * len(matrices), 4.6), layout="constrained", squeeze=False
+    )
+    for part, (name, matrix) in zip(axes[0], matrices.items(), strict=True):
+        _draw_confusion(part, matrix)
+        right = np.trace(matrix) / max(matrix.sum(), 1)
+        part.set_title(f"{name}\n{matrix.sum():,} links, {100 * right:.1f} % right", fontsize=9)
+    save_figure(figure, path)
+
+
+def _draw_confusion(axes: Axes, matrix: Shaped[np.ndarray, "4 4"]) -> None:
+    """Shares of each true state (row) told as each state (column)."""
+    shares = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)
+    axes.imshow(shares, cmap="Blues", vmin=0, vmax=1)
+    for (row, column), share in np.ndenumerate(shares):
+        axes.text(column, row, f"{share:.3f}", ha="center", va="center", color="w" if share > 0.5 else "k")
+    axes.set_xticks(range(4), _NAMES)
+    axes.set_yticks(range(4), _NAMES)
+    axes.set_xlabel("told")
+    axes.set_ylabel("true")
+
+
 def plot_scores(probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, "n"], path: Path) -> None:
     """Draw the confusion matrix and the reliability of links with paths."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-    matrix = confusion(probability, state)
-    shares = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)
-    left.imshow(shares, cmap="Blues", vmin=0, vmax=1)
-    for (row, column), share in np.ndenumerate(shares):
-        left.text(column, row, f"{share:.3f}", ha="center", va="center", color="w" if share > 0.5 else "k")
-    left.set_xticks(range(4), _NAMES)
-    left.set_yticks(range(4), _NAMES)
-    left.set_xlabel("told")
-    left.set_ylabel("true")
+    _draw_confusion(left, confusion(probability, state))
     bins = reliability(probability, state.astype(int))
     width = 1 / len(bins.count)
     places = (np.arange(len(bins.count)) + 0.5) * width

@@ -145,13 +145,14 @@ def draw_state(
     grid: ReceiverGrid,
     state: UInt8[np.ndarray, "n"],
     tx_position: Float[np.ndarray, "3"],
+    title: str = "link state",
 ) -> None:
     """Link states, and how many links have each."""
     colours = ListedColormap([STATES.get(one, ("", "white"))[1] for one in LinkState])
     reached = np.where(state == LinkState.OUTAGE, np.nan, state)
     _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 4), 4))
     _shade_free(axes, building)
-    _frame(axes, building, "link state")
+    _frame(axes, building, title)
     _mark(axes, tx_position)
     share = 100 * np.bincount(state, minlength=4) / len(state)
     _legend(

@@ -128,13 +128,21 @@ def run(
     return Group(*tables(report))
 
 
-def trace_links(plan: FloorPlan, links: int, rng: np.random.Generator) -> Paths:
+def trace_links(
+    plan: FloorPlan, links: int, rng: np.random.Generator, config: RadioConfig | None = None
+) -> Paths:
     """Paths from random transmitters to random receivers of the reference's grid.
+
+    Args:
+        plan: The floor plan.
+        links: Number of links.
+        rng: Source of places.
+        config: How the plan is traced; as in the reference if not given.
 
     Raises:
         ValueError: If the plan has too few places for so many links.
     """
-    config = RadioConfig()
+    config = RadioConfig() if config is None else config
     scene = RadioScene(plan, config)
     grid = receiver_grid(scene.building, GRID_M, config.height_m).position
     need = TX_PER_PLAN + links // TX_PER_PLAN

@@ -101,7 +101,7 @@ def plot(report: dict[str, Any], path: Path) -> None:
     axes = figure.subplots(1, 3)
     _draw_speed(axes[0], report["speed"])
     _draw_lone(axes[1], report["lone_paths"])
-    _draw_shares(axes[2], report)
+    draw_shares(axes[2], report["pooled"], report["published"])
     save_figure(figure, path)
 
 
@@ -127,13 +127,14 @@ def _draw_lone(ax: Axes, rows: list[dict[str, Any]]) -> None:
     ax.legend()
 
 
-def _draw_shares(ax: Axes, report: dict[str, Any]) -> None:
-    for row in report["pooled"]:
+def draw_shares(ax: Axes, pooled: list[dict[str, Any]], published: dict[str, dict[float, float]]) -> None:
+    """Share of links over the error of their azimuth of arrival, by link state and estimator."""
+    for row in pooled:
         label, colour = STATES[LinkState[row["state"]]]
         error = np.maximum(np.asarray(row["quantiles_deg"], float), _LEAST_DEG)
         share = 100 * np.linspace(0, 1, len(error))
         ax.plot(error, share, _STYLE[row["estimator"]], color=colour, label=f"{label}, {row['estimator']}")
-    for name, shares in report["published"].items():
+    for name, shares in published.items():
         ax.plot(
             list(shares),
             [100 * share for share in shares.values()],

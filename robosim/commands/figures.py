@@ -5,7 +5,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, folder_for
+from robosim.commands.terminal import console, folder_for, read
 
 
 def plans(
@@ -53,3 +53,44 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
     path = folder_for(out, "figures-arrays") / "arrays.png"
     save_figure(arrays_figure(element), path)
     console.print(f"Wrote {path}: elements, beams and coverage of the terminals gnb and ue")
+
+
+def wireless(
+    plans: Positional[tuple[str, ...]] = ("flat",),
+    *,
+    links: int = 2000,
+    grid: float = 0.15,
+    tolerance: float = 0.0,
+    classifier: str = "public",
+    training: tuple[Path, ...] = (),
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Draw the published figures of radio from any plans: arrays, links, angles, training, maps of link states.
+
+    index.html in the folder shows all of them with captions and the published numbers.
+
+    Example: robosim figures wireless flat office --out out/figures
+
+    Args:
+        plans: Floor plans, or folders of them; links and maps are of the first.
+        links: Links of each plan for errors of angles.
+        grid: Step between receivers of the map of link states [m].
+        tolerance: How far walls may be moved to straighten them [m].
+        classifier: What tells link states: a shipped one by name, or a file of `robosim train link-state`.
+        training: Folders of `robosim train link-state`, for curves and confusion matrices; those of the shipped
+            classifiers if not given.
+        seed: Seed of places, phases and noise.
+        out: Folder for the pictures; a new one under runs/ if not given.
+    """
+    from robosim.planfiles import find_plans
+    from robosim.wireless_figures import FiguresConfig, draw_wireless
+
+    config = FiguresConfig(
+        links=links, grid_m=grid, tolerance_m=tolerance, classifier=classifier, training=training, seed=seed
+    )
+    found = [read(str(plan)) for plan in find_plans(plans)]
+    page, notes = draw_wireless(found, folder_for(out, "figures-wireless"), config, console)
+    for note in notes:
+        console.print(note)
+    console.print(f"Wrote {page} and the pictures that it shows")
