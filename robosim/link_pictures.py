@@ -113,7 +113,8 @@ def draw_directions(
     """
     azimuth, power = power_over_directions(sounder, tensor)
     order = np.argsort(sounder.tx.beam_rad)
-    beam = np.rad2deg(sounder.tx.beam_rad[order])
+    order = np.append(order, order[0])  # the circle of beams closes
+    beam = np.rad2deg(np.unwrap(sounder.tx.beam_rad[order]))
     top = float(power.max())
     noise = sounder.config.tx_power_dbm - sounder.config.snr_per_gain_db
     image = axes.pcolormesh(

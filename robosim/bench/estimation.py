@@ -4,7 +4,9 @@ Three measurements, all with the reference's base station sending to its robot. 
 by full waveforms and by the closed form, and estimated by each estimator, on one worker and on all; rates are
 medians of warm rounds. Lone paths: error of the azimuth of arrival over SNR, beside the Cramér-Rao bound
 (`wireless.bounds`), azimuths at random. Traced plans: how far the strongest estimated path is from the strongest
-true one (between isotropic antennas), for each link state, beside the published shares.
+true one (between isotropic antennas), for each link state, beside the published shares; and from the nearest of
+those true ones that are nearly as strong; and how well a perfect receiver would do that cannot tell apart paths that
+look alike (`robosim.bench.resolution`).
 
 A link for which no path is found counts as wrong by half a turn. On plans links count whose strongest path has an SNR
 (`wireless.estimates`) of 10 dB or more. Over lone paths, SNR is the energy of the path in the whole measurement
@@ -28,6 +30,8 @@ from rich.console import Console, Group
 from rich.progress import track
 
 from robosim.bench.estimation_report import plot, tables
+from robosim.bench.resolution import strongest_sum_rad
+from robosim.building import BuildingConfig
 from robosim.files import write_json
 from robosim.floorplan import FloorPlan
 from robosim.radio_scene import RadioConfig, RadioScene
@@ -48,6 +52,11 @@ SNRS_DB = (10.0, 15.0, 17.5, 20.0, 22.5, 25.0, 27.5, 30.0, 35.0, 40.0, 50.0, 60.
 WITHIN_DEG = (1.0, 5.0, 10.0)
 #: Links whose strongest path is weaker are left out of shares [dB], as the reference's robot ignores them.
 LEAST_SNR_DB = 10.0
+#: True paths at most this much weaker than the strongest are its rivals [dB]: their order is within what the gains of
+#: traced paths are worth, and a robot that goes by one of them goes by a path all the same.
+RIVAL_DB = 3.0
+#: What is listed like an estimator, but is the limit of resolution (`robosim.bench.resolution`).
+LIMIT = "limit"
 #: Transmitters in each plan, and the grid of receivers [m]; as in the reference.
 TX_PER_PLAN, GRID_M = 10, 0.15
 #: Link states that have paths.
@@ -70,6 +79,7 @@ def run(
     *,
     out: Path,
     links: int = 2000,
+    tolerance_m: float = 0.0,
     workers: int | None = None,
     seed: int = 0,
     console: Console | None = None,
@@ -80,6 +90,7 @@ def run(
         plans: Floor plans.
         out: Folder for the files.
         links: Links in each plan, and a quarter as many lone paths at each SNR.
+        tolerance_m: How far walls may be moved to straighten them [m].
         workers: Most threads; None for one on each available core. Errors do not depend on it.
         seed: Seed of places, phases and noise.
         console: Where progress is shown; None for nowhere.
@@ -98,8 +109,9 @@ def run(
         begin = perf_counter()
         estimators[name] = _limited(estimator_named(name, sounder), workers)
         prepare_s[name] = perf_counter() - begin
+    radio = RadioConfig(building=BuildingConfig(tolerance_m=tolerance_m))
     traced = [
-        trace_links(plan, links, rng)
+        trace_links(plan, links, rng, radio)
         for plan in track(plans, "tracing", console=console, transient=True, disable=console is None)
     ]
     errors = [
@@ -116,6 +128,7 @@ def run(
         "workers": workers,
         "seed": seed,
         "links_per_plan": links,
+        "tolerance_m": tolerance_m,
         "prepare_s": prepare_s,
         "speed": speed,
         "lone_paths": lone,
@@ -166,10 +179,11 @@ def on_plan(
         snr_db = sounder.budget_db + 20 * np.log10(np.abs(rays.gain[:, 0]))
     heard = snr_db >= LEAST_SNR_DB
     tensor = sounder.measure(rays, rng)
-    error_deg = {
-        kind: np.rad2deg(arrival_error_rad(estimator, tensor, rays.aoa_az[:, 0]))
-        for kind, estimator in estimators.items()
+    error_rad = {
+        kind: arrival_error_rad(estimator, tensor, rays.aoa_az) for kind, estimator in estimators.items()
     }
+    error_rad[LIMIT] = np.abs(wrapped(strongest_sum_rad(sounder, rays, rng)[:, None] - rays.aoa_az))
+    rival = np.abs(rays.gain) >= np.abs(rays.gain[:, :1]) * 10 ** (-RIVAL_DB / 20)
     return [
         {
             "plan": name,
@@ -177,36 +191,43 @@ def on_plan(
             "estimator": kind,
             "links": int(np.sum(heard & (state == one))),
             "unheard": int(np.sum(~heard & (state == one))),
-            "error_deg": error[heard & (state == one)],
+            "error_deg": np.rad2deg(error[heard & (state == one), 0]),
+            "near_deg": np.rad2deg(np.where(rival, error, np.pi).min(axis=1)[heard & (state == one)]),
         }
         for one in REACHED
-        for kind, error in error_deg.items()
+        for kind, error in error_rad.items()
     ]
 
 
 def pooled(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """A row for each link state and estimator over all plans; lists of errors become shares in all rows."""
     summary: list[dict[str, Any]] = []
-    for state, kind in itertools.product([one.name for one in REACHED], ESTIMATORS):
+    for state, kind in itertools.product([one.name for one in REACHED], (*ESTIMATORS, LIMIT)):
         mine = [row for row in rows if (row["state"], row["estimator"]) == (state, kind)]
-        error = np.sort(np.concatenate([row["error_deg"] for row in mine]))
+        if not mine:
+            continue
+        error, near = (np.concatenate([row[key] for row in mine]) for key in ("error_deg", "near_deg"))
         counts = {key: sum(row[key] for row in mine) for key in ("links", "unheard")}
         quantiles = np.quantile(error, np.linspace(0, 1, 201)) if len(error) else []
         summary.append(
-            {"state": state, "estimator": kind, **counts, **_within(error), "quantiles_deg": quantiles}
+            {
+                "state": state,
+                "estimator": kind,
+                **counts,
+                "within": _within(error),
+                "within_of_rivals": _within(near),
+                "quantiles_deg": quantiles,
+            }
         )
     for row in rows:
-        row |= _within(row.pop("error_deg"))
+        row["within"] = _within(row.pop("error_deg"))
+        row["within_of_rivals"] = _within(row.pop("near_deg"))
     return summary
 
 
-def _within(error_deg: np.ndarray) -> dict[str, dict[float, float]]:
+def _within(error_deg: np.ndarray) -> dict[float, float]:
     """Share of errors within so many degrees."""
-    return {
-        "within": {
-            most: float(np.mean(error_deg <= most)) if len(error_deg) else np.nan for most in WITHIN_DEG
-        }
-    }
+    return {most: float(np.mean(error_deg <= most)) if len(error_deg) else np.nan for most in WITHIN_DEG}
 
 
 def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, "links"]:
@@ -219,11 +240,11 @@ def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, "link
 
 
 def arrival_error_rad(
-    estimator: PathEstimator, tensor: np.ndarray, aoa_rad: Float[np.ndarray, "links"]
-) -> Float[np.ndarray, "links"]:
-    """Size of the strongest estimated path's error; half a turn where there is none."""
+    estimator: PathEstimator, tensor: np.ndarray, aoa_rad: Float[np.ndarray, "links rays"]
+) -> Float[np.ndarray, "links rays"]:
+    """How far the strongest estimated path is from each true one; half a turn where there is none."""
     got = estimator.estimate(tensor)
-    return np.where(got.count > 0, np.abs(wrapped(got.aoa_rad[:, 0] - aoa_rad)), np.pi)
+    return np.where(got.count[:, None] > 0, np.abs(wrapped(got.aoa_rad[:, :1] - aoa_rad)), np.pi)
 
 
 def lone_paths(
@@ -244,7 +265,7 @@ def lone_paths(
     bound = arrival_bound_rad(sounder, aoa[:, 0], in_window_db)
     row: dict[str, Any] = {"snr_db": snr_db, "links": count, "bound_deg": _rms_deg(bound)}
     for name, estimator in estimators.items():
-        error = arrival_error_rad(estimator, tensor, aoa[:, 0])
+        error = arrival_error_rad(estimator, tensor, aoa)[:, 0]
         row[name] = {
             "rms_deg": _rms_deg(error),
             "above_bound_db": 20 * float(np.log10(_rms_deg(error) / row["bound_deg"])),

@@ -176,6 +176,7 @@ def estimation(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,
     links: int = 2000,
+    tolerance: float = 0.0,
     workers: int | None = None,
     seed: int = 0,
     out: Path | None = None,
@@ -189,6 +190,7 @@ def estimation(
     Args:
         plans: Floor plans, or folders of them, that links are traced in.
         links: Links of each plan, and a quarter as many lone paths at each SNR.
+        tolerance: How far walls may be moved to straighten them [m].
         workers: Most threads; one on each available core if not given. Errors do not depend on it.
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.
@@ -200,5 +202,15 @@ def estimation(
         raise ValueError(f"workers is {workers}, expected at least 1.")
     found = [read(str(plan)) for plan in find_plans(plans)]
     folder = folder_for(out, "bench-estimation")
-    console.print(run(found, out=folder, links=links, workers=workers, seed=seed, console=console))
+    console.print(
+        run(
+            found,
+            out=folder,
+            links=links,
+            tolerance_m=tolerance,
+            workers=workers,
+            seed=seed,
+            console=console,
+        )
+    )
     console.print(f"Wrote estimation.json and estimation.png in {folder}")

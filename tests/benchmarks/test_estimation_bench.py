@@ -40,12 +40,13 @@ def test_report_says_what_was_measured(plan, tmp_path, monkeypatch):
         assert abs(row["sage"]["above_bound_db"]) < 3
         assert 0.3 < row["pca"]["rms_deg"] < 1.2
     assert 5 < middle["bound_deg"] / strong["bound_deg"] < 20  # 10, but for other azimuths
-    for kind in ("pca", "sage"):
+    for kind in ("pca", "sage", "limit"):
         rows = [row for row in report["pooled"] if row["estimator"] == kind]
         assert sum(row["links"] + row["unheard"] for row in rows) <= 60
         for row in rows:
             shares = list(row["within"].values())
             assert shares == sorted(shares)
+            assert not row["links"] or row["within_of_rivals"]["5.0"] >= row["within"]["5.0"]
             if row["links"]:
                 quantiles = np.array(row["quantiles_deg"])
                 assert np.mean(quantiles <= 5) == pytest.approx(row["within"]["5.0"], abs=0.06)
@@ -84,8 +85,9 @@ def test_errors_wrap_and_missing_paths_are_half_a_turn():
             aoa = np.deg2rad([[-179.0, 0.0], [0.0, 0.0]])
             return PathEstimates(aoa_rad=aoa, aod_rad=aoa, snr_db=aoa, delay_s=aoa, count=np.array([1, 0]))
 
-    got = estimation.arrival_error_rad(Fixed(), np.zeros((2, 1, 1, 1), complex), np.deg2rad([179.0, 0.0]))
-    np.testing.assert_allclose(np.rad2deg(got), [2.0, 180.0])
+    true = np.deg2rad([[179.0, -170.0], [0.0, 90.0]])
+    got = estimation.arrival_error_rad(Fixed(), np.zeros((2, 1, 1, 1), complex), true)
+    np.testing.assert_allclose(np.rad2deg(got), [[2.0, 9.0], [180.0, 180.0]])
 
 
 def test_too_many_links_for_a_plan_are_named(plan):
