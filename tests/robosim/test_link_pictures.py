@@ -53,7 +53,7 @@ def test_power_peaks_at_the_path_by_the_link_budget(sounder, aoa_deg, beam):
     assert best == beam
     assert abs(np.rad2deg(azimuth[look]) - aoa_deg) < 3
     rx = sounder.rx.platform.directivity(azimuth[[look]]).max()
-    tx = np.abs(sounder.tx.beam_response(np.array(aod))[beam]) ** 2
+    tx = np.abs(sounder.tx.beam_response(np.array([aod]))[0, beam]) ** 2
     assert power.max() == pytest.approx(23.0 - 70.0 + 10 * np.log10(rx * tx), abs=0.1)
 
 
