@@ -26,8 +26,8 @@ def plan() -> FloorPlan:
 def test_report_says_what_was_measured(plan, tmp_path, monkeypatch):
     """Few links and three SNRs: shares rise with the error allowed, plans add up, the bound halves per 6 dB.
 
-    Ours keeps to the bound at 40 and 60 dB (15 links: 3 standard deviations are 4.8 dB), where the reference's grid of 1 degree
-    stays at some 0.6 degrees; at 10 dB no one finds anything. Links of all states count once.
+    Ours keeps to the bound at 40 and 60 dB (15 links: 3 standard deviations are 4.8 dB), where the reference's
+    grid of 1 degree stays at some 0.6 degrees; at 10 dB no one finds anything. Links of all states count once.
     """
     monkeypatch.setattr(estimation, "SNRS_DB", (10.0, 40.0, 60.0))
     monkeypatch.setattr(estimation, "WAVEFORM_LINKS", 1)

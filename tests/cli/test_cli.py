@@ -32,7 +32,8 @@ def _fails(arguments, capsys) -> str:
 @pytest.mark.parametrize(
     "command",
     ["", "episode", "evaluate", "plan", "trace", "generate", "doctor", "bench", "bench render", "bench physics",
-     "bench navigation", "bench estimation", "figures", "figures plans", "figures arrays", "train", "train link-state"],
+     "bench navigation", "bench estimation", "figures", "figures plans", "figures arrays", "figures wireless",
+     "train", "train link-state"],
 )  # fmt: skip
 def test_every_command_explains_itself(command, capsys):
     with pytest.raises(SystemExit) as stop:
