@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from rich.console import Console
 from rich.progress import track
 
+from robosim.assets import shipped_weights
 from robosim.bench.estimation import PUBLISHED, on_plan, pooled, trace_links
 from robosim.bench.estimation_report import draw_shares
 from robosim.building import BuildingConfig
@@ -54,8 +55,8 @@ class FiguresConfig:
     """Step between receivers of the map of states [m]."""
     tolerance_m: float = 0.0
     """How far walls may be moved to straighten them [m]."""
-    classifier: str = "public"
-    """What tells link states (`robosim.link_state`)."""
+    classifier: str | None = None
+    """What tells link states (`robosim.link_state`); None for a shipped one that goes by what is estimated here."""
     training: tuple[Path, ...] = ()
     """Folders of training runs."""
     seed: int = 0
@@ -84,7 +85,7 @@ def draw_wireless(
     Raises:
         ValueError: If a plan is too small for so many links, or a file is not what it should be.
     """
-    classifier = read_classifier(config.classifier)
+    classifier = find_classifier(config.classifier)
     pictures, notes = draw_training(config.training, out)
     rng = np.random.default_rng(config.seed)
     sounder = Sounder(terminal_named("gnb"), terminal_named("ue"))
@@ -101,9 +102,10 @@ def draw_wireless(
     ]
     errors = _draw_errors(rows, len(plans), out)
     order = [ARRAYS, *links, errors, *pictures]
-    if "peak" in classifier.inputs:
+    if classifier is None:
         missing.append(
-            f"No map of link states: {config.classifier} needs heights of peaks, which are not estimated."
+            f"No map of link states: {config.classifier or 'each classifier shipped'} needs heights of peaks, which "
+            "are not estimated. Give one by --classifier that does without."
         )
     else:
         told = partial(
@@ -184,6 +186,17 @@ def _draw_errors(rows: list[dict], n_plans: int, out: Path) -> Picture:
         f"on other buildings (60 % of higher-order links within 10 degrees is an upper bound). Of ours within 5 "
         f"degrees: {shares}. Published: LOS 98 %, first order 81 to 85 %.",
     )
+
+
+def find_classifier(name: str | None) -> "LinkStateClassifier | None":
+    """The classifier of a name, or one of those shipped; None if it needs more than what is estimated here.
+
+    Args:
+        name: A shipped one by name, or a file; None for any shipped, the one that uses most.
+    """
+    found = [read_classifier(one) for one in ([name] if name else shipped_weights())]
+    fitting = [one for one in found if "peak" not in one.inputs]
+    return max(fitting, key=lambda one: len(one.inputs), default=None)
 
 
 def most_mixed(state: Shaped[np.ndarray, "n_tx n_rx"]) -> int:

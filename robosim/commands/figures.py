@@ -61,7 +61,7 @@ def wireless(
     links: int = 2000,
     grid: float = 0.15,
     tolerance: float = 0.0,
-    classifier: str = "public",
+    classifier: str | None = None,
     training: tuple[Path, ...] = (),
     seed: int = 0,
     out: Path | None = None,
@@ -77,7 +77,8 @@ def wireless(
         links: Links of each plan for errors of angles.
         grid: Step between receivers of the map of link states [m].
         tolerance: How far walls may be moved to straighten them [m].
-        classifier: What tells link states: a shipped one by name, or a file of `robosim train link-state`.
+        classifier: What tells link states: a shipped one by name, or a file of `robosim train link-state`; if not
+            given, a shipped one that goes by our own estimates.
         training: Folders of `robosim train link-state`, for curves and confusion matrices; those of the shipped
             classifiers if not given.
         seed: Seed of places, phases and noise.

@@ -51,6 +51,14 @@ def test_every_picture_is_made_and_shown(untrained, tmp_path, capsys, monkeypatc
     assert "index.html" in capsys.readouterr().out.replace("\n", "")
 
 
+def test_classifiers_that_need_what_is_not_estimated_are_passed_over(untrained):
+    """Heights of peaks are those of the published receiver: a classifier that goes by them tells nothing here."""
+    assert wireless_figures.find_classifier("public") is None
+    assert wireless_figures.find_classifier(str(untrained)).inputs == ("aoa", "aod", "snr", "delay")
+    with pytest.raises(ValueError, match="classifier is 'best'"):
+        wireless_figures.find_classifier("best")
+
+
 def test_the_transmitter_drawn_has_receivers_in_most_states():
     """Four states evenly beat two evenly, and these beat one with a few of another."""
     state = np.array([[1] * 8, [1] * 7 + [2], [0, 1, 2, 3] * 2, [1, 2] * 4], np.uint8)
