@@ -27,6 +27,7 @@ _BENCH: _Commands = {
     "physics": bench.physics,
     "navigation": bench.navigation,
     "exploration": bench.exploration,
+    "slam": bench.slam,
     "wireless": bench.wireless,
     "estimation": bench.estimation,
     "labels": bench.labels,

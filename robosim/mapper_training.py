@@ -5,6 +5,7 @@ map on the same frames stand beside them.
 """
 
 import time
+import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -105,10 +106,10 @@ def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
     features, truth = [], []
     for path in shards:
         try:
-            with np.load(path) as shard:
+            with path.open("rb") as file, np.load(file) as shard:
                 depth, belief = shard["depth"], shard["belief"]
                 truth.append(np.unpackbits(shard["truth"], axis=-1).astype(bool))
-        except (OSError, KeyError, ValueError) as error:
+        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(
                 f"{path} is no shard of `robosim collect` ({error}). Collect it anew."
             ) from error

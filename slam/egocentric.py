@@ -53,7 +53,11 @@ def egocentric_map(
 
 
 def belief_ahead(
-    estimate: MapEstimate, pose: Float[np.ndarray, "3"] | None = None, patch: GridFrame = AHEAD
+    estimate: MapEstimate,
+    pose: Float[np.ndarray, "3"] | None = None,
+    patch: GridFrame = AHEAD,
+    *,
+    anticipated: bool = False,
 ) -> Float32[np.ndarray, "ny nx"]:
     """Obstacle probability of a map around a pose, mixed between neighbouring cells; 0.5 beyond the map.
 
@@ -61,10 +65,11 @@ def belief_ahead(
         estimate: The map.
         pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
         patch: The cells asked for, in the robot's frame.
+        anticipated: Whether to take the anticipated map, if there is one.
     """
-    return cut_ahead(
-        estimate.obstacle_probability, estimate.frame, estimate.pose if pose is None else pose, patch
-    )
+    guess = estimate.anticipated_probability if anticipated else None
+    values = estimate.obstacle_probability if guess is None else guess
+    return cut_ahead(values, estimate.frame, estimate.pose if pose is None else pose, patch)
 
 
 def cut_ahead(

@@ -76,6 +76,8 @@ class NeuralMapper:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         self.classical.reset(pose)
         self.frame = self.classical.frame
+        nothing = np.zeros(self.patch.shape, np.float32)
+        self.prediction = Prediction(obstacle=nothing, seen=nothing)
         self._log_odds = np.zeros(self.frame.shape, np.float32)
         self._asked = np.zeros(self.frame.shape, bool)
         self._viewed = np.zeros(self.frame.shape, bool)
@@ -96,8 +98,8 @@ class NeuralMapper:
         """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
         classical = self.classical.update(depth, action, odometry)
         self._follow(classical.frame)
-        prediction = self._predictor.predict(depth, belief_ahead(classical, patch=self.patch))
-        self._enter(prediction, classical.pose)
+        self.prediction = self._predictor.predict(depth, belief_ahead(classical, patch=self.patch))
+        self._enter(self.prediction, classical.pose)
         self._refresh(classical)
         return self._combined(classical)
 

@@ -118,6 +118,53 @@ def exploration(
     )
 
 
+def slam(
+    plans: Positional[tuple[str, ...]],
+    *,
+    mapper: str = "neural",
+    steps: int = 300,
+    seed: int = 1,
+    noise: float = 1.0,
+    depth_noise: float = 1.0,
+    workers: int = 2,
+    out: Path | None = None,
+) -> None:
+    """Measure maps: the learned mapper against the classical one on the same noisy frames.
+
+    The scores do not depend on the number of workers.
+
+    Example: robosim bench slam flat office --out out/slam
+
+    Args:
+        plans: Floor plans, or folders of them.
+        mapper: Learned mapper: neural, or a .safetensors file.
+        steps: Frames of each plan.
+        seed: Seed of the tasks and of the noise.
+        noise: Level of actuation and odometry noise.
+        depth_noise: Level of the depth camera's noise.
+        workers: Processes to run at once.
+        out: Folder for the files; a new one under runs/ if not given.
+    """
+    from robosim.bench.slam import run
+
+    if workers < 1 or steps < 1:
+        raise ValueError(f"workers is {workers} and steps is {steps}, expected at least 1 of each.")
+    folder = folder_for(out, "bench-slam")
+    table = run(
+        plans,
+        mapper=mapper,
+        steps=steps,
+        seed=seed,
+        noise=noise,
+        depth_noise=depth_noise,
+        workers=workers,
+        out=folder,
+        console=console,
+    )
+    console.print(table)
+    console.print(f"Wrote slam.json and reliability.png in {folder}")
+
+
 def wireless(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,

@@ -52,6 +52,14 @@ class PatchScores:
                 self._bins[part][row] += np.bincount(index, weights, minlength=BINS)
             self._squares[part] += float(((p - came) ** 2).sum())
 
+    def merge(self, other: "PatchScores") -> None:
+        """Add what another one has added up."""
+        for part, counts in other._overlap.items():
+            self._overlap[part] += counts
+        for part, bins in other._bins.items():
+            self._bins[part] += bins
+            self._squares[part] += other._squares[part]
+
     def result(self) -> dict[str, float]:
         """IoU of each part, and calibration error and Brier score of the seen and of the other cells."""
         out = {

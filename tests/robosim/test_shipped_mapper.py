@@ -1,0 +1,120 @@
+"""The shipped mapper against the classical map, in homes that it was not trained on, and in an episode."""
+
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from robosim.assets import shipped_mapper
+from robosim.bench.slam import TELLERS
+from robosim.bench.slam import run as run_bench
+from robosim.building import make_building
+from robosim.collect import CollectConfig, collect, collect_home, home_building
+from robosim.depth_noise import DepthNoise
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.mapper_training import read_frames, train_mapper
+from robosim.planfiles import read_plan
+from robosim.reach import reach
+from robosim.simulator import SimulatorConfig
+from robosim.tasks import make_task
+from slam.mapper.training import Recipe, classical_scores, validate
+from slam.mapper.weights import load_mapper
+
+QUIET = Console(quiet=True)
+
+
+def test_it_beats_the_classical_map_in_new_homes(tmp_path):
+    """Three homes of another seed, 25 frames each, sensor noise on.
+
+    Bounds: IoU of obstacles in view above 0.8 and above the classical map's; hidden obstacles 0.1 above; calibration
+    within 0.02 in view.
+    """
+    network, card = load_mapper(shipped_mapper())
+    frames = read_frames(
+        collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET)
+    )
+    learned, classical = validate(network, frames), classical_scores(frames)
+    assert learned["iou_seen"] > max(0.8, classical["iou_seen"] + 0.02)
+    assert learned["iou_hidden"] > classical["iou_hidden"] + 0.1
+    assert learned["calibration_error_seen"] < 0.02
+    assert card["parameters"] < 1_000_000
+    assert shipped_mapper().stat().st_size < 5_000_000
+
+
+def test_an_episode_with_it():
+    """Sixty decisions: finite maps, anticipation beyond what was observed, a pose within 0.2 m, and the same again."""
+    building = make_building(read_plan("flat"))
+    places = reach(building, 0.1)
+    task = make_task(places, np.random.default_rng(0))
+    config = EpisodeConfig(
+        goal="explore",
+        mapper="neural",
+        max_steps=60,
+        simulator=SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=1.0)),
+    )
+    log, estimate = run_episode(building, places, task, config)
+    assert estimate.anticipated_probability is not None
+    assert np.isfinite(estimate.anticipated_probability).all()
+    guessed = (estimate.anticipated_probability != 0.5) & (estimate.obstacle_probability == 0.5)
+    assert guessed.sum() > 200
+    assert np.hypot(*(log.poses[-1] - log.estimates[-1])[:2]) < 0.2
+    again, _ = run_episode(building, places, task, config)
+    np.testing.assert_array_equal(log.estimates, again.estimates)
+
+
+def test_unknown_mappers_are_refused():
+    building = make_building(read_plan("cottage"))
+    places = reach(building, 0.1)
+    task = make_task(places, np.random.default_rng(0))
+    with pytest.raises(ValueError, match="expected classical, neural"):
+        run_episode(building, places, task, EpisodeConfig(mapper="neurl"))
+    with pytest.raises(ValueError, match="no weights of a mapper"):
+        run_episode(building, places, task, EpisodeConfig(mapper="missing.safetensors"))
+
+
+def test_training_from_shards_to_weights(tmp_path):
+    """Two homes, four batches: weights, card, curves; one home is too few."""
+    collect(CollectConfig(homes=2, steps=6), tmp_path / "data", workers=1, console=QUIET)
+    recipe = Recipe(steps=4, every=2, batch=4)
+    card = train_mapper(tmp_path / "data", tmp_path / "out", recipe, threads=1, console=QUIET)
+    assert (tmp_path / "out" / "curves.png").stat().st_size > 1000
+    network, kept = load_mapper(tmp_path / "out" / "mapper.safetensors")
+    assert kept["parameters"] == card["parameters"] == sum(p.numel() for p in network.parameters())
+    assert "1 homes, 6 frames; held out 1, 6 frames" in kept["data"]
+    (tmp_path / "data" / "home-00001.npz").unlink()
+    with pytest.raises(ValueError, match="expected two or more"):
+        train_mapper(tmp_path / "data", tmp_path / "out2", recipe, threads=1, console=QUIET)
+    (tmp_path / "data" / "home-00001.npz").write_bytes(b"PK\x03\x04")
+    with pytest.raises(ValueError, match="no shard"):
+        read_frames([tmp_path / "data" / "home-00001.npz"])
+
+
+def test_the_bench_scores_every_teller(tmp_path):
+    """Eight frames of a shipped plan: scores between 0 and 1 for all, the classical ones those of the walk itself."""
+    table = run_bench(
+        ["cottage"],
+        mapper="neural",
+        steps=8,
+        seed=0,
+        noise=1.0,
+        depth_noise=1.0,
+        workers=1,
+        out=tmp_path,
+        console=QUIET,
+    )
+    told = json.loads((tmp_path / "slam.json").read_text())
+    assert table.row_count == len(TELLERS)
+    for teller in TELLERS:
+        assert 0 < told["overall"][teller]["iou_seen"] <= 1
+        assert told["overall"][teller] == told["plans"][0][teller]
+    assert (tmp_path / "reliability.png").exists()
+
+
+def test_homes_of_a_seed_are_different():
+    """Numbers of homes lead to different buildings, and the two forms of plans both occur."""
+    config = CollectConfig(steps=1)
+    homes = [home_building(config, home) for home in range(8)]
+    assert len({home.plan.name for home in homes}) == 8
+    assert {home.plan.wall_line for home in homes} == {"cell_edge", "cell_centre"}
+    assert len(collect_home(homes[0], config, seed=0)["depth"]) == 1
