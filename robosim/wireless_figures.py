@@ -182,7 +182,8 @@ def _draw_errors(rows: list[dict], n_plans: int, out: Path) -> Picture:
         name="aoa-error.png",
         title="Errors of the azimuth of arrival",
         caption="Share of links whose strongest estimated path is within an error of the strongest true one, by true "
-        "link state: our estimator sage drawn through, the published method pca dashed, squares what was published "
+        "link state: our estimator sage drawn through, the published method pca dashed, dotted the limit of a perfect "
+        "receiver that cannot tell alike paths apart, squares what was published "
         f"on other buildings (60 % of higher-order links within 10 degrees is an upper bound). Of ours within 5 "
         f"degrees: {shares}. Published: LOS 98 %, first order 81 to 85 %.",
     )
