@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -23,7 +24,8 @@ from rich.progress import (
 )
 
 from robosim.files import whole_file
-from wireless.linkstate.public import Links, read_links
+from robosim.made_links import read_homes
+from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.training import Epoch, Recipe, train
 
 
@@ -37,6 +39,8 @@ class Job:
     """Folder of measurements."""
     held_out: tuple[int, ...]
     """Buildings it does not see, by number."""
+    homes: int
+    """Generated homes that it sees besides, from OUT/homes."""
     recipe: Recipe
     """How it is trained."""
     out: Path
@@ -76,9 +80,13 @@ def run_job(job: Job) -> tuple[Any, list[Epoch]]:
         done.append(epoch)
         _write_curve(job, [*_read_curve(job)[: epoch.epoch - 1], asdict(epoch)])
 
+    tokens, state = links.tokens[~held], links.state[~held]
+    if job.homes:
+        made_tokens, made_state = read_homes(job.homes, job.out / "homes")
+        tokens, state = np.concatenate([tokens, made_tokens]), np.concatenate([state, made_state])
     return train(
-        links.tokens[~held],
-        links.state[~held],
+        tokens,
+        state,
         job.recipe,
         watch=(links.tokens[held], links.state[held]),
         checkpoint=job.out / "jobs" / f"{job.name}.pt",

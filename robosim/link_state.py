@@ -1,7 +1,13 @@
 """Shipped classifiers of link states by name.
 
-public          trained on the public measurements of mmwRobotNav: angles of arrival and departure, SNR, peaks
-public-no-aod   the same without angles of departure, for transmitters whose beams are not known
+generated         trained on our own links of generated homes, for our own sounding and estimator: angles of arrival
+                  and departure, SNR, delays; the one to take in episodes
+generated-no-aod  the same without angles of departure, for transmitters whose beams are not known
+generated-no-sync  without delays too, for transmitters whose timing from beam to beam is not known
+public            trained on the public measurements of mmwRobotNav, and on generated homes measured the same way:
+                  angles of arrival and departure, SNR, heights of peaks
+
+SNR means different things in the two, and states follow different rules: take the one that fits the measurements.
 """
 
 from pathlib import Path

@@ -18,9 +18,11 @@ from rich.console import Console
 from robosim.files import write_json
 from robosim.link_jobs import Job, links_of, run_jobs
 from robosim.link_state_plots import plot_curves, plot_scores
-from wireless.linkstate.calibration import fit_temperature
+from robosim.link_ways import train_ways
+from robosim.made_links import make_homes
+from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
-from wireless.linkstate.public import Links, read_links
+from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
 from wireless.linkstate.training import Recipe
@@ -38,6 +40,7 @@ def train_link_state(
     folds: int,
     of: int,
     members: int,
+    homes: int,
     workers: int,
     command: str,
     console: Console,
@@ -47,11 +50,13 @@ def train_link_state(
     Args:
         data: Folder of public measurements.
         out: Folder for everything, and to go on from.
-        recipe: How each network is trained; member i takes the seed plus i.
+        recipe: How each network is trained; member i takes the seed plus i. Inputs that were not measured are
+            left out.
         test: Folder of measurements to score the classifier on in the end.
         folds: How many folds to hold out, one after the other.
         of: How many folds the buildings are dealt into.
         members: Networks of a classifier.
+        homes: Generated homes that every network sees besides, see `robosim.made_links`.
         workers: Processes.
         command: What was asked for, for the card.
         console: Where to print.
@@ -64,6 +69,7 @@ def train_link_state(
     """
     start = time.perf_counter()
     links = links_of(data)
+    recipe = replace(recipe, inputs=tuple(name for name in recipe.inputs if name in links.measured))
     parts = deal(len(links.names), of)[:folds]
     if not parts and test is None:
         raise ValueError(
@@ -79,6 +85,7 @@ def train_link_state(
                 name=f"{name}-{i}",
                 data=data,
                 held_out=part,
+                homes=homes,
                 recipe=replace(recipe, seed=recipe.seed + i),
                 out=out,
             )
@@ -87,6 +94,7 @@ def train_link_state(
         for name, part in held.items()
     }
     fresh = not list(out.glob("jobs/*.pt"))
+    make_homes(homes, out / "homes", workers, console)
     trained = run_jobs([job for group in jobs.values() for job in group], workers, console)
     made = {
         name: LinkStateClassifier(
@@ -100,13 +108,22 @@ def train_link_state(
     }
     plot_curves({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
     final = made["all"]
-    validation, final.temperature = _validate(
-        {f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links, out, console
-    )
+    told = _told({f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links)
+    validation = _validate(told, parts, links, out, console)
+    known = ~np.isnan(told[:, 0]) & reached(links.tokens)
+    final.temperature = fit_temperature(told[known], links.state[known].astype(int))
+    if len(parts) > 1:
+        fitted = np.where(np.isnan(told), np.nan, scaled(np.nan_to_num(told, nan=1.0), final.temperature))
+        way, validation["ways"] = train_ways(links, fitted, parts, recipe.inputs, final.states, recipe.seed)
+        if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
+            final.way = way
+        for name in ("alone", "fused"):
+            _print(validation["ways"][name], f"places along ways through held-out buildings, {name}", console)
     card: dict[str, Any] = {
         "command": command,
         "data": f"{data.name}: {', '.join(links.names)}",
         "links": len(links.state),
+        "homes": homes,
         "recipe": asdict(recipe),
         "members": members,
         "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
@@ -138,30 +155,36 @@ def deal(buildings: int, of: int) -> list[tuple[int, ...]]:
     return [tuple(sorted(int(i) for i in part)) for part in np.array_split(order, of)]
 
 
+def _told(
+    made: dict[str, LinkStateClassifier], parts: list[tuple[int, ...]], links: Links
+) -> Float[np.ndarray, "n 4"]:
+    """Probabilities of each held-out link by the fold that did not see it; NaN of others."""
+    told = np.full((len(links.state), 4), np.nan)
+    for classifier, part in zip(made.values(), parts, strict=True):
+        rows = links.within(part)
+        told[rows] = classifier.predict_tokens(links.tokens[rows])
+    return told
+
+
 def _validate(
-    made: dict[str, LinkStateClassifier],
+    told: Float[np.ndarray, "n 4"],
     parts: list[tuple[int, ...]],
     links: Links,
     out: Path,
     console: Console,
-) -> tuple[dict[str, Any], float]:
-    """Scores of each fold and over them, and the temperature that fits all held-out links."""
+) -> dict[str, Any]:
+    """Scores of each fold."""
     result: dict[str, Any] = {}
-    raw = np.full((len(links.state), 4), np.nan)
-    with_paths = reached(links.tokens)
-    for (name, classifier), part in zip(made.items(), parts, strict=True):
+    for i, part in enumerate(parts):
         rows = links.within(part)
-        raw[rows] = classifier.predict_tokens(links.tokens[rows])
-        judged = calibrated_across(raw[rows], links.state[rows], with_paths[rows], links.building[rows])
-        held = _part(links, rows)
-        result[name] = _score(judged, held, out / f"{name}.png")
-        _print(result[name], f"{name}, held out: {', '.join(links.names[i] for i in part)}", console)
-    if not result:
-        return result, 1.0
-    result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
-    console.print(f"mean validation accuracy of {len(parts)} folds: {result['mean_accuracy']:.4f}")
-    known = ~np.isnan(raw[:, 0]) & with_paths
-    return result, fit_temperature(raw[known], links.state[known].astype(int))
+        held = links[rows]
+        judged = calibrated_across(told[rows], held.state, reached(held.tokens), held.building)
+        result[f"fold{i}"] = _score(judged, held, out / f"fold{i}.png")
+        _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
+    if result:
+        result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
+        console.print(f"mean validation accuracy of {len(parts)} folds: {result['mean_accuracy']:.4f}")
+    return result
 
 
 def _score(probability: Float[np.ndarray, "n 4"], links: Links, picture: Path) -> dict[str, Any]:
@@ -169,10 +192,6 @@ def _score(probability: Float[np.ndarray, "n 4"], links: Links, picture: Path) -
     with_paths = reached(links.tokens)
     plot_scores(probability[with_paths], links.state[with_paths], picture)
     return scores(probability, links.state, with_paths, links.building, links.names)
-
-
-def _part(links: Links, rows: np.ndarray) -> Links:
-    return replace(links, tokens=links.tokens[rows], state=links.state[rows], building=links.building[rows])
 
 
 def _print(score: dict[str, Any], title: str, console: Console) -> None:

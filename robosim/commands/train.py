@@ -13,15 +13,17 @@ def link_state(
     model: Literal["ours", "reference", "huang"] = "ours",
     aod: bool = True,
     peak: bool = True,
+    delay: bool = True,
     epochs: int | None = None,
     members: int = 1,
-    folds: int = 1,
+    homes: int | None = None,
+    folds: int = 3,
     of: int = 3,
     seed: int = 0,
     workers: int = 2,
     out: Path | None = None,
 ) -> None:
-    """Train a classifier of link states on public measurements (mmwRobotNav) and score it.
+    """Train a classifier of link states on public measurements (mmwRobotNav) or a data set, and score it.
 
     First on some of the buildings, scored on those held out; then on all of them, which is what is written:
     link-state.safetensors with its card, result.json, curves and pictures. An interrupted run goes on when the
@@ -31,13 +33,16 @@ def link_state(
     Example: robosim train link-state --data mmwrobotnav --out out/link-state
 
     Args:
-        data: Folder of measurements with a folder for each building.
+        data: Folder of measurements with a folder for each building, or what `robosim dataset` wrote.
         test: Such a folder to score the classifier on in the end.
         model: Ours, the published network, or hand-made features after Huang et al.
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
-        peak: Whether heights of peaks are used.
+        peak: Whether heights of peaks are used, where they were measured.
+        delay: Whether delays are used, where they were measured; between beams they need a synchronised transmitter.
         epochs: Passes over the links; the model's own number if not given.
         members: Networks whose probabilities are averaged.
+        homes: Generated homes to learn from besides, made first; if not given 180 for ours on public
+            measurements, and none else.
         folds: Folds to hold out, one after the other; 0 trains on all buildings only.
         of: Folds that the buildings are dealt into.
         seed: Seed of the first network.
@@ -46,20 +51,28 @@ def link_state(
     """
     if folds < 0 or folds > of:
         raise ValueError(f"folds is {folds}, expected 0 to {of}, the number of folds that there are.")
+    if homes is not None and homes < 0:
+        raise ValueError(f"homes is {homes}, expected 0 or more.")
     for name, value in (("workers", workers), ("members", members)):
         if value < 1:
             raise ValueError(f"{name} is {value}, expected at least 1.")
     from dataclasses import replace
 
     from robosim.link_training import train_link_state
+    from wireless.linkstate.data import is_data_set
     from wireless.linkstate.training import default_recipe
 
+    if homes is None:
+        homes = 180 if model == "ours" and not is_data_set(data) else 0
     recipe = default_recipe(model)
-    inputs = ("aoa", *(("aod",) if aod else ()), "snr", *(("peak",) if peak else ()))
+    optional = {"aod": aod, "snr": True, "peak": peak, "delay": delay}
+    inputs = ("aoa", *(name for name, wanted in optional.items() if wanted))
+    flags = " ".join(
+        f"--{'' if wanted else 'no-'}{name}" for name, wanted in optional.items() if name != "snr"
+    )
     command = (
-        f"robosim train link-state --data {data.name} --model {model} {'--aod' if aod else '--no-aod'} "
-        f"{'--peak' if peak else '--no-peak'} --epochs {epochs or recipe.epochs} --members {members} "
-        f"--folds {folds} --of {of} --seed {seed}"
+        f"robosim train link-state --data {data.name} --model {model} {flags} --epochs {epochs or recipe.epochs} "
+        f"--members {members} --homes {homes} --folds {folds} --of {of} --seed {seed}"
     )
     folder = folder_for(out, "train-link-state")
     card = train_link_state(
@@ -70,6 +83,7 @@ def link_state(
         folds=folds,
         of=of,
         members=members,
+        homes=homes,
         workers=workers,
         command=command,
         console=console,

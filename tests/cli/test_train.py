@@ -30,7 +30,7 @@ def write_building(folder, name, transmitters, rng):
                 values = np.concatenate([rng.uniform(-180, 180, 10), snr, rng.uniform(3, 20, 5)]) * (
                     state > 0
                 )
-                writer.writerow([row, -1, row + 1, 1, state, *values.round(3)])
+                writer.writerow([round(0.15 * row, 2), -1, row + 1, 1, state, *values.round(3)])
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +44,28 @@ def folders(tmp_path_factory):
 
 
 def run(folders, out, *more):
-    main([*f"train link-state --data {folders}/train --epochs 3 --members 2 --out {out}".split(), *more])
+    main(
+        [
+            *f"train link-state --data {folders}/train --epochs 3 --members 2 --homes 0 --folds 1 --out {out}".split(),
+            *more,
+        ]
+    )
 
 
 def test_the_whole_run(folders, tmp_path, capsys):
     """The last line is the accuracy, the confusion matrix above it; what is written answers as was scored."""
-    run(folders, tmp_path / "out", "--test", str(folders / "test"), "--epochs", "40", "--members", "1")
+    run(
+        folders,
+        tmp_path / "out",
+        "--test",
+        str(folders / "test"),
+        "--epochs",
+        "40",
+        "--members",
+        "1",
+        "--folds",
+        "2",
+    )
     lines = capsys.readouterr().out.strip().splitlines()
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert lines[-1] == f"test accuracy {result['test']['accuracy']:.4f} (200 links)"
@@ -63,6 +79,10 @@ def test_the_whole_run(folders, tmp_path, capsys):
     classifier = load_classifier(tmp_path / "out" / "link-state.safetensors")
     assert len(classifier.networks) == 1
     assert classifier.card["recipe"]["epochs"] == 40
+    along = result["validation"]["ways"]
+    assert along["alone"]["links"] == along["fused"]["links"] == along["places"]
+    assert along["alone"]["accuracy"] > 0.8
+    assert (classifier.way is not None) == (along["fused"]["accuracy"] > along["alone"]["accuracy"])
     assert {"curves.png", "test.png", "fold0.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
@@ -89,6 +109,7 @@ def test_what_cannot_be_is_told(folders, tmp_path, capsys):
         (["--folds", "0"], "nothing would be scored"),
         (["--of", "4"], "4 folds asked for"),
         (["--of", "1", "--folds", "1"], "leaves none to train on"),
+        (["--homes", "-1"], "homes is -1"),
         (["--workers", "0"], "workers is 0"),
         (["--folds", "4"], "folds is 4, expected 0 to 3"),
     ):

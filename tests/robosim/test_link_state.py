@@ -8,7 +8,7 @@ from robosim.link_state import read_classifier
 
 
 def test_what_is_shipped():
-    assert "public" in shipped_weights()
+    assert {"generated", "generated-no-aod", "public"} <= set(shipped_weights())
 
 
 def test_plain_cases():
@@ -24,15 +24,33 @@ def test_plain_cases():
     assert told[2].tolist() == [1, 0, 0, 0]
 
 
-def test_the_card_says_how_it_was_made():
-    card = read_classifier("public").card
+@pytest.mark.parametrize("name", ["generated", "generated-no-aod"])
+def test_plain_cases_of_our_own_sounding(name):
+    """A path 70 dB over the noise straight from the target: LOS. No path: outage. Both over 0.9."""
+    aoa = np.radians([[20.0, 95, -60, 140, -100], [0, 0, 0, 0, 0]])
+    aod = np.radians([[-160.0, 85, -120, 40, -80], [0, 0, 0, 0, 0]])
+    snr = np.array([[70.0, 52, 45, 40, 38], [-np.inf] * 5])
+    delay = 1e-9 * np.array([[0.0, 6, 9, 14, 21], [0, 0, 0, 0, 0]])
+    told = read_classifier(name).predict(aoa, snr, aod_rad=aod, delay_s=delay)
+    assert told[0, 1] > 0.9
+    assert told[1].tolist() == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "least"), [("generated", 0.93), ("generated-no-aod", 0.9), ("public", 0.885)]
+)
+def test_the_card_says_how_it_was_made(name, least):
+    """The accuracy on held-out buildings is what is asked for, its calibration error below 0.02."""
+    card = read_classifier(name).card
     assert card["command"].startswith("robosim train link-state")
-    assert len(card["validation"]["fold0"]["accuracy_by_building"]) == 6
-    assert card["validation"]["fold0"]["calibration_error"] < 0.02
+    fold = card["validation"]["fold0"]
+    assert len(fold["accuracy_by_building"]) in (6, 20)
+    assert fold["accuracy"] > least
+    assert fold["calibration_error"] < 0.02
 
 
 def test_a_name_that_is_not_there():
     with pytest.raises(
-        ValueError, match=r"classifier is 'best', expected a \.safetensors file or one of public"
+        ValueError, match=r"classifier is 'best', expected a \.safetensors file or one of .*public"
     ):
         read_classifier("best")

@@ -3,7 +3,7 @@
     make_tokens           estimated paths as one array for networks
     Recipe, train         how a network is trained, and doing so
     default_recipe        how unless told otherwise
-    read_links            links of the public measurements
+    read_links            links of the public measurements, or of a data set
     LinkStateClassifier   trained networks behind one call
     load_classifier       one from files
     reliability           confidence against accuracy
@@ -13,7 +13,7 @@ Importing this imports PyTorch; `wireless` alone does not.
 
 from wireless.linkstate.calibration import reliability
 from wireless.linkstate.classifier import LinkStateClassifier, load_classifier
-from wireless.linkstate.public import Links, read_links
+from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.tokens import make_tokens
 from wireless.linkstate.training import Epoch, Recipe, default_recipe, train
 

@@ -22,6 +22,7 @@ from torch import nn
 from wireless.linkstate.calibration import scaled
 from wireless.linkstate.networks import N_STATES, NETWORKS
 from wireless.linkstate.tokens import found, make_tokens
+from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
 
 #: Links given to a network at once, which bounds the memory.
@@ -40,6 +41,7 @@ class LinkStateClassifier:
         options: dict[str, Any] | None = None,
         states: Sequence[int] = (1, 2, 3),
         temperature: float = 1.0,
+        way: WayNetwork | None = None,
         card: dict[str, Any] | None = None,
     ) -> None:
         """Make a classifier.
@@ -51,10 +53,12 @@ class LinkStateClassifier:
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
+            way: What fuses measurements along ways, see `wireless.linkstate.follower`.
             card: What is known about the training and the scores.
         """
         self.networks = [network.eval() for network in networks]
         self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
+        self.way = None if way is None else way.eval()
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
 
     def predict(
@@ -78,14 +82,25 @@ class LinkStateClassifier:
         Raises:
             ValueError: If an input that this classifier needs is missing, or arrays do not fit.
         """
-        given = {"aoa": aoa_rad, "aod": aod_rad, "snr": snr_db, "peak": peak, "delay": delay_s}
-        if missing := [name for name in self.inputs if given[name] is None]:
+        return self.predict_tokens(self.tokens(aoa_rad, snr_db, aod_rad=aod_rad, peak=peak, delay_s=delay_s))
+
+    def tokens(
+        self, aoa_rad: np.ndarray, snr_db: np.ndarray, **others: np.ndarray | None
+    ) -> Float32[np.ndarray, "n 5 5"]:
+        """`make_tokens` of what this classifier needs.
+
+        Raises:
+            ValueError: If something is missing, or arrays do not fit.
+        """
+        given = {"aoa": aoa_rad, "snr": snr_db} | {
+            name.split("_")[0]: value for name, value in others.items()
+        }
+        if missing := [name for name in self.inputs if given.get(name) is None]:
             raise ValueError(
                 f"{missing[0]} is missing, but this classifier uses {', '.join(self.inputs)}. "
                 "Give it, or load one without."
             )
-        tokens = make_tokens(aoa_rad, snr_db, aod_rad=aod_rad, peak=peak, delay_s=delay_s)
-        return self.predict_tokens(tokens)
+        return make_tokens(aoa_rad, snr_db, **others)
 
     def predict_tokens(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float[np.ndarray, "n 4"]:
         """The same from `make_tokens`."""
@@ -114,11 +129,14 @@ class LinkStateClassifier:
             for i, network in enumerate(self.networks)
             for name, value in network.state_dict().items()
         }
+        if self.way is not None:
+            weights |= {f"way.{name}": value.contiguous() for name, value in self.way.state_dict().items()}
         head = {
             "model": self.model,
             "inputs": list(self.inputs),
             "options": self.options,
             "networks": len(self.networks),
+            "way_width": None if self.way is None else self.way.embed.out_features,
             "states": list(self.states),
             "temperature": self.temperature,
         }
@@ -143,10 +161,12 @@ def load_classifier(path: Path) -> LinkStateClassifier:
         networks = []
         for i in range(card["networks"]):
             network = NETWORKS[card["model"]](tuple(card["inputs"]), **card["options"])
-            network.load_state_dict(
-                {name.split(".", 1)[1]: value for name, value in weights.items() if name.startswith(f"{i}.")}
-            )
+            network.load_state_dict(_part(weights, str(i)))
             networks.append(network)
+        way = None
+        if card["way_width"] is not None:
+            way = WayNetwork(card["inputs"], width=card["way_width"])
+            way.load_state_dict(_part(weights, "way"))
         return LinkStateClassifier(
             networks,
             model=card["model"],
@@ -154,6 +174,7 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             options=card["options"],
             states=card["states"],
             temperature=card["temperature"],
+            way=way,
             card=card,
         )
     except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
@@ -161,3 +182,8 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             f"{path}: no classifier of link states with its card {card_path.name} ({error}). Train one by "
             f"`robosim train link-state`."
         ) from error
+
+
+def _part(weights: dict[str, torch.Tensor], name: str) -> dict[str, torch.Tensor]:
+    """Those of one network."""
+    return {key.split(".", 1)[1]: value for key, value in weights.items() if key.startswith(f"{name}.")}

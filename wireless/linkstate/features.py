@@ -24,7 +24,7 @@ from torch import Tensor
 from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, PEAK, SNR
 
 #: SNR is in units of this [dB] and within these limits; peaks in units of 10, delays in 100 ns up to 5.
-SNR_UNIT_DB, SNR_LIMITS_DB = 20.0, (-20.0, 80.0)
+SNR_UNIT_DB, SNR_LIMITS_DB = 20.0, (-40.0, 80.0)
 PEAK_UNIT, DELAY_UNIT_S, DELAY_LIMIT = 10.0, 100e-9, 5.0
 
 

@@ -34,13 +34,13 @@ class Recipe:
     """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
-    epochs: int = 8
+    epochs: int = 7
     """Passes over the links."""
     batch: int = 1024
     """Links in a step."""
     learning_rate: float = 3e-3
     """Largest step of AdamW, after the warm-up."""
-    weight_decay: float = 0.2
+    weight_decay: float = 0.1
     """Pull of the weights to zero."""
     label_smoothing: float = 0.05
     """Share of each label spread over all states."""
@@ -50,9 +50,9 @@ class Recipe:
     """Standard deviation of noise added to all SNRs of a link in training."""
     averaging: float = 0.995
     """Share of the averaged weights that a step keeps; 0 for no averaging."""
-    width: int = 48
+    width: int = 64
     """Units of the states of paths (ours)."""
-    dropout: float = 0.2
+    dropout: float = 0.1
     """Share of units dropped in the head (ours)."""
     seed: int = 0
     """Of the first weights, the order of the links, and dropout."""

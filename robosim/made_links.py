@@ -1,0 +1,124 @@
+"""Links of generated homes, traced and received as the public ones were: more buildings to learn from.
+
+A classifier that saw a dozen buildings knows these too well. Generated homes cost nothing: each gets a few
+transmitters and some receivers of the published grid at random places, is traced through walls as the published
+ray tracer saw them (`robosim.bench.label_walls`), and received by the published receiver
+(`wireless.estimation_public`). States are nearly those of `wireless.mmwrobotnav.link_states`, which need a whole
+grid of receivers: here a direct path through a wall is line of sight at the quarter of receivers that rays were
+shot to, and of higher order elsewhere, which is right for 99 % of the published links that both give a path.
+
+A home is one file, written whole; its seed alone decides what is in it.
+"""
+
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float32, UInt8
+from rich.console import Console
+from rich.progress import track
+
+from robosim.bench.label_adjacent import fully_traced
+from robosim.bench.label_walls import published_mesh
+from robosim.building import make_building
+from robosim.files import whole_file
+from robosim.generate import GeneratorConfig, generate_plan
+from robosim.receivers import receiver_grid
+from wireless.estimation_public import PublicReceiver
+from wireless.linkstate.tokens import make_tokens
+from wireless.paths import Interaction, LinkState, Paths
+from wireless.raytrace import Tracer, TracerConfig
+from wireless.sounding import Rays
+
+#: Transmitters of a home, receivers of each, grid [m] and height of both [m].
+TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
+#: Walls are sheets that let paths through once; the thickness only weakens these.
+TRACER = TracerConfig(max_transmissions=1, wall_thickness_m=0.1)
+#: Seed of the first home, far from those that people take.
+FIRST_SEED = 1_000_220
+
+#: Estimated paths and states of links.
+Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, "n"]]
+
+
+def make_homes(count: int, folder: Path, workers: int, console: Console) -> None:
+    """Write what is missing of so many homes.
+
+    Args:
+        count: Number of homes.
+        folder: Where to.
+        workers: Processes; the files do not depend on it.
+        console: Where progress is shown.
+    """
+    missing = [seed for seed in _seeds(count) if not _file(folder, seed).exists()]
+    if not missing:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool:
+        done = pool.map(partial(_write_home, folder), missing)
+        for _ in track(done, "making homes", len(missing), console=console, transient=True):
+            pass
+
+
+def read_homes(count: int, folder: Path) -> Made:
+    """The links of so many homes, in the order of their seeds."""
+    tokens, states = [], []
+    for seed in _seeds(count):
+        with np.load(_file(folder, seed)) as file:
+            tokens.append(file["tokens"])
+            states.append(file["state"])
+    return np.concatenate(tokens), np.concatenate(states)
+
+
+def make_home(seed: int) -> Made:
+    """Links of one home that have paths."""
+    rng = np.random.default_rng(seed)
+    building = make_building(generate_plan(seed, config=GeneratorConfig(navigable=True)))
+    tracer = Tracer(published_mesh(building.plan, building.height_m), config=TRACER)
+    grid = receiver_grid(building, GRID_M, HEIGHT_M)
+    tokens, states = [], []
+    for _ in range(TRANSMITTERS):
+        tx = grid.position[rng.integers(len(grid.position))]
+        some = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
+        # Published rows count from 1 at the top.
+        cell = np.array([grid.shape[0], 1]) + grid.cell[some] * (-1, 1)
+        paths = tracer.trace(tx[None], grid.position[some], workers=1)
+        state = _states(paths, fully_traced(cell))
+        aoa, aod, snr, peak = _receiver().receive(Rays.from_paths(paths), rng)
+        reached = state != LinkState.OUTAGE
+        tokens.append(make_tokens(aoa, snr, aod_rad=aod, peak=peak)[reached])
+        states.append(state[reached])
+    return np.concatenate(tokens), np.concatenate(states)
+
+
+def _states(paths: Paths, shot_to: Bool[np.ndarray, "n"]) -> UInt8[np.ndarray, "n"]:
+    """`LinkState` of each receiver of one transmitter."""
+    passed = (paths.interaction == Interaction.TRANSMISSION).sum(axis=1)
+    direct = paths.order == passed
+    state = np.full(len(shot_to), LinkState.OUTAGE, np.uint8)
+    state[paths.rx] = LinkState.HIGHER_ORDER
+    state[paths.rx[(paths.order == 1) & ~direct]] = LinkState.FIRST_ORDER
+    state[paths.rx[direct & ((passed == 0) | shot_to[paths.rx])]] = LinkState.LOS
+    return state
+
+
+def _write_home(folder: Path, seed: int) -> None:
+    tokens, state = make_home(seed)
+    with whole_file(_file(folder, seed)) as partial_file, open(partial_file, "wb") as file:
+        np.savez(file, tokens=tokens, state=state)
+
+
+@cache
+def _receiver() -> PublicReceiver:
+    return PublicReceiver()
+
+
+def _seeds(count: int) -> range:
+    return range(FIRST_SEED, FIRST_SEED + count)
+
+
+def _file(folder: Path, seed: int) -> Path:
+    return folder / f"home-{seed}.npz"

@@ -1,0 +1,112 @@
+"""Links with known states, ready for training: all transmitters of the buildings in a folder.
+
+Two kinds of folders are read. The public measurements (`wireless.mmwrobotnav`) have heights of peaks but no
+delays; a link without paths holds zeros there, which `make_tokens` takes as missing. Data sets of our own
+(`wireless.link_records`), known by their `manifest.json`, have delays but no peaks.
+"""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int, UInt8
+
+from wireless.link_records import read_links as read_records
+from wireless.linkstate.tokens import COLUMNS, make_tokens
+from wireless.mmwrobotnav import find_measurements, read_measurements
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Links:
+    """Links with known states."""
+
+    tokens: Float32[np.ndarray, "n 5 5"]
+    """Estimated paths from `make_tokens`."""
+    state: UInt8[np.ndarray, "n"]
+    """True `wireless.paths.LinkState`."""
+    building: Int[np.ndarray, "n"]
+    """Building of each link, as a number into the names."""
+    transmitter: Int[np.ndarray, "n"]
+    """Number of the transmitter of each link, different between buildings."""
+    position: Float32[np.ndarray, "n 2"]
+    """Where the receiver of each link is [m]."""
+    names: tuple[str, ...]
+    """Names of the buildings, sorted."""
+
+    def __getitem__(self, rows: Bool[np.ndarray, "n"]) -> "Links":
+        """Some of the links."""
+        return Links(
+            **{name: values if name == "names" else values[rows] for name, values in vars(self).items()}
+        )
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """Columns of tokens that this data has."""
+        return tuple(name for i, name in enumerate(COLUMNS) if np.isfinite(self.tokens[:, 0, i]).any())
+
+    def within(self, buildings: tuple[int, ...]) -> Bool[np.ndarray, "n"]:
+        """Which links are in some buildings."""
+        return np.isin(self.building, buildings)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Unit:
+    """Links of one transmitter."""
+
+    building: str
+    tokens: Float32[np.ndarray, "n 5 5"]
+    state: UInt8[np.ndarray, "n"]
+    position: Float32[np.ndarray, "n 2"]
+
+
+def read_links(data: Path) -> Links:
+    """All links of a folder of public measurements, or of a data set.
+
+    Raises:
+        ValueError: If a file is missing or damaged.
+    """
+    units = _data_set(data) if is_data_set(data) else _public(data)
+    names = tuple(sorted({unit.building for unit in units}))
+    return Links(
+        tokens=np.concatenate([unit.tokens for unit in units]),
+        state=np.concatenate([unit.state for unit in units]),
+        building=np.concatenate([np.full(len(u.state), names.index(u.building)) for u in units]),
+        transmitter=np.concatenate([np.full(len(unit.state), i) for i, unit in enumerate(units)]),
+        position=np.concatenate([unit.position for unit in units]),
+        names=names,
+    )
+
+
+def is_data_set(data: Path) -> bool:
+    """Whether a folder is a data set of our own."""
+    return (data / "manifest.json").is_file()
+
+
+def _public(data: Path) -> list[_Unit]:
+    units = []
+    for name, number in find_measurements(data):
+        links = read_measurements(data, name, number)
+        tokens = make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
+        position = links.rx_position.astype(np.float32)
+        units.append(_Unit(building=name, tokens=tokens, state=links.state, position=position))
+    return units
+
+
+def _data_set(data: Path) -> list[_Unit]:
+    try:
+        files = [data / unit["file"] for unit in json.loads((data / "manifest.json").read_text())["units"]]
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise ValueError(
+            f"{data / 'manifest.json'}: not the manifest of a data set of links ({error})."
+        ) from error
+    if not files:
+        raise ValueError(f"{data / 'manifest.json'}: lists no links.")
+    units = []
+    for file in files:
+        links = read_records(file)
+        paths = links.estimates
+        tokens = make_tokens(paths.aoa_rad, paths.snr_db, aod_rad=paths.aod_rad, delay_s=paths.delay_s)
+        position = links.rx_position[:, :2].astype(np.float32)
+        units.append(_Unit(building=links.plan, tokens=tokens, state=links.state, position=position))
+    return units

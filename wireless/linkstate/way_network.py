@@ -1,0 +1,149 @@
+"""The link state along a robot's way: a small recurrent network over what was told and measured at each place.
+
+A hand-made filter of the probabilities does not help: a classifier is surest where the state changes, and its
+errors persist for metres, so that a Markov chain in the distance moved loses more at borders than it gains
+between them (measured: 1 to 2 points worse than each measurement alone). What helps is how measurements change
+with the robot's moves: the arrival from a far transmitter stays, the one from a near corner turns.
+
+The network's output is added to the log probability of the place itself, so that it starts from there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from wireless.linkstate.features import PEAK_UNIT, SNR_LIMITS_DB, SNR_UNIT_DB
+from wireless.linkstate.networks import N_STATES
+from wireless.linkstate.tokens import AOA, AOD, PEAK, SNR
+
+#: Probabilities below this count as this, and moves are in units of this [m].
+_LEAST, _MOVE_UNIT_M = 1e-4, 0.25
+#: Longer ways are cut into pieces of so many places for training.
+PIECE = 60
+
+
+class WayNetwork(nn.Module):
+    """A gated recurrent unit over the places of a way."""
+
+    def __init__(self, inputs: Sequence[str], *, width: int = 32) -> None:
+        super().__init__()
+        self.inputs = tuple(inputs)
+        n = place_features(torch.zeros(1, 1, 4), torch.zeros(1, 1, 5, 5), torch.zeros(1, 1), inputs).shape[-1]
+        self.embed = nn.Linear(n, width)
+        self.memory = nn.GRU(width, width, batch_first=True)
+        self.out = nn.Linear(2 * width, N_STATES)
+        nn.init.zeros_(self.out.weight)
+        nn.init.zeros_(self.out.bias)
+
+    def forward(
+        self, features: Float[Tensor, "ways places f"], memory: Float[Tensor, "1 ways width"] | None = None
+    ) -> tuple[Float[Tensor, "ways places 4"], Float[Tensor, "1 ways width"]]:
+        """Logits at each place from all places up to it, and what to remember."""
+        seen = torch.relu(self.embed(features))
+        remembered, memory = self.memory(seen, memory)
+        return features[..., :N_STATES] + self.out(torch.cat([seen, remembered], -1)), memory
+
+
+def place_features(
+    probability: Float[Tensor, "ways places 4"],
+    tokens: Float[Tensor, "ways places 5 5"],
+    moved_m: Float[Tensor, "ways places"],
+    inputs: Sequence[str],
+) -> Float[Tensor, "ways places f"]:
+    """What the network sees of each place: log probabilities first.
+
+    Args:
+        probability: What was told of each place alone.
+        tokens: What was measured there.
+        moved_m: Distance from the place before [m]; 0 where there is none.
+        inputs: Columns of tokens to use.
+    """
+    snr = torch.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clamp(*SNR_LIMITS_DB) / SNR_UNIT_DB
+    x = torch.nan_to_num(tokens, nan=0.0)
+    arrival = x[..., AOA]
+    before = torch.cat([arrival[:, :1], arrival[:, :-1]], 1)
+    turned = arrival[..., 0] - before[..., 0]
+    nearest = (arrival[..., :1] - before).cos().amax(-1)
+    columns = [probability.clamp_min(_LEAST).log(), snr[..., :3]]
+    columns += [torch.stack([turned.cos(), turned.sin(), nearest, moved_m / _MOVE_UNIT_M], -1)]
+    if "aod" in inputs:
+        columns.append(-(arrival - x[..., AOD])[..., :2].cos())
+    if "peak" in inputs:
+        columns.append(x[..., :2, PEAK] / PEAK_UNIT)
+    return torch.cat(columns, -1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WayBatch:
+    """Ways of equal length; shorter ones are filled up at their ends."""
+
+    features: Float[Tensor, "ways places f"]
+    """From `place_features`."""
+    state: Int[Tensor, "ways places"]
+    """True states."""
+    there: Bool[Tensor, "ways places"]
+    """Which places are no filling."""
+
+
+def pack_ways(
+    rows: Sequence[Int[np.ndarray, "_"]],
+    moved_m: Sequence[Float[np.ndarray, "_"]],
+    probability: Float[np.ndarray, "n 4"],
+    tokens: Float[np.ndarray, "n 5 5"],
+    state: Int[np.ndarray, "n"],
+    inputs: Sequence[str],
+) -> WayBatch:
+    """Ways along rows of links, cut into pieces of at most `PIECE` places."""
+    pieces = [
+        (row[i : i + PIECE], move[i : i + PIECE])
+        for row, move in zip(rows, moved_m, strict=True)
+        for i in range(0, len(row), PIECE)
+    ]
+    links = np.stack([np.pad(row, (0, PIECE - len(row)), mode="edge") for row, _ in pieces])
+    moves = np.stack([np.pad(move, (0, PIECE - len(move))) for _, move in pieces])
+    moves[:, 0] = 0
+    features = place_features(
+        torch.from_numpy(probability[links]).float(),
+        torch.from_numpy(tokens[links]).float(),
+        torch.from_numpy(moves).float(),
+        inputs,
+    )
+    there = np.arange(PIECE) < np.array([len(row) for row, _ in pieces])[:, None]
+    return WayBatch(
+        features=features, state=torch.from_numpy(state[links]).long(), there=torch.from_numpy(there)
+    )
+
+
+def train_way_network(
+    batch: WayBatch, inputs: Sequence[str], *, seed: int, epochs: int = 12, size: int = 64, width: int = 32
+) -> WayNetwork:
+    """Cross entropy over all places, AdamW, one cycle of learning rate; the same weights for a seed."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            return _train(batch, WayNetwork(inputs, width=width), epochs, size).eval()
+    finally:
+        torch.set_num_threads(threads)
+
+
+def _train(batch: WayBatch, network: WayNetwork, epochs: int, size: int) -> WayNetwork:
+    n = len(batch.features)
+    optimiser = torch.optim.AdamW(network.parameters(), 4e-3, weight_decay=0.1)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimiser, 4e-3, total_steps=epochs * -(-n // size))
+    for _ in range(epochs):
+        for some in torch.randperm(n).split(size):
+            there = batch.there[some]
+            logits = network(batch.features[some])[0][there]
+            loss = nn.functional.cross_entropy(logits, batch.state[some][there])
+            optimiser.zero_grad()
+            loss.backward()
+            nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+            optimiser.step()
+            schedule.step()
+    return network

@@ -1,0 +1,45 @@
+"""Ways of a robot along measured places: shortest ways between random ones, from neighbour to neighbour.
+
+Places lie on a square grid. A way goes from a place to one of the eight around it, by the shortest sum of
+distances, between two random places that are connected; every place on it is one measurement.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+#: Neighbours are this many steps of the grid apart at most: also diagonal ones.
+_REACH = 1.5
+
+
+def make_ways(
+    position: Float[np.ndarray, "n 2"], step_m: float, count: int, rng: np.random.Generator
+) -> list[Int[np.ndarray, "_"]]:
+    """Ways as rows of `position`.
+
+    Args:
+        position: Places [m].
+        step_m: Step of their grid [m].
+        count: Number of ways.
+        rng: Chooses both ends; of those that can be reached from the first.
+    """
+    pairs = cKDTree(position).query_pairs(_REACH * step_m, output_type="ndarray")
+    length = np.linalg.norm(position[pairs[:, 0]] - position[pairs[:, 1]], axis=1)
+    graph = csr_matrix((length, pairs.T), shape=(len(position), len(position)))
+    start = rng.integers(len(position), size=count)
+    _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+    ways = []
+    for first, came_from in zip(start, before, strict=True):
+        reached = np.append(np.flatnonzero(came_from >= 0), first)
+        way = [int(rng.choice(reached))]
+        while way[-1] != first:
+            way.append(int(came_from[way[-1]]))
+        ways.append(np.array(way[::-1]))
+    return ways
+
+
+def moved(position: Float[np.ndarray, "n 2"], way: Int[np.ndarray, "places"]) -> Float[np.ndarray, "places"]:
+    """Distance of each place of a way from the one before [m]; 0 for the first."""
+    return np.linalg.norm(np.diff(position[way], axis=0, prepend=position[way[:1]]), axis=1)
