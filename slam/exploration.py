@@ -9,6 +9,7 @@ Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
@@ -22,6 +23,9 @@ from slam.grid import MapEstimate
 from slam.paths import downhill, length, taut
 from slam.poses import wrap
 from slam.travel_time import TravelTime, travel_time
+
+#: Places that are remembered of each kind: given up, left for another goal, looked around at.
+MEMORY = 400
 
 ExplorerName = Literal["nearest", "cheapest", "gain"]
 
@@ -74,13 +78,13 @@ class FrontierExplorer:
     def reset(self) -> None:
         """Forget goal and frontiers given up."""
         self._goal: np.ndarray | None = None
-        self._given_up: list[tuple[float, float]] = []
+        self._given_up: deque[tuple[float, float]] = deque(maxlen=MEMORY)
         self._age = 0
         self._waited = 0
         self._budget = 0.0
-        self._budgets: list[tuple[np.ndarray, float]] = []
+        self._budgets: deque[tuple[np.ndarray, float]] = deque(maxlen=MEMORY)
         self._spin = 0
-        self._looked_around: list[np.ndarray] = []
+        self._looked_around: deque[np.ndarray] = deque(maxlen=MEMORY)
         self._forgiven_at_m2 = 0.0
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
@@ -147,7 +151,7 @@ class FrontierExplorer:
                 way,
                 min_cells=self.config.min_cells,
                 piece_m=self.config.piece_m,
-                given_up=np.array(self._given_up).reshape(-1, 2),
+                given_up=np.array(list(self._given_up)).reshape(-1, 2),
             )
             if frontiers:
                 return self._best(box, way, frontiers)
