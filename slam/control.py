@@ -7,8 +7,8 @@ without its hull meeting an obstacle, the whole is priced in decisions:
     |turns| + steps + (cost of the way from there) / 0.25 m + (turns needed there to go on)
 
 and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
-ones lead nowhere. Nothing dithers: a turn once begun gets cheaper at each decision, and turning straight back is
-barred.
+ones lead nowhere. A turn once begun gets cheaper at each decision, and turning straight back is dearer. Where the
+hull's own swing in turning changes the best heading again and again all the same, one is gone through with.
 
 After a bump the same heading from the same place costs more, each time more. A robot that does not get away
 from a place for long walks off in the direction with most room before it plans again.
@@ -69,6 +69,9 @@ class ControlConfig:
             )
 
 
+#: Decisions looked back on for wavering, and changes of side among their turns that are too many.
+HISTORY, MOST_REVERSALS = 16, 4
+
 #: Places at which one step of a run is checked against obstacles.
 PARTS = 4
 
@@ -94,6 +97,8 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking = False
+        self._recent: deque[Action] = deque(maxlen=HISTORY)
+        self._committed: deque[Action] = deque()
 
     def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """The next action.
@@ -105,12 +110,15 @@ class Controller:
         self._watch(pose, plan.clearance)
         if self._escape_steps:
             action = self._escape(pose, plan)
+        elif self._committed:
+            action = self._committed.popleft()
         elif plan.length_m < self.config.arrived_m:
             action = self._face(pose, plan)
         else:
             self._looking = False
             action = self._best(pose, plan)
         self._last, self._last_pose = action, pose.copy()
+        self._recent.append(action)
         return action
 
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
@@ -123,6 +131,7 @@ class Controller:
         if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
             self._escape_steps = 4
             self._trail.clear()
+            self._committed.clear()
 
     def _learn(
         self,
@@ -163,7 +172,20 @@ class Controller:
         price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
         cheapest = price.min(axis=1)
         k = int(np.argmin(cheapest))
-        return _first(int(self._turns[k])) if np.isfinite(cheapest[k]) else self._towards(pose, plan)
+        if not np.isfinite(cheapest[k]):
+            return self._towards(pose, plan)
+        turns = int(self._turns[k])
+        if self._wavers():
+            # Each turn swings the hull a little, and with it the best heading: go through with this one.
+            self._committed.extend([_first(turns)] * abs(turns) + [Action.FORWARD])
+            self._recent.clear()
+            return self._committed.popleft()
+        return _first(turns)
+
+    def _wavers(self) -> bool:
+        """Whether it has lately turned to one side and to the other time and again."""
+        turns = [action for action in self._recent if action is not Action.FORWARD]
+        return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
 
     def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
         """Poses after each number of turns: a base that turns beside its centre swings around."""

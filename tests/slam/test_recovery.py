@@ -164,3 +164,19 @@ def test_recovery_is_deterministic():
         for _ in range(2)
     ]
     np.testing.assert_array_equal(*runs)
+
+
+def test_a_robot_pulled_to_and_fro_makes_up_its_mind():
+    """Before a wall, the goal changes sides at every decision: within 40 of them it has gone a step all the same.
+
+    Without going through with a heading it turns left and right until it counts as stuck, after 45. In a tight room the
+    swing of the hull in turning does the same with a goal that stays.
+    """
+    world = GridWorld(hall((6, 4)), (3, 3.77, math.pi / 2)).know_all()
+    planner, controller = Planner(), Controller()
+    for k in range(40):
+        goal = np.array([1.0, 3.77] if k % 2 else [5.0, 3.77])
+        world.act(controller.act(world.pose.copy(), planner.plan(world.estimate(), goal)))
+        if math.hypot(*(world.pose[:2] - [3, 3.77])) > 0.2:
+            break
+    assert math.hypot(*(world.pose[:2] - [3, 3.77])) > 0.2
