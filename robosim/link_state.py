@@ -8,6 +8,8 @@ public            trained on the public measurements of mmwRobotNav, and on gene
                   angles of arrival and departure, SNR, heights of peaks
 
 SNR means different things in the two, and states follow different rules: take the one that fits the measurements.
+In generated homes heard by the public receiver, `public` tells 89.3 % of our states rightly; of public links,
+`generated-no-sync`, which alone finds there all that it needs, tells 50 %.
 """
 
 from pathlib import Path
