@@ -14,6 +14,7 @@ from time import monotonic
 from typing import Any
 
 import joblib
+from joblib.externals.loky.process_executor import BrokenProcessPool
 from rich.console import Console
 from rich.progress import (
     BarColumn,
@@ -83,6 +84,7 @@ def in_parallel(
 
     Raises:
         ValueError: If a cluster is asked for and dask is not installed, or there is none at the address.
+        ChildProcessError: If a process was killed, as by a machine that is out of memory.
     """
     jobs = [joblib.delayed(function)(*call) for call in calls]
     if not jobs:
@@ -90,7 +92,13 @@ def in_parallel(
     with _backend(cluster):
         count = -1 if cluster else min(workers, len(jobs))
         # One call at a time: they take seconds, and their order keeps a worker with its plan.
-        yield from joblib.Parallel(n_jobs=count, batch_size=1, return_as="generator_unordered")(jobs)
+        try:
+            yield from joblib.Parallel(n_jobs=count, batch_size=1, return_as="generator_unordered")(jobs)
+        except BrokenProcessPool as error:
+            raise ChildProcessError(
+                f"a worker process died; is there memory for {count}? What is done is kept: give the same command "
+                "again, perhaps with fewer --workers."
+            ) from error
 
 
 @contextmanager

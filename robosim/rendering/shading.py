@@ -18,6 +18,7 @@ Reference: Zhukov, Iones, Kronin, "An ambient light illumination model", Renderi
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import trimesh
@@ -64,6 +65,7 @@ class ShadingConfig:
             raise ValueError(f"n_rays is {self.n_rays}, expected 1 to 10000.")
 
 
+@lru_cache(maxsize=1)
 def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) -> trimesh.Trimesh:
     """A building's surfaces, cut finely enough to carry light and texture in the colours of their vertices.
 
@@ -72,7 +74,8 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
         config: How finely.
 
     Returns:
-        A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours.
+        A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours. The last one is kept,
+        since many episodes run in one building: copy it before changing it.
     """
     patches = tessellate(building, step_m=config.step_m, heights_m=(_SKIRTING_M,))
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)

@@ -3,6 +3,7 @@
 import base64
 import io
 import json
+import os
 from dataclasses import replace
 from html.parser import HTMLParser
 
@@ -221,6 +222,12 @@ def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatc
     _evaluate(suite, tmp_path / "b")
     assert len(ran) == 8
     assert (tmp_path / "a/episodes.parquet").read_bytes() == (tmp_path / "b/episodes.parquet").read_bytes()
+
+
+def test_a_killed_worker_is_told_in_a_sentence():
+    """As when the machine runs out of memory; joblib's own error is a page long."""
+    with pytest.raises(ChildProcessError, match="a worker process died; is there memory for 2"):
+        list(sweep.in_parallel(os._exit, [(1,), (1,)], workers=2))
 
 
 def test_an_interrupted_episode_is_not_kept(suite, tmp_path, monkeypatch):
