@@ -16,6 +16,7 @@ from typing import Any
 import robosim
 import slam
 import wireless
+from robosim.assets import assets_dir
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
 from robosim.files import plain, write_json
@@ -35,6 +36,9 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
     episode = plain(asdict(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)
+    for name, value in _flat(episode).items():
+        if isinstance(value, str) and value.endswith(".safetensors") and Path(value).is_file():
+            episode[f"{name} content"] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
     new = {
         "seed": suite.seed,
         "plans": {name: _digest(read_plan(file)) for name, file in suite.plans.items()},
@@ -65,8 +69,10 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
 
 
 def code_digest() -> str:
-    """A text that changes with the code of the three packages and with what they stand on."""
+    """A text that changes with the code of the three packages, their weights, and what they stand on."""
     digest = hashlib.sha256(json.dumps(versions()).encode())
+    for file in sorted((assets_dir() / "weights").glob("*")):
+        digest.update(file.name.encode() + file.read_bytes())
     for package in (robosim, slam, wireless):
         folder = Path(str(package.__file__)).parent
         for file in sorted(folder.rglob("*.py")):

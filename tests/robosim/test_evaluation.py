@@ -259,6 +259,18 @@ def test_policies_can_be_added_and_other_options_are_refused(suite, tmp_path, ta
         check_manifest(tmp_path, suite, CONFIG)
 
 
+def test_other_weights_under_the_same_name_are_refused(suite, tmp_path):
+    """A classifier that was trained anew into the same file makes other episodes."""
+    weights = tmp_path / "states.safetensors"
+    weights.write_bytes(b"first")
+    config = replace(CONFIG, link_states=str(weights))
+    check_manifest(tmp_path / "out", suite, config)
+    check_manifest(tmp_path / "out", suite, config)
+    weights.write_bytes(b"second")
+    with pytest.raises(ValueError, match="link_states content"):
+        check_manifest(tmp_path / "out", suite, config)
+
+
 def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):
     """A target inside a wall: that task is told with its reason, the other has its result."""
     bad = replace(suite.tasks[1], target=(50.0, 50.0))
