@@ -5,7 +5,8 @@ transmitters and some receivers of the published grid at random places, is trace
 ray tracer saw them (`robosim.bench.label_walls`), and received by the published receiver
 (`wireless.estimation_public`). States are nearly those of `wireless.mmwrobotnav.link_states`, which need a whole
 grid of receivers: here a direct path through a wall is line of sight at the quarter of receivers that rays were
-shot to, and of higher order elsewhere, which is right for 99 % of the published links that both give a path.
+shot to, and of higher order elsewhere, which is right for 97 % of the published links
+that have paths both there and here.
 
 A home is one file, written whole; its seed alone decides what is in it.
 """
