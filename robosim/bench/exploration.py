@@ -182,8 +182,9 @@ def plot_curves(path: Path, rows: list[dict[str, Any]]) -> None:
     figure, axes = plt.subplots(figsize=(7, 4.2), layout="constrained")
     for name, own in _by_explorer(rows).items():
         curves = 100 * np.array([row["coverage"] for row in own])
+        area = np.mean([area_under(curve) for curve in curves]) / 100
         low, middle, high = np.quantile(curves, [0.25, 0.5, 0.75], axis=0)
-        line = axes.plot(middle, label=f"{name}: area {curves.mean() / 100:.3f}")[0]
+        line = axes.plot(middle, label=f"{name}: area {area:.3f}")[0]
         axes.fill_between(np.arange(len(middle)), low, high, color=line.get_color(), alpha=0.15, lw=0)
     axes.set(xlabel="decisions", ylabel="reachable floor seen [%]", xlim=(0, DECISIONS), ylim=(0, 101))
     axes.set_title("Median over plans, and the middle half of them", fontsize=9)
