@@ -131,7 +131,7 @@ class ClassicalMapper:
             Map and pose; the arrays are views that the next update changes.
         """
         self._step += 1
-        scan = scan_from_depth(depth, self.config.camera, self.config.band)
+        self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
         points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
         moved, variance = self._measured(action, odometry)
         start = self.pose

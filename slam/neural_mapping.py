@@ -67,9 +67,7 @@ class NeuralMapper:
         self.classical = ClassicalMapper(config or MapperConfig())
         self.fusion = fusion or FusionConfig()
         self.patch = patch
-        self._predictor = MapPredictor(
-            network, self.classical.config.camera, self.classical.config.band, patch
-        )
+        self._predictor = MapPredictor(network, patch)
         self.reset(np.zeros(3))
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -98,7 +96,9 @@ class NeuralMapper:
         """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
         classical = self.classical.update(depth, action, odometry)
         self._follow(classical.frame)
-        self.prediction = self._predictor.predict(depth, belief_ahead(classical, patch=self.patch))
+        self.prediction = self._predictor.predict(
+            self.classical.scan, belief_ahead(classical, patch=self.patch)
+        )
         self._enter(self.prediction, classical.pose)
         self._refresh(classical)
         return self._combined(classical)

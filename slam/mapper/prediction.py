@@ -13,7 +13,7 @@ from slam.egocentric import AHEAD
 from slam.grid import GridFrame
 from slam.mapper.features import Features
 from slam.mapper.network import OBSTACLE, SEEN, MapNetwork
-from slam.projection import Band, CameraModel
+from slam.projection import Scan
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -29,34 +29,26 @@ class Prediction:
 class MapPredictor:
     """A trained network, ready to be asked."""
 
-    def __init__(
-        self,
-        network: MapNetwork,
-        camera: CameraModel | None = None,
-        band: Band | None = None,
-        patch: GridFrame = AHEAD,
-    ) -> None:
+    def __init__(self, network: MapNetwork, patch: GridFrame = AHEAD) -> None:
         """Take a copy of a network, with normalisation merged into its convolutions.
 
         Args:
             network: A trained network.
-            camera: The depth camera.
-            band: Heights above the floor that stop the robot.
             patch: The cells asked about; those that the network was trained on.
         """
-        self.features = Features(camera, band, patch)
+        self.features = Features(patch=patch)
         self._network: nn.Module = copy.deepcopy(network).eval()
         _merge(self._network)
         self._network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
 
-    def predict(self, depth: Float32[np.ndarray, "h w"], belief: Float32[np.ndarray, "ny nx"]) -> Prediction:
+    def predict(self, scan: Scan, belief: Float32[np.ndarray, "ny nx"]) -> Prediction:
         """Logits for one frame.
 
         Args:
-            depth: Depth along the camera axis [m]; 0 or not finite where nothing was measured.
+            scan: The frame's scan (`slam.projection`).
             belief: Obstacle probability of the map over the patch, 0.5 where unknown.
         """
-        features = torch.from_numpy(self.features.of(depth, belief))[None]
+        features = torch.from_numpy(self.features.of_scan(scan, belief))[None]
         with torch.inference_mode():
             logits = self._network(features.contiguous(memory_format=torch.channels_last))[0].numpy()
         return Prediction(obstacle=logits[OBSTACLE], seen=logits[SEEN])

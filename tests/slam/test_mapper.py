@@ -18,6 +18,7 @@ from slam.mapper.prediction import MapPredictor
 from slam.mapper.scores import PatchScores
 from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
 from slam.mapper.weights import load_mapper, save_mapper
+from slam.projection import CameraModel, scan_from_depth
 from tests.slam.rooms import Room
 
 SMALL = NetworkConfig(widths=(4, 6))
@@ -76,7 +77,7 @@ def test_a_predictor_says_what_its_network_says():
             network(torch.randn(4, 7, 64, 64))
     network.eval()
     depth = Room().depth(np.array([0.3, -0.4, 0.5]), size=128)
-    told = MapPredictor(network).predict(depth, UNKNOWN)
+    told = MapPredictor(network).predict(scan_from_depth(depth, CameraModel()), UNKNOWN)
     with torch.no_grad():
         expected = network(torch.from_numpy(Features().of(depth, UNKNOWN))[None])[0, OBSTACLE].numpy()
     np.testing.assert_allclose(told.obstacle, expected, atol=1e-4)
