@@ -1,6 +1,6 @@
 # Two commands are all the set-up there is, on a fresh Debian or Ubuntu machine:
 #
-#   make demo    a robot crosses a floor plan; a video, a map picture and the result are written
+#   make demo    a robot finds a transmitter in a building it does not know; a video, a map picture and the result are written
 #   make test    all checks
 #
 # Both make a virtual environment in .venv, and install the system's software renderer if it is missing.
@@ -16,7 +16,7 @@ BIN := $(VENV)/bin
 .PHONY: demo test install system clean
 
 demo: install
-	$(BIN)/robosim episode flat --goal oracle --seed 2 --out $(OUT)
+	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
 
 test: $(VENV)/.test-installed
 	$(BIN)/ruff check .

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from robosim.belief import TargetBelief
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
 from robosim.goals import GoalName, GoalPolicy, make_policy
@@ -46,7 +47,7 @@ class EpisodeConfig:
     """How the plan becomes a building."""
     simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
     """What is simulated."""
-    link_states: str = "public"
+    link_states: str = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
 
     def __post_init__(self) -> None:
@@ -64,6 +65,7 @@ class Decision:
     view: Observation
     estimate: MapEstimate
     heard: Heard | None
+    belief: TargetBelief | None
     goal: Float[np.ndarray, "2"]
     plan: Plan
 
@@ -124,7 +126,7 @@ def run_episode(
             with watch.stage("planner"):
                 plan = planner.plan(estimate, goal)
                 action = controller.act(estimate.pose, plan)
-            on_decision(Decision(log, view, estimate, heard, goal, plan))
+            on_decision(Decision(log, view, estimate, heard, policy.belief, goal, plan))
             view, motion = simulator.step(action)
             log.motions.append(motion)
     return log, estimate

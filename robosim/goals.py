@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.arrival import FollowArrival
+from robosim.belief import TargetBelief
 from robosim.fused import Fused
 from robosim.moment import Moment
 from robosim.tasks import Task
@@ -48,6 +49,8 @@ class GoalPolicy(Protocol):
     listens: bool
     #: Whether it needs the target recognised in pictures.
     looks: bool
+    #: Where it takes the target to be; None if it keeps no such belief.
+    belief: TargetBelief | None
 
     def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
@@ -58,6 +61,7 @@ class Oracle:
     """Knows where the target is."""
 
     seeks_target, listens, looks = True, False, False
+    belief: TargetBelief | None = None
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
@@ -71,6 +75,7 @@ class Explore:
     """Goes where the map ends, until it ends nowhere."""
 
     seeks_target, listens, looks = False, False, False
+    belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer) -> None:
         self._explorer = explorer
@@ -84,6 +89,7 @@ class Visual:
     """Explores until the target is seen, then goes to where it was seen last."""
 
     seeks_target, listens, looks = True, False, True
+    belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer) -> None:
         self._explorer = explorer
@@ -100,6 +106,7 @@ class Wireless:
     """Follows the strongest path in trusted link states, and explores in others."""
 
     seeks_target, listens, looks = True, True, False
+    belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer, trusted: tuple[LinkState, ...]) -> None:
         self._explorer = explorer

@@ -8,10 +8,11 @@ import numpy as np
 import shapely
 from jaxtyping import Float, UInt8
 
+from robosim.belief import TargetBelief
 from robosim.building import Building
 from robosim.hearing import Heard
 from robosim.tasks import Task
-from slam.grid import MapEstimate
+from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
 HEIGHT = 384
@@ -78,6 +79,7 @@ class Picture:
         goal: Float[np.ndarray, "2"] | None = None,
         path: Float[np.ndarray, "n 2"] | None = None,
         heard: Heard | None = None,
+        belief: TargetBelief | None = None,
         text: str = "",
     ) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one decision.
@@ -90,6 +92,7 @@ class Picture:
             goal: Where the robot wants to go.
             path: How it means to get there.
             heard: What its radio heard: an arrow for each path from where it comes, thicker for stronger ones.
+            belief: Where the target may be; the likelier, the redder.
             text: A line below.
         """
         self._true = np.concatenate([self._true, self._fixed(pose[None, :2])])
@@ -98,6 +101,8 @@ class Picture:
         image = np.full((HEIGHT + _BAR, HEIGHT + self._map_width, 3), 255, np.uint8)
         image[:HEIGHT, :HEIGHT] = self._camera(rgb, depth)
         canvas = self._base(estimate)
+        if belief is not None:
+            self._tint(canvas, belief)
         cv2.polylines(canvas, self._walls, True, WALL_BLUE, 1, cv2.LINE_AA, _SHIFT)
         cv2.polylines(canvas, [self._true], False, TRUE_GREEN, 2, cv2.LINE_AA, _SHIFT)
         cv2.polylines(canvas, [self._estimated], False, ESTIMATE_ORANGE, 1, cv2.LINE_AA, _SHIFT)
@@ -141,7 +146,18 @@ class Picture:
         kind = estimate.explored.astype(np.uint8)
         kind[estimate.obstacle] = 2
         kind[estimate.blocked] = 3
-        frame = estimate.frame
+        base = self._resampled(kind, estimate.frame, cv2.INTER_NEAREST)
+        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), _PALETTE)
+
+    def _tint(self, canvas: np.ndarray, belief: TargetBelief) -> None:
+        """Redden the map where the target is likelier than if nothing were known; most from a thousand times on."""
+        p = self._resampled(belief.probability(), belief.frame, cv2.INTER_LINEAR)
+        times = np.maximum(p * belief.frame.shape[0] * belief.frame.shape[1], 1.0)
+        share = 0.7 * np.minimum(np.log10(times) / 3, 1.0)[..., None]
+        canvas[:] = (1 - share) * canvas + share * np.array(TARGET_RED)
+
+    def _resampled(self, grid: np.ndarray, frame: GridFrame, how: int) -> np.ndarray:
+        """A grid of `map` at the picture's pixels; 0 beyond it."""
         cell_per_px = 1 / (self._px_per_m * frame.resolution_m)
         first = (self._corner - frame.origin_xy) / frame.resolution_m
         # Canvas rows run downwards, map rows upwards; pixel and cell centres lie half a step in.
@@ -151,10 +167,8 @@ class Picture:
                 [0, -cell_per_px, first[1] + (HEIGHT - 0.5) * cell_per_px - 0.5],
             ]
         )
-        flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        size = (self._map_width, HEIGHT)
-        base = cv2.warpAffine(kind, affine, size, flags=flags, borderValue=0)
-        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), _PALETTE)
+        flags = how | cv2.WARP_INVERSE_MAP
+        return cv2.warpAffine(grid, affine, (self._map_width, HEIGHT), flags=flags, borderValue=0)
 
     def _pixels(self, points: np.ndarray) -> np.ndarray:
         """Continuous canvas pixels (column, row) of points of `map`."""

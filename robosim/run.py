@@ -121,6 +121,7 @@ def _draw(picture: Picture, decision: Decision, text: str) -> np.ndarray:
         goal=decision.goal,
         path=None if decision.plan is None else decision.plan.path,
         heard=decision.heard,
+        belief=decision.belief,
         text=text,
     )
 

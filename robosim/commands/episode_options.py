@@ -28,7 +28,7 @@ class EpisodeOptions:
     """Who chooses among frontiers: the nearest, the one cheapest in decisions, or gain against decisions."""
     mapper: str = "classical"
     """Who makes the map: classical, neural with the shipped network, or a .safetensors file of another."""
-    link_states: str = "public"
+    link_states: str = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true"."""
     recognition: Literal["marker", "perfect"] = "marker"
     """How the camera knows the target: by its ArUco marker, or perfectly whenever it is in view."""
