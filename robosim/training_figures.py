@@ -112,7 +112,7 @@ def confusion_of(card: dict[str, Any]) -> tuple[str, Int[np.ndarray, "4 4"]] | N
     """Links by true and told state, and which they are: test buildings, or else all that were held out."""
     if "test" in card:
         return "test buildings", np.array(card["test"]["confusion"])
-    folds = [fold["confusion"] for fold in card["validation"].values() if isinstance(fold, dict)]
+    folds = [scores["confusion"] for name, scores in card["validation"].items() if name.startswith("fold")]
     return (f"held-out buildings of {len(folds)} fold(s)", np.sum(folds, axis=0)) if folds else None
 
 
