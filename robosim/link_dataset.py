@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 from rich.console import Console
-from rich.progress import track
 
 from robosim.building import make_building
 from robosim.files import plain, write_json
@@ -46,6 +45,7 @@ from robosim.link_units import (
     stream,
     unit_path,
 )
+from robosim.progress import tracked
 from robosim.radio_scene import RadioScene
 from robosim.receivers import receiver_grid
 from robosim.senders import random_senders
@@ -89,7 +89,8 @@ def make_dataset(
         raise ValueError(f"workers is {workers}, expected at least one process.")
     out, console = Path(out), console or Console(quiet=True)
     _check_names(plans)
-    sites = [_site(plan, config) for plan in track(plans, "plans", console=console, transient=True)]
+    with tracked(plans, "plans", console) as shown:
+        sites = [_site(plan, config) for plan in shown]
     out.mkdir(parents=True, exist_ok=True)
     with alone(out):
         begun = any((out / LINKS).glob("*.parquet")) or (out / "paths.parquet").exists()

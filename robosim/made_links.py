@@ -19,13 +19,13 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float32, UInt8
 from rich.console import Console
-from rich.progress import track
 
 from robosim.bench.label_adjacent import fully_traced
 from robosim.bench.label_walls import published_mesh
 from robosim.building import make_building
 from robosim.files import whole_file
 from robosim.generate import GeneratorConfig, generate_plan
+from robosim.progress import tracked
 from robosim.receivers import receiver_grid
 from wireless.estimation_public import PublicReceiver
 from wireless.linkstate.tokens import make_tokens
@@ -58,9 +58,13 @@ def make_homes(count: int, folder: Path, workers: int, console: Console) -> None
         return
     folder.mkdir(parents=True, exist_ok=True)
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool:
-        done = pool.map(partial(_write_home, folder), missing)
-        for _ in track(done, "making homes", len(missing), console=console, transient=True):
+    with (
+        ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool,
+        tracked(
+            pool.map(partial(_write_home, folder), missing), "making homes", console, len(missing)
+        ) as done,
+    ):
+        for _ in done:
             pass
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from jaxtyping import Shaped, UInt8
 from matplotlib.figure import Figure
 from rich.console import Console
-from rich.progress import track
 
 from robosim.assets import shipped_weights
 from robosim.bench.estimation import PUBLISHED, on_plan, pooled, trace_links
@@ -28,6 +27,7 @@ from robosim.gallery import Picture, write_index
 from robosim.link_pictures import choose_telling, link_figure
 from robosim.link_state import read_classifier
 from robosim.plots import save_figure
+from robosim.progress import tracked
 from robosim.radio_plots import draw_state
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import receiver_grid
@@ -91,8 +91,8 @@ def draw_wireless(
     sounder = Sounder(terminal_named("gnb"), terminal_named("ue"))
     estimators: dict[str, PathEstimator] = {name: estimator_named(name, sounder) for name in ESTIMATORS}
     save_figure(arrays_figure(), out / "arrays.png")
-    bar = track(plans, "tracing", console=console, transient=True, disable=console is None)
-    traced = [trace_links(plan, config.links, rng, config.radio) for plan in bar]
+    with tracked(plans, "tracing", console) as shown:
+        traced = [trace_links(plan, config.links, rng, config.radio) for plan in shown]
     scene = RadioScene(plans[0], config.radio)
     links, missing = _draw_links(scene, traced[0], sounder, estimators["sage"], rng, out)
     rows = [
@@ -228,12 +228,13 @@ def tell_states(
     rays = Rays.from_paths(paths)
     told = np.empty(len(rays), np.uint8)
     starts = range(0, len(rays), BLOCK_LINKS)
-    for start in track(starts, "telling states", console=console, transient=True, disable=console is None):
-        links = slice(start, start + BLOCK_LINKS)
-        found = estimator.estimate(sounder.measure(rays[links], rng))
-        told[links] = classifier.predict(
-            found.aoa_rad, found.snr_db, aod_rad=found.aod_rad, delay_s=found.delay_s
-        ).argmax(axis=1)
+    with tracked(starts, "telling states", console) as shown:
+        for start in shown:
+            links = slice(start, start + BLOCK_LINKS)
+            found = estimator.estimate(sounder.measure(rays[links], rng))
+            told[links] = classifier.predict(
+                found.aoa_rad, found.snr_db, aod_rad=found.aod_rad, delay_s=found.delay_s
+            ).argmax(axis=1)
     return told
 
 

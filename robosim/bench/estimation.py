@@ -27,13 +27,13 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console, Group
-from rich.progress import track
 
 from robosim.bench.estimation_report import plot, tables
 from robosim.bench.resolution import strongest_sum_rad
 from robosim.building import BuildingConfig
 from robosim.files import write_json
 from robosim.floorplan import FloorPlan
+from robosim.progress import tracked
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import receiver_grid
 from wireless.blocks import available_cores
@@ -110,18 +110,16 @@ def run(
         estimators[name] = _limited(estimator_named(name, sounder), workers)
         prepare_s[name] = perf_counter() - begin
     radio = RadioConfig(building=BuildingConfig(tolerance_m=tolerance_m))
-    traced = [
-        trace_links(plan, links, rng, radio)
-        for plan in track(plans, "tracing", console=console, transient=True, disable=console is None)
-    ]
+    with tracked(plans, "tracing", console) as shown:
+        traced = [trace_links(plan, links, rng, radio) for plan in shown]
     errors = [
         row
         for plan, paths in zip(plans, traced, strict=True)
         for row in on_plan(plan.name, paths, sounder, estimators, rng)
     ]
     summary = pooled(errors)
-    steps = track(SNRS_DB, "lone paths", console=console, transient=True, disable=console is None)
-    lone = [lone_paths(sounder, estimators, snr_db, max(links // 4, 10), rng) for snr_db in steps]
+    with tracked(SNRS_DB, "lone paths", console) as steps:
+        lone = [lone_paths(sounder, estimators, snr_db, max(links // 4, 10), rng) for snr_db in steps]
     speed = speeds(sounder, estimators, Rays.from_paths(traced[0])[:SPEED_LINKS], workers, rng)
     report = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",

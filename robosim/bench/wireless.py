@@ -25,13 +25,13 @@ import trimesh
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.console import Console, Group
-from rich.progress import track
 from rich.table import Table
 
 from robosim.bench import sight
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.files import whole_file, write_json
 from robosim.floorplan import FloorPlan
+from robosim.progress import tracked
 from wireless.blocks import available_cores
 from wireless.paths import Paths
 from wireless.raytrace import Tracer, TracerConfig
@@ -78,26 +78,27 @@ def run(
     settings: list[dict[str, Any]] = []
     speeds: list[dict[str, Any]] = []
     sights: list[dict[str, Any]] = []
-    for plan in track(plans, "tracing", console=console, transient=True, disable=console is None):
-        rng = np.random.default_rng(seed)
-        buildings = {
-            t: make_building(plan, config=BuildingConfig(tolerance_m=t, height_m=2 * HEIGHT_M))
-            for t in TOLERANCES_M
-        }
-        tracers = {t: _prepared(b) for t, b in buildings.items()}
-        places = _places(list(buildings.values()), _TX_PER_PLAN + receivers, rng)
-        settings += _sweep(plan.name, buildings, places)
-        grid = _grid(buildings[TOLERANCES_M[0]])
-        for tolerance_m, (tracer, prepare_s) in tracers.items():
-            row = {"plan": plan.name, "tolerance_m": tolerance_m, "prepare_s": prepare_s}
-            speeds.append(row | _speed(tracer, places, _inside(buildings[tolerance_m], grid), workers))
-        exact = buildings[TOLERANCES_M[0]]
-        for answer in sight.compare(exact, count=segments, seed=seed):
-            sights.append({"plan": plan.name, **answer})
-        views = sight.rate_of_views(exact, receivers=300, seed=seed)
-        sights.append(
-            {"plan": plan.name, "engine": "views of the plan, float64", "segments_per_s_here": views}
-        )
+    with tracked(plans, "tracing", console) as shown:
+        for plan in shown:
+            rng = np.random.default_rng(seed)
+            buildings = {
+                t: make_building(plan, config=BuildingConfig(tolerance_m=t, height_m=2 * HEIGHT_M))
+                for t in TOLERANCES_M
+            }
+            tracers = {t: _prepared(b) for t, b in buildings.items()}
+            places = _places(list(buildings.values()), _TX_PER_PLAN + receivers, rng)
+            settings += _sweep(plan.name, buildings, places)
+            grid = _grid(buildings[TOLERANCES_M[0]])
+            for tolerance_m, (tracer, prepare_s) in tracers.items():
+                row = {"plan": plan.name, "tolerance_m": tolerance_m, "prepare_s": prepare_s}
+                speeds.append(row | _speed(tracer, places, _inside(buildings[tolerance_m], grid), workers))
+            exact = buildings[TOLERANCES_M[0]]
+            for answer in sight.compare(exact, count=segments, seed=seed):
+                sights.append({"plan": plan.name, **answer})
+            views = sight.rate_of_views(exact, receivers=300, seed=seed)
+            sights.append(
+                {"plan": plan.name, "engine": "views of the plan, float64", "segments_per_s_here": views}
+            )
     about = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         "workers": workers,

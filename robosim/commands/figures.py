@@ -21,18 +21,18 @@ def plans(
         seed: Seed of the first one generated.
         out: Folder for the picture; a new one under runs/ if not given.
     """
-    from rich.progress import track
-
     from robosim.generate import GeneratorConfig, generate_plan
     from robosim.generator.planstats import plot_comparison
     from robosim.planfiles import find_plans, read_plan
+    from robosim.progress import tracked
 
     if count < 1:
         raise ValueError(f"count is {count}, expected at least one plan to compare with.")
-    real = [read_plan(path) for path in track(find_plans(plans), "reading", console=console, transient=True)]
+    with tracked(find_plans(plans), "reading", console) as paths:
+        real = [read_plan(path) for path in paths]
     config = GeneratorConfig(navigable=True)
-    numbers = track(range(seed, seed + count), "generating", console=console, transient=True)
-    made = [generate_plan(number, config=config) for number in numbers]
+    with tracked(range(seed, seed + count), "generating", console) as numbers:
+        made = [generate_plan(number, config=config) for number in numbers]
     path = folder_for(out, "figures-plans") / "plans.png"
     plot_comparison(real, made, path)
     console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")

@@ -81,17 +81,17 @@ def generate(
         navigable: Write the area navigable for a 0.1 m robot, as the published grids are.
         out: Folder for the plans; a new one under runs/ if not given.
     """
-    from rich.progress import track
-
     from robosim.generate import GeneratorConfig, generate_plan
     from robosim.planfiles import write_ros
+    from robosim.progress import tracked
 
     if count < 1:
         raise ValueError(f"count is {count}, expected at least one plan.")
     folder = folder_for(out, "generate")
     config = GeneratorConfig(style=style, navigable=navigable)
-    for number in track(range(seed, seed + count), "plans", console=console, transient=True):
-        made = generate_plan(number, config=config)
-        write_ros(made, folder / f"{made.name}.yaml")
+    with tracked(range(seed, seed + count), "plans", console) as numbers:
+        for number in numbers:
+            made = generate_plan(number, config=config)
+            write_ros(made, folder / f"{made.name}.yaml")
     console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
     console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

@@ -200,7 +200,7 @@ def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, c
 
 def test_ctrl_c_says_how_to_go_on(plan_file, tmp_path):
     """To the whole group of processes, as a terminal sends it, at any moment: one sentence, no traceback."""
-    command = f"dataset {plan_file} --tx-per-plan 20 --grid 0.05 --estimator sage --out {tmp_path}".split()
+    command = f"dataset {plan_file} --tx-per-plan 60 --grid 0.15 --estimator pca --out {tmp_path}".split()
     process = subprocess.Popen(
         [sys.executable, "-m", "robosim", *command],
         stdout=subprocess.PIPE,
