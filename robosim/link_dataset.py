@@ -32,6 +32,7 @@ from rich.console import Console
 from robosim.building import make_building
 from robosim.files import plain, write_json
 from robosim.floorplan import FloorPlan, MapError
+from robosim.interrupt import noted_interrupt
 from robosim.link_formats import deepmimo_folder, write_deepmimo_scene, write_transmitters
 from robosim.link_progress import LinkProgress, link_progress
 from robosim.link_units import (
@@ -147,13 +148,15 @@ def _make_units(
     progress.report(done, total)
     if not missing:
         return
-    with _pool(min(workers, len(missing))) as pool:
+    with _pool(min(workers, len(missing))) as pool, noted_interrupt() as interrupt:
         try:
             with _ctrl_c_held_back():
                 futures = [pool.submit(make_unit, site, tx, config, out) for site, tx in missing]
             for future in as_completed(futures):
                 done += future.result()
                 progress.report(done, total)
+                if interrupt.asked:
+                    raise KeyboardInterrupt
         except BrokenProcessPool:
             raise ChildProcessError(
                 "a process ended before its work was done, perhaps for lack of memory. What was finished is kept: "
