@@ -3,30 +3,13 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import trimesh
 
 from robosim.cli import main
-from robosim.planfiles import read_plan, write_ros
+from robosim.planfiles import read_plan
 from tests.robosim.plans import two_rooms
-
-
-@pytest.fixture
-def plan_file(tmp_path) -> Path:
-    path = tmp_path / "pair.yaml"
-    write_ros(two_rooms(0.8), path)
-    return path
-
-
-def _fails(arguments, capsys) -> str:
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    assert stop.value.code == 2
-    captured = capsys.readouterr()
-    assert "Traceback" not in captured.err
-    return re.sub(r"\s+", " ", captured.err)
 
 
 @pytest.mark.parametrize(
@@ -57,8 +40,8 @@ def test_an_episode_with_every_option(plan_file, tmp_path, capsys):
     assert [float(value) for value in first[1:3]] == [1.0, 0.6]
 
 
-def test_negative_coordinates_are_no_options(plan_file, capsys):
-    message = _fails(["episode", plan_file, "--target", "-3,-4", "--no-video"], capsys)
+def test_negative_coordinates_are_no_options(plan_file, fails):
+    message = fails("episode", plan_file, "--target", "-3,-4", "--no-video")
     assert "cannot come within 0.3 m of the target (-3, -4) m" in message
 
 
@@ -94,8 +77,8 @@ def test_a_mesh_in_another_unit_with_another_axis_up(tmp_path, capsys):
         ("episode flat --seed -1", "seed = -1"),
     ],
 )
-def test_senseless_numbers_are_named(command, word, tmp_path, capsys):
-    assert word in _fails([*command.split(), "--out", tmp_path], capsys)
+def test_senseless_numbers_are_named(command, word, tmp_path, fails):
+    assert word in fails(*command.split(), "--out", tmp_path)
 
 
 def test_arrays_of_any_element_are_drawn(tmp_path, capsys):
@@ -104,8 +87,8 @@ def test_arrays_of_any_element_are_drawn(tmp_path, capsys):
     assert (tmp_path / "arrays.png").read_bytes()[:4] == b"\x89PNG"
 
 
-def test_out_may_not_be_a_file(plan_file, capsys):
-    assert "which cannot be a folder" in _fails(["plan", plan_file, "--out", plan_file], capsys)
+def test_out_may_not_be_a_file(plan_file, fails):
+    assert "which cannot be a folder" in fails("plan", plan_file, "--out", plan_file)
 
 
 def test_an_episode_that_ends_at_once_says_what_it_wrote(plan_file, tmp_path, capsys):
@@ -155,8 +138,8 @@ def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, 
         (["epsiode", "flat"], "episode"),
     ],
 )
-def test_mistakes_end_in_one_sentence(arguments, message, capsys):
-    assert message in _fails(arguments, capsys)
+def test_mistakes_end_in_one_sentence(arguments, message, fails):
+    assert message in fails(*arguments)
 
 
 def test_the_doctor_finds_this_machine_fit():

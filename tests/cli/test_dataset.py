@@ -2,7 +2,6 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -13,9 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
-from robosim.planfiles import read_plan, write_ros
+from robosim.planfiles import read_plan
 from robosim.radio_scene import RadioScene
-from tests.robosim.plans import two_rooms
 from wireless.estimates import wrapped
 from wireless.link_records import COLUMNS, read_links, read_rays
 from wireless.mmwrobotnav import find_measurements, read_measurements
@@ -28,13 +26,6 @@ OPTIONS = (
 
 
 @pytest.fixture(scope="module")
-def plan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("plan") / "pair.yaml"
-    write_ros(two_rooms(0.8), path)
-    return path
-
-
-@pytest.fixture(scope="module")
 def made(plan_file, tmp_path_factory):
     """A folder that two processes made without interruption."""
     out = tmp_path_factory.mktemp("made")
@@ -44,13 +35,6 @@ def made(plan_file, tmp_path_factory):
 
 def contents(folder):
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
-
-
-def fails(arguments, capsys) -> str:
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    assert stop.value.code == 2
-    return re.sub(r"\s+", " ", capsys.readouterr().err)
 
 
 def test_manifest_tells_what_tables_hold(made):
@@ -168,11 +152,18 @@ def test_the_same_command_again_makes_nothing(made, plan_file, capsys):
     assert contents(made) == before
 
 
-def test_other_settings_are_refused(made, plan_file, capsys):
+def test_other_settings_are_refused(made, plan_file, fails):
     command = f"dataset {plan_file} {OPTIONS} --out {made}"
-    assert "seed 5 there, 6 now" in fails(command.replace("--seed 5", "--seed 6").split(), capsys)
-    assert "estimator pca there, sage now" in fails(command.replace(" pca", " sage").split(), capsys)
-    assert "max_reflections 3 there, 1 now" in fails([*command.split(), "--max-reflections", "1"], capsys)
+    assert "seed 5 there, 6 now" in fails(*command.replace("--seed 5", "--seed 6").split())
+    assert "estimator pca there, sage now" in fails(*command.replace(" pca", " sage").split())
+    assert "max_reflections 3 there, 1 now" in fails(*command.split(), "--max-reflections", "1")
+
+
+def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
+    """`robosim trace` once wrote its settings over those of the data set, which then could not go on."""
+    before = contents(made)
+    assert "holds results of other settings" in fails("trace", plan_file, "--tx", "1,1", "--out", made)
+    assert contents(made) == before
 
 
 @pytest.mark.parametrize(
@@ -192,9 +183,9 @@ def test_other_settings_are_refused(made, plan_file, capsys):
         ("{plan} --estimator music", "invalid choice"),
     ],
 )
-def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, capsys):
+def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, fails):
     words = arguments.format(plan=plan_file).split()
-    assert message in fails(["dataset", *words, "--out", tmp_path / "out"], capsys)
+    assert message in fails("dataset", *words, "--out", tmp_path / "out")
     assert not list(tmp_path.rglob("*.parquet"))
 
 

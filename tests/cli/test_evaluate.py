@@ -1,38 +1,20 @@
 """`robosim evaluate`: from floor plans to a table, with any number of workers."""
 
-import re
-
 import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
-from robosim.planfiles import write_ros
-from tests.robosim.plans import two_rooms
 
 OPTIONS = (
     "--policies explore --physics kinematic --camera embree --size 48 --max-steps 20 --noise 0.5 --seeds 2"
 )
 
 
-@pytest.fixture
-def plan(tmp_path):
-    path = tmp_path / "pair.yaml"
-    write_ros(two_rooms(0.8), path)
-    return path
-
-
-def _fails(command: str, capsys) -> str:
-    with pytest.raises(SystemExit) as stop:
-        main(command.split())
-    assert stop.value.code == 2
-    return re.sub(r"\s+", " ", capsys.readouterr().err)
-
-
-def test_workers_change_nothing_and_the_suite_brings_the_same_tasks(plan, tmp_path, capsys):
+def test_workers_change_nothing_and_the_suite_brings_the_same_tasks(plan_file, tmp_path, capsys):
     """One worker on a plan, two on the suite file that it wrote: the same tables, byte for byte, and printed last."""
     suite = tmp_path / "suites/pair.json"
     main(
-        f"evaluate {plan} --targets 1 --workers 1 --suite-out {suite} {OPTIONS} --out {tmp_path}/one".split()
+        f"evaluate {plan_file} --targets 1 --workers 1 --suite-out {suite} {OPTIONS} --out {tmp_path}/one".split()
     )
     printed = capsys.readouterr().out
     main(f"evaluate {suite} --workers 2 {OPTIONS} --out {tmp_path}/two".split())
@@ -63,7 +45,7 @@ def test_workers_change_nothing_and_the_suite_brings_the_same_tasks(plan, tmp_pa
         ("evaluate nowhere", "nowhere: no such file"),
     ],
 )
-def test_mistakes_end_in_one_sentence(command, message, tmp_path, capsys):
+def test_mistakes_end_in_one_sentence(command, message, tmp_path, fails):
     suite = tmp_path / "suite.yaml"
     suite.write_text("plans: {flat: flat}\ntasks: [{plan: flat, start: [7, 7, 0], target: [9, 8]}]")
-    assert message in _fails(f"{command.format(suite=suite)} --out {tmp_path}/out", capsys)
+    assert message in fails(*command.format(suite=suite).split(), "--out", tmp_path / "out")

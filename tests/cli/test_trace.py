@@ -16,25 +16,11 @@ PICTURES = {"power", "state", "aoa", "rays", "overview"}
 
 
 @pytest.fixture(scope="module")
-def plan_file(tmp_path_factory):
-    path = tmp_path_factory.mktemp("plan") / "pair.yaml"
-    write_ros(two_rooms(0.8), path)
-    return path
-
-
-@pytest.fixture(scope="module")
 def traced(plan_file, tmp_path_factory):
     """A folder that two transmitters were traced into."""
     out = tmp_path_factory.mktemp("traced")
     main(f"trace {plan_file} --tx 0.7,1.5 --tx 5.5,2.5,2.0 --grid 0.4 --out {out}".split())
     return out
-
-
-def fails(arguments, capsys) -> str:
-    with pytest.raises(SystemExit) as stop:
-        main([str(argument) for argument in arguments])
-    assert stop.value.code == 2
-    return re.sub(r"\s+", " ", capsys.readouterr().err)
 
 
 def test_all_formats_hold_the_same_links(traced):
@@ -70,13 +56,13 @@ def test_the_same_command_again_traces_nothing(traced, plan_file, capsys):
     assert (traced / "paths.parquet").read_bytes() == before
 
 
-def test_another_command_does_not_touch_the_folder(traced, plan_file, capsys):
+def test_another_command_does_not_touch_the_folder(traced, plan_file, fails):
     again = ["trace", plan_file, "--tx", "0.7,1.5", "--tx", "5.5,2.5,2.0", "--grid", "0.4", "--out", traced]
-    message = fails([*again, "--max-reflections", "1"], capsys)
+    message = fails(*again, "--max-reflections", "1")
     assert "max_reflections 3 there, 1 now" in message
-    assert "tolerance_m 0.0 there, 0.1 now" in fails([*again, "--tolerance", "0.1"], capsys)
+    assert "tolerance_m 0.0 there, 0.1 now" in fails(*again, "--tolerance", "0.1")
     assert "holds the paths of a grid" in fails(
-        ["trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced], capsys
+        "trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced
     )
 
 
@@ -146,5 +132,5 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--grid 0.5", "--tx"),
     ],
 )
-def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, capsys):
-    assert message in fails(["trace", plan_file, *arguments.split(), "--out", tmp_path], capsys)
+def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, fails):
+    assert message in fails("trace", plan_file, *arguments.split(), "--out", tmp_path)
