@@ -25,13 +25,13 @@ def claim(folder: Path, settings: dict[str, Any], *, begun: bool) -> None:
     Args:
         folder: The folder.
         settings: All that results depend on, in JSON's own types.
-        begun: Whether the folder holds results.
+        begun: Whether the folder holds results; settings in it must be these ones in any case.
 
     Raises:
         DatasetError: If it holds results of other ones.
     """
     path = folder / SETTINGS
-    if begun:
+    if begun or path.exists():
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
