@@ -10,11 +10,14 @@ So what is kept is thrown away here whenever any source of this package has chan
 
 import contextlib
 import inspect
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
+
+logger = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -30,6 +33,9 @@ def _forget_outdated(folder: Path) -> None:
             file.unlink(missing_ok=True)
         kept.mkdir(exist_ok=True)
         stamp.write_text(repr(sources))
+        logger.warning(
+            "The first use of the radio compiles its inner loops: about a minute, kept for later runs."
+        )
 
 
 _forget_outdated(Path(__file__).parent)
