@@ -10,19 +10,20 @@ Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 
 
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.cost_map import EASES, Box, CostConfig, cost_map, cut_box, known_box
+from slam.cost_map import EASES, Box, CostConfig, cut_box, known_box
 from slam.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
 from slam.paths import downhill, length, taut
 from slam.poses import wrap
-from slam.travel_time import TravelTime, travel_time
+from slam.travel_time import TravelTime
+from slam.ways import ways_from_robot
 
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
@@ -145,7 +146,7 @@ class FrontierExplorer:
         margin = 2 * estimate.frame.resolution_m
         for ease in EASES:
             box = cut_box(estimate, low - margin, high + margin, ease)
-            way = self._ways(box, ease)
+            way = ways_from_robot(box, self.config.cost, ease, through_unknown=False)
             frontiers = find_frontiers(
                 box,
                 way,
@@ -156,13 +157,6 @@ class FrontierExplorer:
             if frontiers:
                 return self._best(box, way, frontiers)
         return None
-
-    def _ways(self, box: Box, ease: int) -> TravelTime:
-        """Cost of ways from the robot through known space, on cells twice as large as those of the box."""
-        costs = cost_map(box, self.config.cost, ease)
-        costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
-        costs = costs.reachable_from(box.pose[:2]).halved()
-        return travel_time(costs.frame, costs.cost.astype(float), costs.passable, costs.cell(box.pose[:2]))
 
     def _best(self, box: Box, way: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
         """Goal of the frontier with the best rating."""

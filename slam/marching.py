@@ -21,6 +21,11 @@ from jaxtyping import Float
 T = TypeVar("T")
 
 
+def _compiled(function: Callable[..., T]) -> Callable[..., T]:
+    """Machine code; type checkers that wrap functions, as the tests do, are taken off first."""
+    return numba.njit(cache=True, nogil=True)(inspect.unwrap(function))
+
+
 def march(
     speed: Float[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
 ) -> Float[np.ndarray, "ny nx"]:
@@ -52,6 +57,7 @@ def march(
     return time[2:-2, 2:-2].copy()
 
 
+@_compiled
 def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[float, float]:
     """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
     before = time[i - step] if done[i - step] else np.inf
@@ -67,6 +73,7 @@ def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[floa
     return 1.0, before
 
 
+@_compiled
 def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> None:
     """Move an entry of the heap up to where its time belongs."""
     cell = heap[at]
@@ -81,6 +88,7 @@ def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> Non
     place[cell] = at
 
 
+@_compiled
 def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> None:
     """Move the heap's first entry down to where its time belongs."""
     cell, at = heap[0], 0
@@ -99,6 +107,7 @@ def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> N
     place[cell] = at
 
 
+@_compiled
 def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
     """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
     done = np.zeros(len(time), np.bool_)
@@ -126,6 +135,7 @@ def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
                 _rise(heap, place, time, place[i])
 
 
+@_compiled
 def _arrival(time: np.ndarray, done: np.ndarray, cost: float, i: int, width: int) -> float:
     """Time of the front at a cell, from its accepted neighbours."""
     ay, ty = _upwind(time, done, i, width)
@@ -137,13 +147,3 @@ def _arrival(time: np.ndarray, done: np.ndarray, cost: float, i: int, width: int
         return (b + np.sqrt(inside)) / a
     # Neighbours too far apart for one plane front: it comes along one axis.
     return min(ty + cost / np.sqrt(ay), tx + cost / np.sqrt(ax))
-
-
-def _compiled(function: Callable[..., T]) -> Callable[..., T]:
-    """Machine code; type checkers that wrap functions, as the tests do, are taken off first."""
-    return numba.njit(cache=True, nogil=True)(inspect.unwrap(function))
-
-
-_upwind, _rise, _sink = _compiled(_upwind), _compiled(_rise), _compiled(_sink)
-_arrival = _compiled(_arrival)
-_march = _compiled(_march)

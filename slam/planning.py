@@ -22,7 +22,8 @@ from slam.clearance import Clearance
 from slam.cost_map import EASES, CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.grid import MapEstimate
 from slam.paths import along, downhill, length, onward, taut
-from slam.travel_time import TravelTime, travel_time
+from slam.travel_time import TravelTime
+from slam.ways import ways_to
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,7 +190,7 @@ class Planner:
         cell, goal, gap_m = window.nearest(asked)
         if gap_m > self.config.cost.radius_m + estimate.frame.resolution_m:
             return None
-        field = _march(window, cell)
+        field = ways_to(window, cell)
         # A way through elsewhere goes out of the box and back.
         if not float(field.at(here)) < distance + margin:
             return None
@@ -208,7 +209,7 @@ class Planner:
             if gap_m < 0.3:
                 break
         window = costs.halved()
-        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=_march(window, window.cell(goal)))
+        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=ways_to(window, window.cell(goal)))
 
     def _solve_near(self, estimate: MapEstimate, far: _Far) -> Plan:
         """Field and way on the map's own cells, up to where the far field takes over."""
@@ -227,7 +228,7 @@ class Planner:
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
             window, whole = self._costs(estimate, low, high), True
             cell, goal, _ = window.nearest(far.aim)
-        near = _march(window, cell)
+        near = ways_to(window, cell)
         path = _ends(taut(downhill(near, window.cell(here)), near), here, goal)
         self._hand_over = None if whole else goal
         if not whole:
@@ -267,10 +268,6 @@ class Planner:
         range_ = np.flatnonzero((gone >= self.config.near_m[0]) & (gone <= self.config.near_m[1]))
         iy, ix = far.window.frame.index(way[range_])
         return int(range_[int(np.argmin(far.window.cost[iy, ix]))])
-
-
-def _march(costs: CostMap, source: tuple[int, int]) -> TravelTime:
-    return travel_time(costs.frame, costs.cost.astype(float), costs.passable, source)
 
 
 def _completed(plan: Plan, estimate: MapEstimate) -> Plan:
