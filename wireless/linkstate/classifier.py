@@ -7,7 +7,6 @@ the card: data, seeds, recipe, scores.
 """
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from wireless.linkstate.networks import N_STATES, NETWORKS
 from wireless.linkstate.tokens import found, make_tokens
 from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
+from wireless.run_folder import whole
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096
@@ -143,9 +143,8 @@ class LinkStateClassifier:
         text = json.dumps({**head, **{k: v for k, v in self.card.items() if k not in head}}, indent=2) + "\n"
         path.parent.mkdir(parents=True, exist_ok=True)
         for target, content in ((path, save(weights)), (path.with_suffix(".json"), text.encode())):
-            partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
-            partial.write_bytes(content)
-            os.replace(partial, target)
+            with whole(target) as partial:
+                partial.write_bytes(content)
 
 
 def load_classifier(path: Path) -> LinkStateClassifier:

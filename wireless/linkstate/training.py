@@ -7,7 +7,6 @@ the same weights, bit for bit, as one that was never stopped.
 """
 
 import math
-import os
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -21,6 +20,7 @@ from torch import Tensor, nn
 
 from wireless.linkstate.networks import NETWORKS
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+from wireless.run_folder import whole
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
@@ -234,18 +234,15 @@ class _Run:
     def save(self, path: Path) -> None:
         """Write everything, whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_name(f".{path.name}.partial-{os.getpid()}")
-        torch.save(
-            {
-                "for": self._signature(),
-                "network": self.network.state_dict(),
-                "averaged": self.averaged.state_dict(),
-                "optimiser": self.optimiser.state_dict(),
-                "epochs": [asdict(epoch) for epoch in self.epochs],
-            },
-            partial,
-        )
-        os.replace(partial, path)
+        kept = {
+            "for": self._signature(),
+            "network": self.network.state_dict(),
+            "averaged": self.averaged.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+            "epochs": [asdict(epoch) for epoch in self.epochs],
+        }
+        with whole(path) as partial:
+            torch.save(kept, partial)
 
     def load(self, path: Path) -> None:
         """Go on from what was written."""
