@@ -38,6 +38,31 @@ class FollowConfig:
     """Decisions for which arrivals are left alone, the first time; as many more each time after."""
 
 
+class Dwelling:
+    """Notices that a robot stays in one place."""
+
+    def __init__(self, steps: int, radius_m: float) -> None:
+        """Nothing seen so far.
+
+        Args:
+            steps: Decisions in one place after which the robot dwells.
+            radius_m: What counts as one place: nearer than this to where the robot is [m].
+        """
+        self._steps, self._radius_m = steps, radius_m
+        self._places: list[np.ndarray] = []
+
+    def at(self, place: Float[np.ndarray, "2"]) -> bool:
+        """Take in where the robot is at a decision, x, y [m]; says whether it dwells."""
+        self._places = [*self._places, place.copy()][-self._steps :]
+        if len(self._places) < self._steps:
+            return False
+        return bool(np.hypot(*(np.array(self._places) - place).T).max() < self._radius_m)
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._places = []
+
+
 class FollowArrival:
     """Chooses goals along the strongest path, or none."""
 
@@ -45,7 +70,7 @@ class FollowArrival:
         self._trusted, self._config = trusted, config or FollowConfig()
         self._goal: np.ndarray | None = None
         self._age = 0
-        self._places: list[np.ndarray] = []
+        self._dwelling = Dwelling(self._config.dwell_steps, self._config.dwell_m)
         self._left_alone = 0
         self._dwelt = 0
 
@@ -58,13 +83,13 @@ class FollowArrival:
         kept = self._goal is not None and self._age < self._config.every
         if not kept or math.hypot(*(self._goal - pose[:2])) < self._config.reached_m:
             self._goal, self._age = self._ahead(heard, pose), 0
-        self._places = (
-            [*self._places, pose[:2].copy()][-self._config.dwell_steps :] if self._goal is not None else []
-        )
-        if self._dwells():
+        if self._goal is None:
+            self._dwelling.forget()
+        elif self._dwelling.at(pose[:2]):
             self._dwelt += 1
             self._left_alone = self._config.leave_steps * self._dwelt
-            self._goal, self._places = None, []
+            self._goal = None
+            self._dwelling.forget()
         return self._goal
 
     def _ahead(self, heard: Heard, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
@@ -73,9 +98,3 @@ class FollowArrival:
             return None
         angle = float(heard.aoa_rad[0])
         return pose[:2] + self._config.ahead_m * np.array([math.cos(angle), math.sin(angle)])
-
-    def _dwells(self) -> bool:
-        if len(self._places) < self._config.dwell_steps:
-            return False
-        places = np.array(self._places)
-        return bool(np.hypot(*(places - places[-1]).T).max() < self._config.dwell_m)

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
+from robosim.arrival import Dwelling
 from robosim.belief import BeliefConfig, TargetBelief
 from robosim.moment import Moment
 from robosim.sightlines import in_sight, knowledge
@@ -44,7 +45,9 @@ class FusedConfig:
     candidates: int = 12
     """Frontiers that are looked at closely."""
     dwell_steps: int = 40
-    """Decisions within half a metre of one place after which a goal is given up."""
+    """Decisions within `dwell_m` of one place after which a goal is given up."""
+    dwell_m: float = 0.5
+    """See above [m]."""
 
 
 class Fused:
@@ -58,7 +61,7 @@ class Fused:
         self.belief: TargetBelief | None = None
         self._goal: np.ndarray | None = None
         self._age = 0
-        self._places: list[np.ndarray] = []
+        self._dwelling = Dwelling(self.config.dwell_steps, self.config.dwell_m)
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
@@ -73,8 +76,7 @@ class Fused:
         if self._seen is not None:
             return self._seen
         self._age += 1
-        self._places = [*self._places, here.copy()][-self.config.dwell_steps :]
-        if self._dwells():
+        if self._dwelling.at(here):
             self._give_up()
         reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
         if self._goal is None or reached or self._age >= self.config.every:
@@ -122,15 +124,10 @@ class Fused:
         x, y = frontier.near_xy - estimate.pose[:2]
         return frontier.cost_m / FORWARD_M + abs(wrap(math.atan2(y, x) - float(estimate.pose[2]))) / TURN_RAD
 
-    def _dwells(self) -> bool:
-        if len(self._places) < self.config.dwell_steps:
-            return False
-        places = np.array(self._places)
-        return bool(np.hypot(*(places - places[-1]).T).max() < 0.5)
-
     def _give_up(self) -> None:
         """What was expected at the goal is not there, or the way is barred."""
         if self._goal is not None and self.belief is not None:
             self.belief.rule_out(self._goal, 0.6)
             self._given_up.append(self._goal)
-        self._goal, self._places = None, []
+        self._goal = None
+        self._dwelling.forget()
