@@ -4,16 +4,15 @@ Cells of the map are unknown, free or obstacles; beyond its edge all is unknown.
 grid. Loops are compiled at their first use.
 """
 
-import inspect
 import math
 from typing import NamedTuple
 
 import cv2
-import numba
 import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from slam.grid import GridFrame, MapEstimate
+from wireless.compiled import compiled
 
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 #: Bit of free cells that lie beside an obstacle, where a wave may bend or bounce.
@@ -106,14 +105,23 @@ def _lattice(frame: GridFrame) -> tuple[float, float, float]:
     return float(frame.origin_xy[0]), float(frame.origin_xy[1]), frame.resolution_m
 
 
+@compiled
+def _cell(grid: np.ndarray, lattice: tuple[float, float, float], x: float, y: float) -> tuple[int, int]:
+    """Row and column of a point's cell; -1, -1 outside of the grid."""
+    ix, iy = math.floor((x - lattice[0]) / lattice[2]), math.floor((y - lattice[1]) / lattice[2])
+    if ix < 0 or iy < 0 or ix >= grid.shape[1] or iy >= grid.shape[0]:
+        return -1, -1
+    return iy, ix
+
+
+@compiled
 def _kind(kind: np.ndarray, fine: tuple[float, float, float], x: float, y: float) -> int:
     """What is known of a point."""
-    ix, iy = math.floor((x - fine[0]) / fine[2]), math.floor((y - fine[1]) / fine[2])
-    if ix < 0 or iy < 0 or ix >= kind.shape[1] or iy >= kind.shape[0]:
-        return UNKNOWN
-    return int(kind[iy, ix])
+    iy, ix = _cell(kind, fine, x, y)
+    return UNKNOWN if iy < 0 else int(kind[iy, ix])
 
 
+@compiled
 def _sweep(
     kind: np.ndarray,
     fine: tuple[float, float, float],
@@ -136,14 +144,15 @@ def _sweep(
             if here == OBSTACLE:
                 break
             clear = clear and here != UNKNOWN
-            iu, iv = math.floor((px - coarse[0]) / coarse[2]), math.floor((py - coarse[1]) / coarse[2])
-            if iu < 0 or iv < 0 or iu >= surely.shape[1] or iv >= surely.shape[0]:
+            iv, iu = _cell(surely, coarse, px, py)
+            if iv < 0:
                 break
             possibly[iv, iu] = True
             if clear:
                 surely[iv, iu] = True
 
 
+@compiled
 def _bend(
     kind: np.ndarray,
     fine: tuple[float, float, float],
@@ -182,12 +191,7 @@ def _bend(
                 loss_db = 20 * math.log10(friis_m / (t + s))
                 if loss_db > 45:
                     continue
-                iu, iv = math.floor((px - coarse[0]) / coarse[2]), math.floor((py - coarse[1]) / coarse[2])
-                if iu < 0 or iv < 0 or iu >= weight.shape[1] or iv >= weight.shape[0]:
+                iv, iu = _cell(weight, coarse, px, py)
+                if iv < 0:
                     break
                 weight[iv, iu] += w
-
-
-_kind = numba.njit(cache=True, nogil=True)(inspect.unwrap(_kind))
-_sweep = numba.njit(cache=True, nogil=True)(inspect.unwrap(_sweep))
-_bend = numba.njit(cache=True, nogil=True)(inspect.unwrap(_bend))
