@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import get_args
 
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 from rich.text import Text
 
@@ -24,6 +23,7 @@ from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, wr
 from robosim.evaluation.sweep import in_parallel, sweep
 from robosim.goals import GoalName
 from robosim.planfiles import find_plans
+from robosim.progress import tracked
 
 
 def check_policies(names: Sequence[str]) -> tuple[GoalName, ...]:
@@ -72,12 +72,9 @@ def find_suite(
     files = name_plans(list(dict.fromkeys(find_plans(plans))))
     radius_m = config.simulator.robot.radius_m
     calls = [(name, file, count, seed, config.building, radius_m) for name, file in files.items()]
-    drawn = {}
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("drawing tasks", total=len(calls))
-        for tasks in in_parallel(draw_plan, calls, workers):
-            drawn[tasks[0].plan] = tasks
-            progress.update(bar, advance=1)
+    drawing = in_parallel(draw_plan, calls, workers)
+    with tracked(drawing, "drawing tasks", console, len(calls)) as shown:
+        drawn = {tasks[0].plan: tasks for tasks in shown}
     return Suite(plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed)
 
 

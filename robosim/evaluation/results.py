@@ -18,7 +18,6 @@ import pyarrow.parquet as pq
 from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
-from rich.progress import Progress
 
 from robosim.assets import shipped_plans
 from robosim.building import BuildingConfig
@@ -30,6 +29,7 @@ from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure, in_parallel
 from robosim.files import plain, whole_file, write_json
 from robosim.plots import save_figure
+from robosim.progress import tracked
 
 #: Episodes without arrival that the page shows with their pictures; all are listed.
 _PICTURES = 60
@@ -150,11 +150,10 @@ def _draw_failed(
     for job, _ in failed[:_PICTURES]:
         by_plan.setdefault(job.plan_file, []).append(job)
     drawn: dict[str, Path] = {}
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
-        bar = progress.add_task("drawing failures", total=len(by_plan))
-        for some in in_parallel(_draw, [(own, out) for own in by_plan.values()], workers):
+    drawing = in_parallel(_draw, [(own, out) for own in by_plan.values()], workers)
+    with tracked(drawing, "drawing failures", console, len(by_plan)) as shown:
+        for some in shown:
             drawn.update(some)
-            progress.update(bar, advance=1)
     return [
         FailedEpisode(
             job.name,
