@@ -9,6 +9,7 @@ mmwRobotNav were turned to walls through the centres of the outermost free cells
 a margin (``eroded_m``, the radius of the agent they were made for) had been taken off them before.
 """
 
+import hashlib
 from dataclasses import dataclass
 from typing import Literal, get_args
 
@@ -83,6 +84,12 @@ class FloorPlan:
         if not (np.isfinite(self.eroded_m) and self.eroded_m >= 0):
             return f"eroded_m is {self.eroded_m:g}, expected 0 or a positive number of metres."
         return None
+
+    def digest(self) -> str:
+        """A text that changes with whatever of a plan a building depends on; seeds are made of it too."""
+        seen = hashlib.sha256(repr((self.shape, self.resolution_m, self.origin, self.wall_line)).encode())
+        seen.update(self.occupancy.tobytes())
+        return seen.hexdigest()[:16]
 
     @property
     def free(self) -> Bool[np.ndarray, "ny nx"]:

@@ -42,7 +42,6 @@ from robosim.link_units import (
     Site,
     make_unit,
     plain_config,
-    plan_digest,
     stream,
     unit_path,
 )
@@ -118,7 +117,7 @@ def _check_names(plans: Sequence[FloorPlan]) -> None:
 def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
     """A building's transmitters, and how many receivers it has."""
     building = make_building(plan, config=config.radio.building)
-    digest, height_m = plan_digest(plan), config.radio.height_m
+    digest, height_m = plan.digest(), config.radio.height_m
     grid = receiver_grid(building, config.grid_m, height_m)
     senders = random_senders(building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES))
     return Site(digest, plan, senders, len(grid.position))

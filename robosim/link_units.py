@@ -5,7 +5,6 @@ the order of units changes a byte. Its table of links is written last of its fil
 complete.
 """
 
-import hashlib
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -76,20 +75,13 @@ class Site:
     """A building with its transmitters; equal if the plans are."""
 
     digest: str
-    """Of the plan, see `plan_digest`."""
+    """Of the plan, see `FloorPlan.digest`."""
     plan: FloorPlan = field(compare=False)
     """What it is made of."""
     senders: Float[np.ndarray, "n 3"] = field(compare=False)
     """Where its transmitters are [m]."""
     n_rx: int = field(compare=False)
     """How many receivers it has."""
-
-
-def plan_digest(plan: FloorPlan) -> str:
-    """A text that changes with whatever of a plan a building depends on."""
-    seen = hashlib.sha256(repr((plan.shape, plan.resolution_m, plan.origin, plan.wall_line)).encode())
-    seen.update(plan.occupancy.tobytes())
-    return seen.hexdigest()[:16]
 
 
 def stream(seed: int, digest: str, *key: int) -> np.random.Generator:

@@ -20,7 +20,6 @@ from robosim.assets import assets_dir
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
 from robosim.files import plain, write_json
-from robosim.floorplan import FloorPlan
 from robosim.planfiles import read_plan
 
 _PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
@@ -41,7 +40,7 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
             episode[f"{name} content"] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
     new = {
         "seed": suite.seed,
-        "plans": {name: _digest(read_plan(file)) for name, file in suite.plans.items()},
+        "plans": {name: read_plan(file).digest() for name, file in suite.plans.items()},
         "tasks": {f"{t.plan}/{t.number}": [*t.start, *t.target] for t in suite.tasks},
         "config_hash": hashlib.sha256(json.dumps(episode, sort_keys=True).encode()).hexdigest()[:16],
         "episode": episode,
@@ -91,11 +90,6 @@ def _installed(name: str) -> bool:
     except importlib.metadata.PackageNotFoundError:
         return False
     return True
-
-
-def _digest(plan: FloorPlan) -> str:
-    text = f"{plan.shape} {plan.resolution_m} {tuple(plan.origin)}".encode()
-    return hashlib.sha256(text + plan.occupancy.tobytes()).hexdigest()[:16]
 
 
 def _flat(value: Any, name: str = "") -> dict[str, Any]:
