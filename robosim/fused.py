@@ -16,12 +16,12 @@ from robosim.belief import BeliefConfig, TargetBelief
 from robosim.moment import Moment
 from robosim.sightlines import in_sight, knowledge
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.cost_map import CostConfig, cost_map, cut_box, known_box
+from slam.cost_map import CostConfig, cut_box, known_box
 from slam.exploration import FrontierExplorer
 from slam.frontiers import Frontier, find_frontiers
 from slam.grid import MapEstimate
 from slam.poses import to_map, wrap
-from slam.travel_time import travel_time
+from slam.ways import ways_from_robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,10 +102,7 @@ class Fused:
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         box = cut_box(estimate, low - margin, high + margin)
-        costs = cost_map(box, self.config.cost).reachable_from(estimate.pose[:2]).halved()
-        way = travel_time(
-            costs.frame, costs.cost.astype(float), costs.passable, costs.cell(estimate.pose[:2])
-        )
+        way = ways_from_robot(box, self.config.cost)
         frontiers = find_frontiers(
             box, way, min_cells=3, piece_m=1.6, given_up=np.array(self._given_up).reshape(-1, 2)
         )
