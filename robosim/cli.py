@@ -32,7 +32,12 @@ _BENCH: _Commands = {
     "estimation": bench.estimation,
     "labels": bench.labels,
 }
-_FIGURES: _Commands = {"plans": figures.plans, "arrays": figures.arrays, "wireless": figures.wireless}
+_FIGURES: _Commands = {
+    "plans": figures.plans,
+    "arrays": figures.arrays,
+    "wireless": figures.wireless,
+    "search": figures.search,
+}
 _TRAIN: _Commands = {"link-state": train.link_state, "mapper": train.mapper}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),

@@ -95,3 +95,30 @@ def wireless(
     for note in notes:
         console.print(note)
     console.print(f"Wrote {page} and the pictures that it shows")
+
+
+def search(
+    results: Positional[Path], *, stuck: str = "snr", better: str = "los-or-first", out: Path | None = None
+) -> None:
+    """Draw the published figures of the search from an evaluation: arrival rates, relative arrival times, an example.
+
+    The example is one start with two policies, where following paths of higher order gets stuck; it is found in the
+    episodes. index.html in the folder shows all of them with captions and the published numbers. An evaluation
+    that is still running can be drawn too.
+
+    Example: robosim figures search out/evaluation --out out/figures
+
+    Args:
+        results: Folder of `robosim evaluate`.
+        stuck: Policy of the example that gets stuck.
+        better: Policy that is shown beside it.
+        out: Folder for the pictures; a new one under runs/ if not given.
+    """
+    from robosim.evaluation.evaluate import check_policies
+    from robosim.evaluation.search_figures import draw_search
+
+    (follower,), (other,) = check_policies([stuck]), check_policies([better])
+    page, notes = draw_search(results, folder_for(out, "figures-search"), follower, other)
+    for note in notes:
+        console.print(note, highlight=False)
+    console.print(f"Wrote {page} and the pictures that it shows")
