@@ -17,7 +17,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from wireless.compiled import compiled
-from wireless.occlusion import Tree, make_tree
+from wireless.occlusion import Tree, box_holds, make_tree
 
 #: Triangles thinner than this [m] are dropped: they hide nothing, and their plane is anybody's guess.
 SLIVER_M = 1e-9
@@ -226,10 +226,8 @@ def _holding(
         stack[0], depth = 0, 1
         while depth > 0:
             depth -= 1
-            box, inside = stack[depth], True
-            for i in range(3):
-                inside = inside and tree.low[box, i] - near_m <= p[i] <= tree.high[box, i] + near_m
-            if not inside:
+            box = stack[depth]
+            if not box_holds(tree, box, p, near_m):
                 continue
             one, other = tree.child[box]
             if one >= 0:

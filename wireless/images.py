@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from wireless.compiled import compiled
 from wireless.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees, sides
 from wireless.geometry import Surfaces
-from wireless.occlusion import NEAR_M, Boxes, Tree, holds, make_boxes, make_tree, planes
+from wireless.occlusion import NEAR_M, Boxes, Tree, box_holds, holds, make_boxes, make_tree, planes
 from wireless.patches import find_patches
 
 #: Patches of more triangles have the one that holds a point looked up in the tree.
@@ -117,10 +117,8 @@ def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
     stack[0], depth = 0, 1
     while depth > 0:
         depth -= 1
-        box, inside = stack[depth], True
-        for i in range(3):
-            inside = inside and tree.low[box, i] - SLACK_M <= p[i] <= tree.high[box, i] + SLACK_M
-        if not inside:
+        box = stack[depth]
+        if not box_holds(tree, box, p, SLACK_M):
             continue
         one, other = tree.child[box]
         if one >= 0:

@@ -118,6 +118,15 @@ def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
 
 
 @compiled
+def box_holds(tree: Tree, box: int, p: Float[np.ndarray, "3"], slack_m: float) -> bool:
+    """Whether a point lies in a box of the tree, or outside of it by at most so much."""
+    inside = True
+    for i in range(3):
+        inside = inside and tree.low[box, i] - slack_m <= p[i] <= tree.high[box, i] + slack_m
+    return inside
+
+
+@compiled
 def _box_missed(
     low: Float[np.ndarray, "3"],
     high: Float[np.ndarray, "3"],
