@@ -11,10 +11,11 @@ import numpy as np
 
 from robosim.building import make_building
 from robosim.floorplan import FloorPlan
-from robosim.picture import Picture
+from robosim.picture import Picture, building_rings
 from robosim.planfiles import read_plan
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
+from robosim.snapshot import Snapshot, whole_mm
 from robosim.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
 
@@ -125,7 +126,7 @@ class TargetSearch(gymnasium.Env):
         )
         self._travel = self._reach.travel_m(self._task.target)
         self._view = self._simulator.reset(self._task, self.np_random)
-        self._picture = Picture(self._simulator.building, self._task)
+        self._picture = Picture(building_rings(self._simulator.building), self._task.target)
         self._distance = self._reach.remaining_m(self._travel, self._simulator.pose[:2])
         return self._observation(), self._info()
 
@@ -149,13 +150,13 @@ class TargetSearch(gymnasium.Env):
         """The camera's view beside the plan with the robot's way, if made with `render_mode="rgb_array"`."""
         if self.render_mode is None:
             return None
-        return self._picture.draw(
-            self._view.rgb,
-            self._view.depth,
-            self._simulator.pose,
-            None,
+        moment = Snapshot(
+            rgb=self._view.rgb,
+            depth_mm=whole_mm(self._view.depth),
+            pose=self._simulator.pose,
             text=f"{self._distance:.2f} m to go",
         )
+        return self._picture.draw(moment)
 
     def close(self) -> None:
         """Free the camera."""

@@ -11,14 +11,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from robosim.building import Building, make_building
+from robosim.decision_log import DECISIONS, DecisionWriter
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.files import write_json
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.picture import Picture
+from robosim.picture import Picture, building_rings
 from robosim.planfiles import write_ros
 from robosim.plots import plot_episode
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
+from robosim.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
 from robosim.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import make_task
 from robosim.video import VideoWriter
@@ -38,7 +40,8 @@ def record_episode(
     """Run an episode and write its files into a folder.
 
     The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
-    `map.png`, and `episode.mp4`. An interrupted episode leaves the same files, of what was done until then.
+    `map.png`, `decisions.npz` (the log that `robosim replay` draws from), and `episode.mp4`. An interrupted episode
+    leaves the same files, of what was done until then.
 
     Args:
         plan: Where.
@@ -63,9 +66,11 @@ def record_episode(
         places = reach(building, config.simulator.robot.radius_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
     _tell_cut_off(places, task.start, console)
-    picture = Picture(building, task)
+    rings = building_rings(building)
+    picture, decisions = Picture(rings, task.target), DecisionWriter(rings, task.target)
     # A film of an earlier episode must not stand beside this one's files.
-    (out / "episode.mp4").unlink(missing_ok=True)
+    for name in ("episode.mp4", "replay.mp4", "sheet.png"):
+        (out / name).unlink(missing_ok=True)
     writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
     with _progress(console) as progress:
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
@@ -73,15 +78,12 @@ def record_episode(
         def look(decision: Decision) -> None:
             text = _status(decision)
             progress.update(bar, completed=decision.log.steps, note=text)
+            with watch.stage("log"):
+                moment = _snapshot(decision, f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}")
+                decisions.add(moment)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(
-                        _draw(
-                            picture,
-                            decision,
-                            f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}",
-                        )
-                    )
+                    writer.add(picture.draw(moment))
 
         try:
             log, estimate = run_episode(building, places, task, config, look, watch)
@@ -93,6 +95,7 @@ def record_episode(
     result = _result(plan, building, config, log, watch)
     write_json(out / "result.json", result)
     log.save_trajectories(out)
+    decisions.save(out / DECISIONS)
     write_ros(built_plan(estimate, plan.name), out / "map.yaml")
     plot_episode(out / "map.png", building, log, estimate)
     return result
@@ -112,16 +115,18 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
     )
 
 
-def _draw(picture: Picture, decision: Decision, text: str) -> np.ndarray:
-    return picture.draw(
-        decision.view.rgb,
-        decision.view.depth,
-        decision.log.poses[-1],
-        decision.estimate,
+def _snapshot(decision: Decision, text: str) -> Snapshot:
+    """What is drawn and kept of a decision."""
+    return Snapshot(
+        rgb=decision.view.rgb,
+        depth_mm=whole_mm(decision.view.depth),
+        pose=decision.log.poses[-1],
+        estimate=decision.estimate.pose,
+        built=built_layer(decision.estimate),
         goal=decision.goal,
-        path=None if decision.plan is None else decision.plan.path,
-        heard=decision.heard,
-        belief=decision.belief,
+        path=decision.plan.path,
+        arrivals=None if decision.heard is None else arrivals(decision.heard),
+        belief=None if decision.belief is None else belief_layer(decision.belief),
         text=text,
     )
 

@@ -26,9 +26,9 @@ def episode(
 ) -> None:
     """Drive a robot through a building, and record what it did and saw.
 
-    Writes result.json, trajectory.tum (true) and estimate.tum, the built map (map.yaml, map.pgm), map.png and
-    episode.mp4. Ctrl-C ends the episode and leaves the same files of what was done until then. One seed gives
-    one result.
+    Writes result.json, trajectory.tum (true) and estimate.tum, the built map (map.yaml, map.pgm), map.png,
+    decisions.npz, which `robosim replay` draws from, and episode.mp4. Ctrl-C ends the episode and leaves the same
+    files of what was done until then. One seed gives one result.
 
     Example: robosim episode flat --goal explore --seed 3 --out out/explore
 
@@ -64,7 +64,15 @@ def episode(
         f"(shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f}), {seen}, "
         f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
-    files = ["result.json", "map.png", "map.yaml", "trajectory.tum", "estimate.tum", "episode.mp4"]
+    files = [
+        "result.json",
+        "map.png",
+        "map.yaml",
+        "trajectory.tum",
+        "estimate.tum",
+        "decisions.npz",
+        "episode.mp4",
+    ]
     # An episode that ends where it starts has no decision to film.
     console.print(f"Wrote {', '.join(name for name in files if (folder / name).exists())} in {folder}")
     true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))

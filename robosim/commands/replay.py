@@ -1,0 +1,25 @@
+"""`robosim replay` and `robosim view`."""
+
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from robosim.commands.terminal import console, folder_for
+
+
+def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = None) -> None:
+    """Draw an episode again from its log: the same video, and a sheet of frames. Nothing is simulated.
+
+    Example: robosim replay out/a
+
+    Args:
+        episode: Folder of `robosim episode`.
+        frames: How many frames the sheet shows.
+        out: Folder for replay.mp4 and sheet.png; the episode's if not given.
+    """
+    from robosim.replay import replay as draw
+
+    if frames < 1:
+        raise ValueError(f"frames is {frames}, expected at least one.")
+    files = draw(episode, folder_for(out or episode, "replay"), frames)
+    console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)

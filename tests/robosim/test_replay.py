@@ -1,0 +1,140 @@
+"""The log of an episode, and what is drawn from it."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from robosim import replay as replaying
+from robosim.decision_log import DECISIONS, DecisionWriter, read_decisions
+from robosim.episode import EpisodeConfig
+from robosim.replay import replay
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from robosim.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
+from slam.grid import GridFrame
+from tests.robosim.plans import two_rooms
+from wireless.paths import LinkState
+
+STEPS = 24
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory):
+    """An episode that listens, looks and believes."""
+    folder = tmp_path_factory.mktemp("episode")
+    config = EpisodeConfig(
+        goal="fused",
+        link_states="true",
+        seed=2,
+        simulator=SimulatorConfig(physics="kinematic"),
+        max_steps=STEPS,
+    )
+    start, target = np.array([1.0, 0.6, 2.0]), np.array([5.0, 2.4])
+    record_episode(two_rooms(0.8), config, folder, start=start, target=target)
+    return folder
+
+
+def test_a_replay_is_the_video_of_the_episode(recorded, tmp_path):
+    """Byte for byte: the same frames into the same encoder. A pixel that the log does not hold changes it."""
+    video, sheet = replay(recorded, tmp_path)
+    assert video.read_bytes() == (recorded / "episode.mp4").read_bytes()
+    with Image.open(sheet) as picture:
+        width, height = picture.size
+    assert width % 3 == 0 and height % 4 == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["replay.mp4", "sheet.png"]
+
+
+def test_the_log_tells_what_the_other_files_tell(recorded):
+    """True and estimated poses as in the trajectories, to the nanometre they are written with; all that was heard."""
+    log = read_decisions(recorded)
+    moments = list(log.snapshots())
+    assert len(moments) == len(log) == json.loads((recorded / "result.json").read_text())["steps"]
+    for name, poses in (
+        ("trajectory", [m.pose for m in moments]),
+        ("estimate", [m.estimate for m in moments]),
+    ):
+        kept = np.loadtxt(recorded / f"{name}.tum")[: len(moments)]
+        np.testing.assert_allclose(np.array(poses)[:, :2], kept[:, 1:3], atol=1e-9)
+    assert all(m.arrivals is not None and len(m.arrivals.aoa_rad) == len(m.arrivals.snr_db) for m in moments)
+    assert 0 < moments[-1].belief.values.max() <= TOP_LEVEL
+    assert moments[-1].built.values.any()
+    np.testing.assert_array_equal(log.target, [5.0, 2.4])
+
+
+def test_nothing_is_simulated_by_a_replay(recorded, tmp_path, monkeypatch):
+    """Neither camera, physics nor radio is made, and no plan is read: only the log is there."""
+    alone = tmp_path / "alone"
+    alone.mkdir()
+    (alone / DECISIONS).write_bytes((recorded / DECISIONS).read_bytes())
+    for name in ("robosim.simulator.Simulator", "robosim.simulator.make_camera", "robosim.run.make_building"):
+        monkeypatch.setattr(name, None)
+    assert all(path.is_file() for path in replay(alone, alone, frames=1))
+
+
+def test_the_sheet_shows_first_and_last(recorded, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(replaying, "_tiled", lambda frames: drawn.extend(frames) or frames[0])
+    replay(recorded, tmp_path, frames=2)
+    assert len(drawn) == 2
+    assert not np.array_equal(drawn[0], drawn[1])
+
+
+def _moment(origin, shape, belief, state, text) -> Snapshot:
+    rng = np.random.default_rng(len(text))
+    frame = GridFrame(origin_xy=origin, resolution_m=0.05, shape=shape)
+    around = GridFrame(origin_xy=(-1.0, -1.0), resolution_m=0.2, shape=(7, 7))
+    n = rng.integers(0, 4)
+    return Snapshot(
+        rgb=rng.integers(0, 256, (5, 6, 3), dtype=np.uint8),
+        depth_mm=rng.integers(0, 65536, (5, 6), dtype=np.uint16),
+        pose=rng.normal(size=3),
+        estimate=rng.normal(size=3),
+        built=Layer(frame, rng.integers(0, 4, shape, dtype=np.uint8)),
+        goal=rng.normal(size=2),
+        path=rng.normal(size=(n, 2)),
+        arrivals=None if state is None else Arrivals(rng.normal(size=n), rng.normal(size=n), state),
+        belief=None if belief is None else Layer(around, np.full((7, 7), belief, np.uint8)),
+        text=text,
+    )
+
+
+def _same(a, b) -> bool:
+    if isinstance(a, (Layer, Arrivals)):
+        return all(_same(getattr(a, name), getattr(b, name)) for name in vars(a))
+    return np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
+
+
+def test_what_is_written_reads_the_same(tmp_path):
+    """Random snapshots, to the bit: of a map that grows on all sides, with and without radio, paths and belief."""
+    cell = 0.05
+    moments = [
+        _moment((0.0, 0.0), (4, 5), None, None, "a"),
+        _moment((-3 * cell, -2 * cell), (9, 12), 0, LinkState.OUTAGE, "bb"),
+        _moment((-3 * cell, -2 * cell), (9, 12), 0, LinkState.LOS, "ccc, %"),
+        _moment((-4 * cell, -2 * cell), (15, 40), 9, LinkState.HIGHER_ORDER, ""),
+    ]
+    rings = [np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]), np.array([[1.0, 1.0], [1.5, 1.0]])]
+    writer = DecisionWriter(rings, np.array([1.0, 2.0]))
+    for moment in moments:
+        writer.add(moment)
+    writer.save(tmp_path / DECISIONS)
+    log = read_decisions(tmp_path)
+    assert all(np.array_equal(a, b) for a, b in zip(log.rings, rings, strict=True))
+    for written, read in zip(moments, log.snapshots(), strict=True):
+        for name in vars(written):
+            assert _same(getattr(written, name), getattr(read, name)), name
+
+
+def test_mistakes_are_named(tmp_path):
+    with pytest.raises(
+        ValueError, match=r"decisions\.npz: not there. Expected a folder of `robosim episode`"
+    ):
+        replay(tmp_path, tmp_path)
+    (tmp_path / DECISIONS).write_bytes(b"half of a fi")
+    with pytest.raises(ValueError, match=r"decisions\.npz: no log of an episode, or damaged"):
+        replay(tmp_path, tmp_path)
+    DecisionWriter([np.zeros((3, 2))], np.zeros(2)).save(tmp_path / DECISIONS)
+    with pytest.raises(ValueError, match="without a decision to draw"):
+        replay(tmp_path, tmp_path)
