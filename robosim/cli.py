@@ -17,7 +17,7 @@ from robosim.commands.dataset import dataset
 from robosim.commands.episode import episode
 from robosim.commands.evaluate import evaluate
 from robosim.commands.machine import doctor
-from robosim.commands.replay import replay
+from robosim.commands.replay import replay, view
 from robosim.commands.scenes import generate, plan
 from robosim.commands.trace import trace
 
@@ -48,6 +48,7 @@ _GROUPS: dict[str, tuple[str, _Commands]] = {
 _COMMANDS: _Commands = {
     "episode": episode,
     "replay": replay,
+    "view": view,
     "evaluate": evaluate,
     "plan": plan,
     "trace": trace,

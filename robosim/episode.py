@@ -27,6 +27,7 @@ from robosim.tasks import Task
 from slam.exploration import ExplorerName
 from slam.grid import MapEstimate
 from slam.planning import Plan
+from wireless.paths import Paths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +66,8 @@ class Decision:
     view: Observation
     estimate: MapEstimate
     heard: Heard | None
+    paths: Paths | None
+    """True radio paths; None without a radio."""
     belief: TargetBelief | None
     goal: Float[np.ndarray, "2"]
     plan: Plan
@@ -126,7 +129,8 @@ def run_episode(
             with watch.stage("planner"):
                 plan = planner.plan(estimate, goal)
                 action = controller.act(estimate.pose, plan)
-            on_decision(Decision(log, view, estimate, heard, policy.belief, goal, plan))
+            paths = simulator.radio.paths if simulator.radio else None
+            on_decision(Decision(log, view, estimate, heard, paths, policy.belief, goal, plan))
             view, motion = simulator.step(action)
             log.motions.append(motion)
     return log, estimate

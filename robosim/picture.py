@@ -38,8 +38,9 @@ STATE_COLOURS = {
 }
 #: Length of the strongest arrival's arrow [m].
 ARRIVAL_M = 1.5
-_PALETTE = np.zeros((256, 1, 3), np.uint8)
-_PALETTE[[UNKNOWN, FREE, OBSTACLE, BLOCKED], 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
+#: Colour of each kind of cell of the built map, as OpenCV's tables are.
+PALETTE = np.zeros((256, 1, 3), np.uint8)
+PALETTE[[UNKNOWN, FREE, OBSTACLE, BLOCKED], 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
 
 #: Bits of a pixel's fraction in OpenCV's fixed-point coordinates: lines then fall between pixels smoothly.
 _SHIFT = 4
@@ -128,7 +129,7 @@ class Picture:
         if built is None:
             return np.full((HEIGHT, self._map_width, 3), 255, np.uint8)
         base = self._resampled(built.values, built.frame, cv2.INTER_NEAREST)
-        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), _PALETTE)
+        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), PALETTE)
 
     def _tint(self, canvas: np.ndarray, belief: Layer) -> None:
         """Redden the map where the target is likelier than if nothing were known."""

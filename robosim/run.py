@@ -20,9 +20,10 @@ from robosim.planfiles import write_ros
 from robosim.plots import plot_episode
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
+from robosim.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
 from robosim.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.tasks import make_task
+from robosim.tasks import Task, make_task
 from robosim.video import VideoWriter
 from slam.grid import MapEstimate
 
@@ -35,6 +36,7 @@ def record_episode(
     start: Float[np.ndarray, "3"] | None = None,
     target: Float[np.ndarray, "2"] | None = None,
     video: bool = True,
+    rerun: bool = False,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Run an episode and write its files into a folder.
@@ -50,6 +52,7 @@ def record_episode(
         start: Pose of the robot at first; drawn from the seed if not given.
         target: Where the target stands; drawn from the seed if not given.
         video: Whether to draw the video; without it the loop is faster.
+        rerun: Whether to record `episode.rrd` for the Rerun viewer.
         console: Where progress is shown; nowhere if not given.
 
     Returns:
@@ -57,7 +60,10 @@ def record_episode(
 
     Raises:
         MapError: If the task cannot be done in the plan.
+        ValueError: If a Rerun recording is asked for and Rerun is not installed.
     """
+    if rerun:
+        rerun_sdk()
     out = Path(out)
     console = console or Console(quiet=True)
     watch = Stopwatch()
@@ -69,9 +75,10 @@ def record_episode(
     rings = building_rings(building)
     picture, decisions = Picture(rings, task.target), DecisionWriter(rings, task.target)
     # A film of an earlier episode must not stand beside this one's files.
-    for name in ("episode.mp4", "replay.mp4", "sheet.png"):
+    for name in ("episode.mp4", "replay.mp4", "sheet.png", RECORDING):
         (out / name).unlink(missing_ok=True)
     writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
+    recording = _recording(out, building, task, config) if rerun else None
     with _progress(console) as progress:
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
@@ -84,13 +91,17 @@ def record_episode(
             if writer is not None:
                 with watch.stage("video"):
                     writer.add(picture.draw(moment))
+            if recording is not None:
+                with watch.stage("rerun"):
+                    recording.add(decision)
 
         try:
             log, estimate = run_episode(building, places, task, config, look, watch)
         finally:
-            if writer is not None:
-                with watch.stage("video"):
-                    writer.close()
+            for name, file in (("video", writer), ("rerun", recording)):
+                if file is not None:
+                    with watch.stage(name):
+                        file.close()
     # The picture last: it takes a second, in which an impatient second Ctrl-C would cost the result.
     result = _result(plan, building, config, log, watch)
     write_json(out / "result.json", result)
@@ -113,6 +124,11 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
         origin=(float(x), float(y), 0.0),
         name=name,
     )
+
+
+def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig) -> RerunRecording:
+    c = config.simulator
+    return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
 
 
 def _snapshot(decision: Decision, text: str) -> Snapshot:

@@ -22,6 +22,7 @@ def episode(
     simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     video: bool = True,
+    rerun: bool = False,
     out: Path | None = None,
 ) -> None:
     """Drive a robot through a building, and record what it did and saw.
@@ -43,6 +44,7 @@ def episode(
         simulation: How the episode is simulated.
         reading: How to read the plan, where it does not say.
         video: Whether to write episode.mp4.
+        rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs robosim[viz].
         out: Folder for the results; a new one under runs/ if not given.
     """
     from robosim.run import record_episode
@@ -56,6 +58,7 @@ def episode(
         start=None if start is None else np.array([start[0], start[1], np.radians(start[2])]),
         target=None if target is None else np.array(target),
         video=video,
+        rerun=rerun,
         console=console,
     )
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"

@@ -23,3 +23,26 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
         raise ValueError(f"frames is {frames}, expected at least one.")
     files = draw(episode, folder_for(out or episode, "replay"), frames)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
+
+
+def view(episode: Positional[Path], *, web: bool = False) -> None:
+    """Open an episode's recording in the Rerun viewer: maps, rays, angles of arrival and belief over time, in 3D.
+
+    Needs robosim[viz], and an episode that was run with --rerun.
+
+    Example: robosim view out/a
+
+    Args:
+        episode: Folder of `robosim episode`.
+        web: Whether to serve the viewer to a browser, for machines without a display.
+    """
+    import subprocess
+    import sys
+
+    from robosim.rerun_recording import RECORDING, rerun_sdk
+
+    path = episode / RECORDING
+    if not path.is_file():
+        raise ValueError(f"{path}: not there. Run the episode with --rerun.")
+    rerun_sdk()
+    sys.exit(subprocess.call([sys.executable, "-m", "rerun", str(path), *(["--web-viewer"] if web else [])]))
