@@ -29,6 +29,7 @@ _BENCH: _Commands = {
     "navigation": bench.navigation,
     "exploration": bench.exploration,
     "slam": bench.slam,
+    "endurance": bench.endurance,
     "wireless": bench.wireless,
     "estimation": bench.estimation,
     "labels": bench.labels,

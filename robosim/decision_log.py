@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.files import whole_file
-from robosim.snapshot import Arrivals, Layer, Snapshot
+from robosim.snapshot import GUESS, Arrivals, Layer, Snapshot
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -110,6 +110,11 @@ class DecisionLog:
 
     def __len__(self) -> int:
         return len(self.columns["pose"])
+
+    @property
+    def anticipates(self) -> bool:
+        """Whether the mapper guessed what it had not seen."""
+        return any(bool((values >= GUESS).any()) for values in self.columns["value"])
 
     def snapshots(self) -> Iterator[Snapshot]:
         """All decisions in their order."""

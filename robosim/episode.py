@@ -24,6 +24,7 @@ from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.stopwatch import Stopwatch
 from robosim.tasks import Task
+from slam.actions import Action
 from slam.exploration import ExplorerName
 from slam.grid import MapEstimate
 from slam.planning import Plan
@@ -71,6 +72,7 @@ class Decision:
     belief: TargetBelief | None
     goal: Float[np.ndarray, "2"]
     plan: Plan
+    action: Action
 
 
 def run_episode(
@@ -130,7 +132,7 @@ def run_episode(
                 plan = planner.plan(estimate, goal)
                 action = controller.act(estimate.pose, plan)
             paths = simulator.radio.paths if simulator.radio else None
-            on_decision(Decision(log, view, estimate, heard, paths, policy.belief, goal, plan))
+            on_decision(Decision(log, view, estimate, heard, paths, policy.belief, goal, plan, action))
             view, motion = simulator.step(action)
             log.motions.append(motion)
     return log, estimate

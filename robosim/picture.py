@@ -1,4 +1,4 @@
-"""One picture of a moment: the camera's view beside the map as it grows.
+"""One picture of a moment: the camera's view beside the map as it grows, and beside what is guessed of the rest.
 
 Drawn by OpenCV straight into an array, since a video needs one for every decision.
 """
@@ -11,7 +11,18 @@ import shapely
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
-from robosim.snapshot import BLOCKED, FREE, OBSTACLE, TOP_LEVEL, UNKNOWN, Arrivals, Layer, Snapshot
+from robosim.snapshot import (
+    BLOCKED,
+    FREE,
+    GUESS,
+    GUESS_LEVELS,
+    OBSTACLE,
+    TOP_LEVEL,
+    UNKNOWN,
+    Arrivals,
+    Layer,
+    Snapshot,
+)
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -39,8 +50,18 @@ STATE_COLOURS = {
 #: Length of the strongest arrival's arrow [m].
 ARRIVAL_M = 1.5
 #: Colour of each kind of cell of the built map, as OpenCV's tables are.
-PALETTE = np.zeros((256, 1, 3), np.uint8)
+PALETTE = np.full((256, 1, 3), UNKNOWN_GREY, np.uint8)
 PALETTE[[UNKNOWN, FREE, OBSTACLE, BLOCKED], 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
+
+#: The same with guesses: yellowish where floor is likely, brown where an obstacle is.
+_GUESSES = PALETTE.copy()
+_GUESSES[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
+    [
+        np.interp(np.arange(GUESS_LEVELS), [0, (GUESS_LEVELS - 1) / 2, GUESS_LEVELS - 1], channel)
+        for channel in zip((255, 243, 176), UNKNOWN_GREY, (200, 140, 90), strict=True)
+    ],
+    axis=-1,
+)
 
 #: Bits of a pixel's fraction in OpenCV's fixed-point coordinates: lines then fall between pixels smoothly.
 _SHIFT = 4
@@ -49,13 +70,21 @@ _SHIFT = 4
 class Picture:
     """Draws the camera's view beside the map, at one scale for a whole episode."""
 
-    def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]], target: Float[np.ndarray, "2"]) -> None:
+    def __init__(
+        self,
+        rings: Sequence[Float[np.ndarray, "_ 2"]],
+        target: Float[np.ndarray, "2"],
+        *,
+        anticipates: bool = False,
+    ) -> None:
         """Fix the scale so that the whole building fits.
 
         Args:
             rings: Outlines of its free space, of `building_rings` [m].
             target: Where the target is [m].
+            anticipates: Whether a second map shows what the mapper guesses where it has not looked.
         """
+        self._palettes = {"observed": PALETTE, "anticipated": _GUESSES} if anticipates else {"": PALETTE}
         low, high = np.concatenate(rings).min(axis=0), np.concatenate(rings).max(axis=0)
         extent = high - low + 2 * _MARGIN_M
         self._px_per_m = float(min(HEIGHT / extent[1], _MAX_MAP_WIDTH / extent[0]))
@@ -71,7 +100,7 @@ class Picture:
     @property
     def size(self) -> tuple[int, int]:
         """Width and height [pixels]."""
-        return HEIGHT + self._map_width, HEIGHT + _BAR
+        return HEIGHT + len(self._palettes) * self._map_width, HEIGHT + _BAR
 
     def draw(self, moment: Snapshot) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one decision; the trajectories grow by one point a call.
@@ -79,13 +108,22 @@ class Picture:
         Without a map the true walls stand alone. Each radio path is an arrow to where it comes from, thicker and
         longer for stronger ones; the likelier a place is to hold the target, the redder it is.
         """
-        pose = moment.pose
-        self._true = np.concatenate([self._true, self._fixed(pose[None, :2])])
+        self._true = np.concatenate([self._true, self._fixed(moment.pose[None, :2])])
         if moment.estimate is not None:
             self._estimated = np.concatenate([self._estimated, self._fixed(moment.estimate[None, :2])])
-        image = np.full((HEIGHT + _BAR, HEIGHT + self._map_width, 3), 255, np.uint8)
+        image = np.full((*self.size[::-1], 3), 255, np.uint8)
         image[:HEIGHT, :HEIGHT] = self._camera(moment.rgb, moment.depth_mm / np.float32(1000))
-        canvas = self._base(moment.built)
+        for k, (title, palette) in enumerate(self._palettes.items()):
+            canvas = self._base(moment.built, palette)
+            self._draw_over(canvas, moment)
+            _write(canvas, title, (8, 16))
+            left = HEIGHT + k * self._map_width
+            image[:HEIGHT, left : left + self._map_width] = canvas
+        _write(image, moment.text, (8, HEIGHT + _BAR - 11))
+        return image
+
+    def _draw_over(self, canvas: np.ndarray, moment: Snapshot) -> None:
+        """Draw belief, walls, ways, arrivals, goal, target and robot over a map."""
         if moment.belief is not None:
             self._tint(canvas, moment.belief)
         cv2.polylines(canvas, self._walls, True, WALL_BLUE, 1, cv2.LINE_AA, _SHIFT)
@@ -98,13 +136,10 @@ class Picture:
         if moment.goal is not None:
             cv2.drawMarker(canvas, self._pixel(moment.goal), PATH_PURPLE, cv2.MARKER_CROSS, 10, 2)
         cv2.drawMarker(canvas, self._pixel(self._target), TARGET_RED, cv2.MARKER_STAR, 12, 2)
+        pose = moment.pose
         nose = pose[:2] + 0.3 * np.array([np.cos(pose[2]), np.sin(pose[2])])
         cv2.circle(canvas, self._pixel(pose[:2]), 4, TRUE_GREEN, -1, cv2.LINE_AA)
         cv2.line(canvas, self._pixel(pose[:2]), self._pixel(nose), TRUE_GREEN, 2, cv2.LINE_AA)
-        image[:HEIGHT, HEIGHT:] = canvas
-        baseline = (8, HEIGHT + _BAR - 11)
-        cv2.putText(image, moment.text, baseline, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
-        return image
 
     def _draw_arrivals(self, canvas: np.ndarray, heard: Arrivals, pose: Float[np.ndarray, "3"]) -> None:
         """Arrows along the estimated arrivals, in the colour of the link state; the strongest thickest."""
@@ -124,12 +159,12 @@ class Picture:
         view[-inset:, :inset] = small[:, :, None]
         return view
 
-    def _base(self, built: Layer | None) -> np.ndarray:
+    def _base(self, built: Layer | None, palette: UInt8[np.ndarray, "256 1 3"]) -> np.ndarray:
         """The built map as colours, resampled to the picture's pixels."""
         if built is None:
             return np.full((HEIGHT, self._map_width, 3), 255, np.uint8)
         base = self._resampled(built.values, built.frame, cv2.INTER_NEAREST)
-        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), PALETTE)
+        return cv2.LUT(cv2.cvtColor(base, cv2.COLOR_GRAY2RGB), palette)
 
     def _tint(self, canvas: np.ndarray, belief: Layer) -> None:
         """Redden the map where the target is likelier than if nothing were known."""
@@ -163,6 +198,10 @@ class Picture:
     def _pixel(self, point: np.ndarray) -> tuple[int, int]:
         column, row = np.rint(self._pixels(np.asarray(point)[None, :2])[0]).astype(int)
         return int(column), int(row)
+
+
+def _write(canvas: np.ndarray, text: str, at: tuple[int, int]) -> None:
+    cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
 
 
 def building_rings(building: Building) -> list[Float[np.ndarray, "_ 2"]]:

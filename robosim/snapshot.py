@@ -16,6 +16,8 @@ from wireless.paths import LinkState
 
 #: What a cell of the built map is.
 UNKNOWN, FREE, OBSTACLE, BLOCKED = 0, 1, 2, 3
+#: From this number on: unknown, but guessed to hold an obstacle with a probability of so many 16ths.
+GUESS, GUESS_LEVELS = 4, 16
 #: Highest level of belief: a thousand times as likely as if nothing were known.
 TOP_LEVEL = 63
 _TOP_LOG10 = 3.0
@@ -54,7 +56,7 @@ class Snapshot:
     estimate: Float[np.ndarray, "3"] | None = None
     """Estimated pose."""
     built: Layer | None = None
-    """The built map, as UNKNOWN, FREE, OBSTACLE or BLOCKED."""
+    """The built map, as UNKNOWN, FREE, OBSTACLE, BLOCKED or a GUESS."""
     goal: Float[np.ndarray, "2"] | None = None
     """Where the robot wants to go."""
     path: Float[np.ndarray, "n 2"] | None = None
@@ -77,6 +79,10 @@ def built_layer(estimate: MapEstimate) -> Layer:
     kind = np.where(estimate.explored, FREE, UNKNOWN).astype(np.uint8)
     kind[estimate.obstacle] = OBSTACLE
     kind[estimate.blocked] = BLOCKED
+    guess = estimate.anticipated_probability
+    if guess is not None:
+        guessed = (kind == UNKNOWN) & (guess != 0.5)
+        kind[guessed] = GUESS + np.minimum(GUESS_LEVELS * guess[guessed], GUESS_LEVELS - 1).astype(np.uint8)
     return Layer(estimate.frame, kind)
 
 

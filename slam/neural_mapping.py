@@ -67,6 +67,7 @@ class NeuralMapper:
         self.classical = ClassicalMapper(config or MapperConfig())
         self.fusion = fusion or FusionConfig()
         self.patch = patch
+        self.network = network
         self._predictor = MapPredictor(network, patch)
         self.reset(np.zeros(3))
 

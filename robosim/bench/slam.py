@@ -1,166 +1,131 @@
-"""Maps over many plans: the learned mapper against the classical one on the same frames.
+"""Mapping and moving over many plans: the classical mapper against the learned one, and ways to know the pose.
 
-A robot explores each plan by the classical map, with noise of motion, odometry and depth. At every frame the truth
-ahead (`robosim.true_patch`) is compared with what is told of it by
-
-- the frame alone: its scan entered into an empty classical grid that lies along the patch,
-- the classical map, cut at the estimated pose, cell by cell and mixed between cells, whichever fits the truth better,
-- the network,
-- the learned map, into which its answers are fused, cut in the same way.
-
-Obstacles in view: within the field of view and 3.2 m. Hidden: the rest of the patch, as far as it is floor or the face
-of a wall; there the classical map says what it saw from elsewhere, and unknown is neither obstacle nor floor.
+What is measured in each plan, and kept in a file of its own, says `robosim.bench.slam_plan`; speed against error over
+input sizes and networks, `robosim.bench.slam_speed`. Obstacles in view: within the field of view and 3.2 m. Hidden: the
+rest of the patch ahead, as far as it is floor or the face of a wall; there the classical map says what it saw from
+elsewhere, and unknown is neither obstacle nor floor.
 """
 
-import time
-import zlib
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import joblib
-import matplotlib.pyplot as plt
 import numpy as np
-from jaxtyping import Float
-from rich.console import Console
-from rich.progress import Progress
+from rich.console import Console, Group
 from rich.table import Table
 
+from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
+from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
+from robosim.bench.slam_plan import EVERY, TELLERS, TOLD_AT, SlamSettings, measure_plan
+from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
 from robosim.building import make_building
-from robosim.depth_noise import DepthNoise
+from robosim.evaluation.sweep import in_parallel, told_units
 from robosim.files import write_json
-from robosim.navigation import make_navigator
-from robosim.odometry import NoiseModel
 from robosim.planfiles import find_plans, read_plan
-from robosim.plots import save_figure
-from robosim.reach import reach
-from robosim.simulator import Simulator, SimulatorConfig
-from robosim.tasks import make_task
-from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
-from slam.egocentric import AHEAD, belief_ahead, egocentric_map
-from slam.grid import MapEstimate
+from robosim.stopwatch import LOOP_STAGES
 from slam.mapper.scores import PatchScores
-from slam.neural_mapping import NeuralMapper
-from slam.occupancy import OccupancyGrid
-from slam.projection import scan_from_depth
-
-#: Who tells of the patch.
-TELLERS = ("frame alone", "classical map", "classical map, mixed", "network", "learned map")
 
 
 def run(
     plans: Sequence[str],
+    settings: SlamSettings,
     *,
-    mapper: str,
-    steps: int,
-    seed: int,
-    noise: float,
-    depth_noise: float,
+    speed: SpeedSettings | None,
     workers: int,
     out: Path,
     console: Console,
-) -> Table:
-    """Explore, write `slam.json` and the reliability plot, and return the table.
+) -> Group:
+    """Measure the plans that are missing, write `slam.json` and pictures, and return the tables.
 
     Args:
         plans: Files of floor plans, folders of them, or names of shipped ones.
-        mapper: Learned mapper, as in `robosim.navigation`.
-        steps: Frames of each plan.
-        seed: Seed of tasks and noise.
-        noise: Level of actuation and odometry noise.
-        depth_noise: Level of the depth camera's noise.
+        settings: What to run in each.
+        speed: Input sizes and networks to compare; None leaves that out.
         workers: Processes at once; scores do not depend on it.
         out: Folder for the files.
         console: Where progress is shown.
     """
-    simulator = SimulatorConfig(
-        physics="kinematic", noise=NoiseModel(level=noise), depth_noise=DepthNoise(level=depth_noise)
-    )
-    jobs = [joblib.delayed(_explore)(path, mapper, steps, seed, simulator) for path in find_plans(plans)]
-    rows, scores = [], {teller: PatchScores() for teller in TELLERS}
-    with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("plans", total=len(jobs))
-        for row, own in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
+    found = find_plans(plans)
+    rows = []
+    with told_units(console, "plans", len(found), 0) as tell:
+        for row in in_parallel(measure_plan, [(path, settings, out) for path in found], workers):
             rows.append(row)
-            for teller, score in own.items():
-                scores[teller].merge(score)
-            progress.update(bar, advance=1, description=row["plan"])
-    overall = {teller: score.result() for teller, score in scores.items()}
-    settings = {"seed": seed, "noise": noise, "depth_noise": depth_noise, "steps": steps, "mapper": mapper}
-    write_json(out / "slam.json", {**settings, "overall": overall, "plans": rows})
-    _plot_reliability(scores, out / "reliability.png")
-    return _table(rows, overall)
+            tell(row["plan"])
+    rows.sort(key=lambda row: str(row["plan"]))
+    scores = {teller: _merged(rows, teller) for teller in TELLERS}
+    summary: dict[str, Any] = {
+        "settings": asdict(settings),
+        "plans": [row["plan"] for row in rows],
+        "frames_scored": sum(-(-row["frames"] // EVERY) for row in rows),
+        "maps": {teller: score.result() for teller, score in scores.items()},
+        "poses": _poses(rows),
+        "walks": {name: _walks(rows, name) for name in ("classical", "learned")},
+    }
+    tables = [_map_table(rows, summary), _pose_table(summary), _walk_table(rows, summary), _stage_table(rows)]
+    if speed is not None:
+        summary["speed"] = speeds(found, speed, settings, workers=workers, out=out, console=console)
+        tables.append(speed_table(summary["speed"]))
+    write_json(out / "slam.json", summary)
+    plot_reliability(scores, out / "reliability.png")
+    plot_coverage(rows, out / "coverage.png")
+    files = {read_plan(path).name: path for path in found}
+    order = sorted(rows, key=lambda row: _own_iou(row, "network"))
+    for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
+        plan = row["plan"]
+        title = f"{name} of {len(rows)}: {plan}, IoU of obstacles in view {_own_iou(row, 'network'):.3f}"
+        kept = out / "plans" / f"{plan}.npz"
+        plot_map(out / f"{name}.png", make_building(read_plan(files[plan])), kept, title)
+    return Group(*tables)
 
 
-def _explore(
-    path: str | Path, mapper: str, steps: int, seed: int, config: SimulatorConfig
-) -> tuple[dict[str, Any], dict[str, PatchScores]]:
-    """Scores of one plan, as numbers and to be added up."""
-    plan = read_plan(path)
-    building = make_building(plan)
-    places, truth = reach(building, config.robot.radius_m), TruePatches(building)
-    rng = np.random.default_rng([seed, zlib.crc32(plan.name.encode())])
-    task = make_task(places, rng)
-    learned, planner, controller, explorer = make_navigator(config, mapper=mapper)
-    if not isinstance(learned, NeuralMapper):
-        raise ValueError(f"mapper is {mapper!r}, expected a learned one: neural, or a .safetensors file.")
-    simulator = Simulator(building, config)
-    scores = {teller: PatchScores() for teller in TELLERS}
-    errors, seconds, action = [], [], None
-    try:
-        view = simulator.reset(task, rng)
-        learned.reset(task.start)
-        for _ in range(steps):
-            begin = time.perf_counter()
-            estimate = learned.update(view.depth, action, view.odometry)
-            seconds.append(time.perf_counter() - begin)
-            errors.append(float(np.hypot(*(estimate.pose - simulator.pose)[:2])))
-            patch = truth.at(simulator.pose)
-            for teller, told in _told(learned, estimate, view.depth).items():
-                scores[teller].add(told, patch[OBSTACLE], patch[SEEN], patch[MATTERS])
-            known = learned.classical.estimate()
-            goal = explorer.goal(known)
-            if goal is None:
-                break
-            action = controller.act(known.pose, planner.plan(known, goal))
-            view, _ = simulator.step(action)
-    finally:
-        simulator.close()
-    row: dict[str, Any] = {teller: score.result() for teller, score in scores.items()}
+def _merged(rows: list[dict[str, Any]], teller: str) -> PatchScores:
+    total = PatchScores()
+    for row in rows:
+        total.merge(PatchScores.of_counts(row["maps"][teller]))
+    return total
+
+
+def _own_iou(row: dict[str, Any], teller: str, part: str = "iou_seen") -> float:
+    return PatchScores.of_counts(row["maps"][teller]).result()[part]
+
+
+def _poses(rows: list[dict[str, Any]]) -> dict[str, dict[str, float]]:
+    """Medians over plans, and the 95th percentile, of errors of each way to know the pose."""
+    out = {}
+    for name in rows[0]["poses"]:
+        own = [row["poses"][name] for row in rows if name in row["poses"]]
+        out[name] = {key: float(np.median([pose[key] for pose in own])) for key in own[0]}
+        for key in ("then_m", "then_deg", "ate_m"):
+            out[name][f"{key}_95"] = float(np.quantile([pose[key] for pose in own], 0.95))
+    return out
+
+
+def _walks(rows: list[dict[str, Any]], name: str) -> dict[str, float]:
+    """Means over plans of what walks of one mapper came to."""
+    own = [row["walks"][name] for row in rows]
+    curves = np.array([held(np.array(walk["coverage"])) for walk in own])
+    stages = {stage: float(np.median([walk["stage_ms"][stage] for walk in own])) for stage in LOOP_STAGES}
     return {
-        "plan": plan.name,
-        "frames": len(errors),
-        "pose_error_median_m": float(np.median(errors)),
-        "mapper_ms_median": 1000 * float(np.median(seconds)),
-        **row,
-    }, scores
-
-
-def _told(
-    learned: NeuralMapper, estimate: MapEstimate, depth: np.ndarray
-) -> dict[str, Float[np.ndarray, "ny nx"]]:
-    """Obstacle probability of the patch, by each teller."""
-    classical = learned.classical.estimate()
-    config = learned.classical.config
-    frame = OccupancyGrid(AHEAD, config.occupancy)
-    scan = scan_from_depth(depth, config.camera, config.band)
-    lowest = float(config.camera.slopes(depth.shape)[1][-1])
-    frame.integrate(scan, np.zeros(3), config.camera.height_m, lowest)
-    mixed = belief_ahead(classical)
-    nearest = np.where(egocentric_map(classical)[0], 1.0, np.minimum(mixed, 0.5))
-    answer = learned.prediction
-    return {
-        "frame alone": frame.probability,
-        "classical map": nearest,
-        "classical map, mixed": mixed,
-        "network": 1 / (1 + np.exp(-answer.obstacle)),
-        "learned map": belief_ahead(estimate, anticipated=True),
+        **{f"seen_after_{n}": float(curves[:, n].mean()) for n in MILESTONES},
+        "seen_least": float(curves[:, -1].min()),
+        "area_under_curve": float(np.mean([area_under(curve) for curve in curves])),
+        "collisions": float(np.mean([walk["collisions"] for walk in own])),
+        "decisions_per_s": float(np.median([walk["decisions_per_s"] for walk in own])),
+        "ate_m": float(np.median([walk["ate_m"] for walk in own])),
+        **{f"{stage}_ms": value for stage, value in stages.items()},
     }
 
 
-def _table(rows: list[dict[str, Any]], overall: dict[str, dict[str, float]]) -> Table:
-    table = Table(title="Maps of the 3.2 m ahead, against the truth", caption=_caption(rows))
-    table.add_column("told by")
+def _numbers(title: str, first: str, columns: Sequence[str], caption: str = "") -> Table:
+    table = Table(title=title, caption=caption or None)
+    table.add_column(first)
+    for column in columns:
+        table.add_column(column, justify="right")
+    return table
+
+
+def _map_table(rows: list[dict[str, Any]], summary: dict[str, Any]) -> Table:
     columns = {
         "obstacles in view: IoU": "iou_seen",
         "obstacles hidden: IoU": "iou_hidden",
@@ -170,38 +135,76 @@ def _table(rows: list[dict[str, Any]], overall: dict[str, dict[str, float]]) -> 
         "Brier score in view": "brier_seen",
         "elsewhere ": "brier_hidden",
     }
-    for title in columns:
-        table.add_column(title, justify="right")
-    for teller, score in overall.items():
-        table.add_row(teller, *(f"{score[name]:.3f}" for name in columns.values()))
-    return table
-
-
-def _caption(rows: list[dict[str, Any]]) -> str:
-    """Spread over plans, and what it takes."""
-    lines = []
+    lines = [f"{len(rows)} plans, {summary['frames_scored']} frames"]
     for teller in ("classical map", "network"):
-        seen = np.array([row[teller]["iou_seen"] for row in rows])
+        seen = np.array([_own_iou(row, teller) for row in rows])
         lines.append(
             f"{teller}, obstacles in view by plan: median {np.median(seen):.3f}, worst {seen.min():.3f} "
             f"({rows[int(seen.argmin())]['plan']})"
         )
-    lines.append(
-        f"{len(rows)} plans, {sum(row['frames'] for row in rows)} frames; median pose error "
-        f"{100 * np.median([row['pose_error_median_m'] for row in rows]):.1f} cm; learned mapper "
-        f"{np.median([row['mapper_ms_median'] for row in rows]):.1f} ms a frame, the classical part included"
+    table = _numbers("Maps of the 3.2 m ahead, against the truth", "told by", list(columns), "\n".join(lines))
+    for teller, score in summary["maps"].items():
+        table.add_row(teller, *(f"{score[name]:.3f}" for name in columns.values()))
+    return table
+
+
+def _pose_table(summary: dict[str, Any]) -> Table:
+    columns = (
+        f"after {TOLD_AT} decisions: median [m]",
+        "95 % [m]",
+        "median [deg]",
+        "95 % [deg]",
+        "ATE [m]",
+        "RPE [mm]",
+        "RPE [deg]",
+        "ms a frame",
     )
-    return "\n".join(lines)
+    table = _numbers("Pose on the same frames, medians over plans", "by", columns)
+    for name, pose in summary["poses"].items():
+        table.add_row(
+            name,
+            f"{pose['then_m']:.3f}",
+            f"{pose['then_m_95']:.3f}",
+            f"{pose['then_deg']:.2f}",
+            f"{pose['then_deg_95']:.2f}",
+            f"{pose['ate_m']:.3f}",
+            f"{1000 * pose['rpe_m']:.1f}",
+            f"{pose['rpe_deg']:.3f}",
+            f"{pose['ms']:.2f}" if "ms" in pose else "in the mapper's",
+        )
+    return table
 
 
-def _plot_reliability(scores: dict[str, PatchScores], path: Path) -> None:
-    """Share that came true against the probability told."""
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
-    for ax, part in zip(axes, ("seen", "hidden"), strict=True):
-        ax.plot([0, 1], [0, 1], color="0.7")
-        for teller, score in scores.items():
-            told, came, _ = score.reliability(part).T
-            ax.plot(told, came, ".-", label=teller)
-        ax.set(title=f"cells {part}", xlabel="probability told", ylabel="share that were obstacles")
-        ax.legend()
-    save_figure(figure, path)
+def _walk_table(rows: list[dict[str, Any]], summary: dict[str, Any]) -> Table:
+    areas = {
+        name: np.array([area_under(held(np.array(row["walks"][name]["coverage"]))) for row in rows])
+        for name in summary["walks"]
+    }
+    more, low, high = (100 * value for value in gain_over(areas["learned"], areas["classical"]))
+    caption = f"Area of the learned over the classical one's: {more:+.1f} % ({low:+.1f} to {high:+.1f})"
+    columns = [*(f"seen after {n} [%]" for n in MILESTONES), "least [%]", "area under curve", "collisions"]
+    table = _numbers("Exploring with each map", "map", [*columns, "ATE [m]", "decisions/s"], caption)
+    for name, walk in summary["walks"].items():
+        table.add_row(
+            name,
+            *(f"{100 * walk[f'seen_after_{n}']:.1f}" for n in MILESTONES),
+            f"{100 * walk['seen_least']:.1f}",
+            f"{walk['area_under_curve']:.4f}",
+            f"{walk['collisions']:.1f}",
+            f"{walk['ate_m']:.3f}",
+            f"{walk['decisions_per_s']:.0f}",
+        )
+    return table
+
+
+def _stage_table(rows: list[dict[str, Any]]) -> Table:
+    stages = [stage for stage in LOOP_STAGES if any(_stage(row, "learned", stage) > 0.005 for row in rows)]
+    table = _numbers("Milliseconds a decision, medians over plans", "map", [*stages, "all"])
+    for name in ("classical", "learned"):
+        parts = [float(np.median([_stage(row, name, stage) for row in rows])) for stage in stages]
+        table.add_row(name, *(f"{part:.2f}" for part in parts), f"{sum(parts):.1f}")
+    return table
+
+
+def _stage(row: dict[str, Any], name: str, stage: str) -> float:
+    return float(row["walks"][name]["stage_ms"][stage])

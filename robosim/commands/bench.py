@@ -122,47 +122,86 @@ def slam(
     plans: Positional[tuple[str, ...]],
     *,
     mapper: str = "neural",
-    steps: int = 300,
+    steps: int = 1000,
     seed: int = 1,
     noise: float = 1.0,
     depth_noise: float = 1.0,
+    physics: Literal["dynamic", "kinematic"] = "kinematic",
+    sizes: tuple[int, ...] = (64, 96, 128, 192, 256),
+    others: tuple[str, ...] = (),
     workers: int = 2,
     out: Path | None = None,
 ) -> None:
-    """Measure maps: the learned mapper against the classical one on the same noisy frames.
+    """Measure mapping: the learned mapper against the classical one, and ways to know the pose, on the same frames.
 
-    The scores do not depend on the number of workers.
+    Overlap and calibration of maps, ATE and RPE, coverage, time by stage, and speed against error over the size of
+    depth images and over networks. About a minute a plan. Goes on after a kill if given the same folder; the scores do
+    not depend on the number of workers.
 
     Example: robosim bench slam flat office --out out/slam
 
     Args:
         plans: Floor plans, or folders of them.
         mapper: Learned mapper: neural, or a .safetensors file.
-        steps: Frames of each plan.
+        steps: Most decisions of each walk; two walks a plan.
         seed: Seed of the tasks and of the noise.
         noise: Level of actuation and odometry noise.
         depth_noise: Level of the depth camera's noise.
+        physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
+        sizes: Widths of depth images at which speed is measured [pixels]; none leaves that part out.
+        others: Further networks whose speed is measured: .safetensors files.
         workers: Processes to run at once.
         out: Folder for the files; a new one under runs/ if not given.
     """
     from robosim.bench.slam import run
+    from robosim.bench.slam_plan import SlamSettings
+    from robosim.bench.slam_speed import SpeedSettings
 
     if workers < 1 or steps < 1:
         raise ValueError(f"workers is {workers} and steps is {steps}, expected at least 1 of each.")
     folder = folder_for(out, "bench-slam")
-    table = run(
-        plans,
-        mapper=mapper,
-        steps=steps,
-        seed=seed,
-        noise=noise,
-        depth_noise=depth_noise,
-        workers=workers,
-        out=folder,
-        console=console,
+    settings = SlamSettings(
+        mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
-    console.print(table)
-    console.print(f"Wrote slam.json and reliability.png in {folder}")
+    speed = SpeedSettings(sizes=sizes, mappers=others, frames=min(steps, 150)) if sizes else None
+    console.print(run(plans, settings, speed=speed, workers=workers, out=folder, console=console))
+    console.print(
+        f"Wrote slam.json, curves, and maps of the worst, median and best plan in {folder}", soft_wrap=True
+    )
+
+
+def endurance(
+    plan: Positional[str] = "office",
+    *,
+    mapper: str = "neural",
+    steps: int = 10_000,
+    seed: int = 1,
+    noise: float = 1.0,
+    depth_noise: float = 1.0,
+    out: Path | None = None,
+) -> None:
+    """Measure endurance: thousands of decisions in one building; pose error, memory, and numbers that are none.
+
+    Example: robosim bench endurance office --steps 10000
+
+    Args:
+        plan: Floor plan.
+        mapper: classical, neural, or a .safetensors file.
+        steps: Decisions.
+        seed: Seed of the task and of the noise.
+        noise: Level of actuation and odometry noise.
+        depth_noise: Level of the depth camera's noise.
+        out: Folder for the table; a new one under runs/ if not given.
+    """
+    from robosim.bench.endurance import PARTS, run
+    from robosim.bench.slam_plan import SlamSettings
+
+    if steps < PARTS:
+        raise ValueError(f"steps is {steps}, expected at least {PARTS}.")
+    folder = folder_for(out, "bench-endurance")
+    settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
+    console.print(run(read(plan), settings, out=folder, console=console))
+    console.print(f"Wrote endurance.json in {folder}")
 
 
 def wireless(

@@ -57,7 +57,7 @@ def sweep(
     """
     left = [job for job in jobs if not job.file(out).is_file()]
     failures: list[Failure] = []
-    with _told(console, "episodes", len(jobs), len(jobs) - len(left)) as tell:
+    with told_units(console, "episodes", len(jobs), len(jobs) - len(left)) as tell:
         for job, content, failure in in_parallel(_safely, [(job,) for job in left], workers, cluster):
             if failure is None:
                 with whole_file(job.file(out)) as partial:
@@ -128,7 +128,7 @@ def _safely(job: Job) -> tuple[Job, bytes, Failure | None]:
 
 
 @contextmanager
-def _told(console: Console, what: str, total: int, done: int) -> Iterator[Any]:
+def told_units(console: Console, what: str, total: int, done: int) -> Iterator[Any]:
     """Something to call after each unit: moves a bar with the time left, or prints a line now and then in a log."""
     if console.is_terminal:
         columns = (

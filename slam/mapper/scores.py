@@ -6,6 +6,8 @@ weigh by what there is in them. The hidden part is scored for obstacles and for 
 share of obstacles that came true, over bins of the probability.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -59,6 +61,23 @@ class PatchScores:
         for part, bins in other._bins.items():
             self._bins[part] += bins
             self._squares[part] += other._squares[part]
+
+    def counts(self) -> dict[str, Any]:
+        """All that was added up, to be kept in a file."""
+        return {
+            "overlap": {part: counts.tolist() for part, counts in self._overlap.items()},
+            "bins": {part: bins.tolist() for part, bins in self._bins.items()},
+            "squares": dict(self._squares),
+        }
+
+    @classmethod
+    def of_counts(cls, counts: dict[str, Any]) -> "PatchScores":
+        """The scores whose counts were kept."""
+        scores = cls()
+        scores._overlap = {part: np.array(kept, np.int64) for part, kept in counts["overlap"].items()}
+        scores._bins = {part: np.array(kept, float) for part, kept in counts["bins"].items()}
+        scores._squares = dict(counts["squares"])
+        return scores
 
     def result(self) -> dict[str, float]:
         """IoU of each part, and calibration error and Brier score of the seen and of the other cells."""

@@ -4,6 +4,7 @@ import json
 
 import pytest
 
+from robosim.assets import shipped_mapper
 from robosim.cli import main
 
 
@@ -36,7 +37,19 @@ def test_smoke_needs_no_data(tmp_path):
 
 
 def test_bench_slam(tmp_path, capsys):
-    options = "--mapper neural --steps 3 --seed 2 --noise 0.5 --depth-noise 0.5 --workers 1"
-    main(f"bench slam cottage {options} --out {tmp_path}".split())
-    assert "classical map" in capsys.readouterr().out
-    assert json.loads((tmp_path / "slam.json").read_text())["steps"] == 3
+    """Each table is printed; another network stands in the table of speed under the name of its folder."""
+    weights = shipped_mapper()
+    options = (
+        "--mapper neural --steps 3 --seed 2 --noise 0.5 --depth-noise 0.5 --workers 1 --physics kinematic"
+    )
+    main(f"bench slam cottage {options} --sizes 64 --others {weights} --out {tmp_path}".split())
+    told = capsys.readouterr().out
+    for word in ("classical map", "scan matching", "seen after", "planner", "Speed against error"):
+        assert word in " ".join(told.split())
+    result = json.loads((tmp_path / "slam.json").read_text())
+    assert result["settings"]["steps"] == 3
+    assert [(row["mapper"], row["size"]) for row in result["speed"]] == [
+        ("classical", 64),
+        ("neural", 64),
+        ("weights", 128),
+    ]

@@ -1,14 +1,10 @@
 """The shipped mapper against the classical map, in homes that it was not trained on, and in an episode."""
 
-import json
-
 import numpy as np
 import pytest
 from rich.console import Console
 
 from robosim.assets import shipped_mapper
-from robosim.bench.slam import TELLERS
-from robosim.bench.slam import run as run_bench
 from robosim.building import make_building
 from robosim.collect import CollectConfig, collect, collect_home, home_building
 from robosim.depth_noise import DepthNoise
@@ -88,27 +84,6 @@ def test_training_from_shards_to_weights(tmp_path):
     (tmp_path / "data" / "home-00001.npz").write_bytes(b"PK\x03\x04")
     with pytest.raises(ValueError, match="no shard"):
         read_frames([tmp_path / "data" / "home-00001.npz"])
-
-
-def test_the_bench_scores_every_teller(tmp_path):
-    """Eight frames of a shipped plan: scores between 0 and 1 for all, the classical ones those of the walk itself."""
-    table = run_bench(
-        ["cottage"],
-        mapper="neural",
-        steps=8,
-        seed=0,
-        noise=1.0,
-        depth_noise=1.0,
-        workers=1,
-        out=tmp_path,
-        console=QUIET,
-    )
-    told = json.loads((tmp_path / "slam.json").read_text())
-    assert table.row_count == len(TELLERS)
-    for teller in TELLERS:
-        assert 0 < told["overall"][teller]["iou_seen"] <= 1
-        assert told["overall"][teller] == told["plans"][0][teller]
-    assert (tmp_path / "reliability.png").exists()
 
 
 def test_homes_of_a_seed_are_different():

@@ -1,0 +1,265 @@
+"""What is measured of mapping and moving in one plan, kept in files so that a run which was killed goes on.
+
+The plan is explored twice, from the same start and with the same seed: by the classical map, and by the learned one.
+On the way of the first, everything is compared on the same frames: at every `EVERY`th one the truth ahead
+(`robosim.true_patch`) with what is told of it by
+
+- the frame alone: its scan entered into an empty classical grid that lies along the patch,
+- the classical map, cut at the estimated pose, cell by cell and mixed between cells, whichever fits the truth better,
+- the network,
+- the learned map, into which its answers are fused, cut in the same way;
+
+and at every frame the true pose with each way to know it (`robosim.bench.pose_tracks`). The learned mapper runs along
+in the shadow of the classical one there, and takes the poses of that one: what it adds is the map.
+"""
+
+import json
+import zlib
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.bench.pose_tracks import (
+    OpenCVOdometry,
+    RawOdometry,
+    Track,
+    UnbiasedOdometry,
+    trajectory_errors,
+)
+from robosim.building import Building, make_building
+from robosim.depth_noise import DepthNoise
+from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.files import whole_file, write_json
+from robosim.navigation import make_navigator
+from robosim.odometry import NoiseModel
+from robosim.planfiles import read_plan
+from robosim.reach import Reach, reach
+from robosim.record import EpisodeLog
+from robosim.simulator import Physics, SimulatorConfig
+from robosim.stopwatch import LOOP_STAGES
+from robosim.tasks import Task, make_task
+from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
+from slam.actions import Action
+from slam.egocentric import AHEAD, belief_ahead, egocentric_map
+from slam.grid import MapEstimate
+from slam.mapper.scores import PatchScores
+from slam.neural_mapping import NeuralMapper
+from slam.occupancy import OccupancyGrid
+from slam.projection import scan_from_depth
+
+#: Who tells of the patch.
+TELLERS = ("frame alone", "classical map", "classical map, mixed", "network", "learned map")
+#: One frame in so many is scored: neighbours show the same.
+EVERY = 4
+#: Decision at which pose errors are told.
+TOLD_AT = 500
+#: Ways to know the pose.
+ODOMETRY, UNBIASED, OPENCV, MATCHED = "odometry", "odometry, unbiased", "OpenCV RGB-D", "scan matching"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SlamSettings:
+    """What is run in each plan."""
+
+    mapper: str = "neural"
+    """Learned mapper, as in `robosim.navigation`."""
+    steps: int = 1000
+    """Most decisions of each walk."""
+    seed: int = 1
+    """Seed of tasks and noise."""
+    noise: float = 1.0
+    """Level of actuation and odometry noise."""
+    depth_noise: float = 1.0
+    """Level of the depth camera's noise."""
+    physics: Physics = "kinematic"
+    """How the robot is moved."""
+
+    @property
+    def simulator(self) -> SimulatorConfig:
+        """The simulation."""
+        return SimulatorConfig(
+            physics=self.physics,
+            noise=NoiseModel(level=self.noise),
+            depth_noise=DepthNoise(level=self.depth_noise),
+        )
+
+    def episode(self, mapper: str, plan: str) -> EpisodeConfig:
+        """Exploring a plan by a mapper."""
+        seed = zlib.crc32(f"{self.seed} {plan}".encode())
+        return EpisodeConfig(
+            goal="explore", mapper=mapper, seed=seed, max_steps=self.steps, simulator=self.simulator
+        )
+
+    def task(self, places: Reach, plan: str) -> Task:
+        """Where the robot begins in a plan."""
+        return make_task(places, np.random.default_rng([self.episode("classical", plan).seed, 0]))
+
+
+def measure_plan(path: str | Path, settings: SlamSettings, out: Path) -> dict[str, Any]:
+    """Everything about one plan; read from its file if it was measured before with the same settings.
+
+    Args:
+        path: Floor plan.
+        settings: What to run.
+        out: Folder for `plans/NAME.json` and the built maps, `plans/NAME.npz`.
+
+    Returns:
+        What the file holds.
+    """
+    plan = read_plan(path)
+    file = Path(out) / "plans" / f"{plan.name}.json"
+    if file.exists():
+        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        if kept["settings"] == asdict(settings):
+            return kept
+    building = make_building(plan)
+    places = reach(building, settings.simulator.robot.radius_m)
+    task = settings.task(places, plan.name)
+    shadow = _Shadow(building, task, settings)
+    # Whatever is compiled or loaded at first use is not to be found in the times.
+    run_episode(building, places, task, replace(settings.episode(settings.mapper, plan.name), max_steps=3))
+    walks = {}
+    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda decision: None)):
+        log, estimate = run_episode(building, places, task, settings.episode(mapper, plan.name), watch)
+        walks["classical" if mapper == "classical" else "learned"] = _walk(log)
+    row = {
+        "plan": plan.name,
+        "settings": asdict(settings),
+        "area_m2": building.free.area,
+        "frames": shadow.frames,
+        "maps": {teller: score.counts() for teller, score in shadow.scores.items()},
+        "poses": shadow.pose_errors(),
+        "walks": walks,
+    }
+    _keep_maps(file.with_suffix(".npz"), estimate, log)
+    write_json(file, row)
+    stored: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return stored
+
+
+def _walk(log: EpisodeLog) -> dict[str, Any]:
+    """What one walk came to."""
+    loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
+    poses, estimates = np.array(log.poses), np.array(log.estimates)
+    decisions = len(log.coverage)
+    return {
+        "ended": log.ended,
+        "steps": log.steps,
+        "collisions": sum(motion.collided for motion in log.motions),
+        "coverage": np.round(log.coverage, 4),
+        "stage_ms": {stage: 1000 * log.seconds.get(stage, 0.0) / decisions for stage in LOOP_STAGES},
+        "decisions_per_s": decisions / loop_s,
+        **trajectory_errors(poses, estimates),
+    }
+
+
+def _keep_maps(path: Path, estimate: MapEstimate, log: EpisodeLog) -> None:
+    """The maps in the end, in 255ths, and both ways."""
+    guess = estimate.anticipated_probability
+    observed = estimate.obstacle_probability
+    with whole_file(path) as partial, partial.open("wb") as file:
+        np.savez_compressed(
+            file,
+            observed=np.rint(255 * observed).astype(np.uint8),
+            anticipated=np.rint(255 * (observed if guess is None else guess)).astype(np.uint8),
+            explored=estimate.explored,
+            origin=np.array(estimate.frame.origin_xy),
+            resolution_m=estimate.frame.resolution_m,
+            poses=np.array(log.poses),
+            estimates=np.array(log.estimates),
+        )
+
+
+class _Shadow:
+    """Looks on as the classical mapper explores."""
+
+    def __init__(self, building: Building, task: Task, settings: SlamSettings) -> None:
+        config = settings.simulator
+        learned = make_navigator(config, mapper=settings.mapper).mapper
+        if not isinstance(learned, NeuralMapper):
+            raise ValueError(
+                f"mapper is {settings.mapper!r}, expected a learned one: neural, or a .safetensors file."
+            )
+        self._learned = learned
+        self._learned.reset(task.start)
+        self._truth = TruePatches(building, hfov_deg=config.image.hfov_deg)
+        self._task, self._action = task, None
+        self.frames = 0
+        self.scores = {teller: PatchScores() for teller in TELLERS}
+        self._true: list[np.ndarray] = []
+        self._matched: list[np.ndarray] = []
+        self._tracks = {
+            ODOMETRY: Track(RawOdometry(), task.start),
+            UNBIASED: Track(UnbiasedOdometry(config.noise), task.start),
+        }
+        self._opencv = OpenCVOdometry(config.image, config.noise) if OpenCVOdometry.available() else None
+        if self._opencv is not None:
+            self._tracks[OPENCV] = Track(self._opencv, task.start)
+
+    _action: Action | None
+
+    def look(self, decision: Decision) -> None:
+        """Take in one decision."""
+        view, pose = decision.view, decision.log.poses[-1]
+        estimate = self._learned.update(view.depth, self._action, view.odometry)
+        for track in self._tracks.values():
+            track.update(view, self._action)
+        self._true.append(np.array(pose))
+        self._matched.append(np.array(decision.estimate.pose))
+        if self.frames % EVERY == 0:
+            patch = self._truth.at(pose)
+            for teller, told in told_ahead(self._learned, estimate, view.depth).items():
+                self.scores[teller].add(told, patch[OBSTACLE], patch[SEEN], patch[MATTERS])
+        self.frames += 1
+        self._action = decision.action
+
+    def pose_errors(self) -> dict[str, dict[str, float]]:
+        """Errors of each way to know the pose, over the whole walk and after `TOLD_AT` decisions."""
+        told = {name: np.array(track.poses) for name, track in self._tracks.items()}
+        told[MATCHED] = np.array(self._matched)
+        true = np.array(self._true)
+        some = slice(0, TOLD_AT + 1)
+        rows = {}
+        for name, poses in told.items():
+            then = trajectory_errors(true[some], poses[some])
+            rows[name] = {
+                **trajectory_errors(true, poses),
+                "then_m": then["last_m"],
+                "then_deg": then["last_deg"],
+            }
+        for name, track in self._tracks.items():
+            rows[name]["ms"] = 1000 * float(np.median(track.seconds)) if track.seconds else 0.0
+        if self._opencv is not None:
+            rows[OPENCV]["lost"] = self._opencv.lost
+        return rows
+
+
+def told_ahead(
+    learned: NeuralMapper, estimate: MapEstimate, depth: Float[np.ndarray, "h w"]
+) -> dict[str, Float[np.ndarray, "ny nx"]]:
+    """Obstacle probability of the patch ahead, by each teller.
+
+    Args:
+        learned: The mapper after the frame.
+        estimate: What it returned.
+        depth: The frame [m].
+    """
+    classical = learned.classical.estimate()
+    config = learned.classical.config
+    frame = OccupancyGrid(AHEAD, config.occupancy)
+    scan = scan_from_depth(depth, config.camera, config.band)
+    lowest = float(config.camera.slopes(depth.shape)[1][-1])
+    frame.integrate(scan, np.zeros(3), config.camera.height_m, lowest)
+    mixed = belief_ahead(classical)
+    nearest = np.where(egocentric_map(classical)[0], 1.0, np.minimum(mixed, 0.5))
+    answer = learned.prediction
+    return {
+        "frame alone": frame.probability,
+        "classical map": nearest,
+        "classical map, mixed": mixed,
+        "network": 1 / (1 + np.exp(-answer.obstacle)),
+        "learned map": belief_ahead(estimate, anticipated=True),
+    }
