@@ -28,6 +28,7 @@ _BENCH: _Commands = {
     "physics": bench.physics,
     "navigation": bench.navigation,
     "exploration": bench.exploration,
+    "episode": bench.episode,
     "slam": bench.slam,
     "endurance": bench.endurance,
     "wireless": bench.wireless,

@@ -300,3 +300,39 @@ def estimation(
         )
     )
     console.print(f"Wrote estimation.json and estimation.png in {folder}")
+
+
+def episode(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    goal: Literal["oracle", "visual", "snr", "los", "los-or-first", "fused"] = "fused",
+    targets: int = 3,
+    seed: int = 0,
+    max_steps: int = 1000,
+    out: Path | None = None,
+) -> None:
+    """Measure whole episodes: decisions per second against arrival time, with one part changed at a time.
+
+    Camera, physics, mapper, radio, and how far walls may be moved to straighten them. One episode at a time, for the
+    sake of the times; goes on after a kill if given the same folder.
+
+    Example: robosim bench episode flat office --out out/episodes
+
+    Args:
+        plans: Floor plans, or folders of them.
+        goal: Who chooses the goals.
+        targets: Tasks of each plan.
+        seed: Seed of the tasks and of the noise.
+        max_steps: Actions before giving up.
+        out: Folder for the table and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.episode import run
+
+    if targets < 1:
+        raise ValueError(f"targets is {targets}, expected at least one task a plan.")
+    folder = folder_for(out, "bench-episode")
+    table = run(
+        plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console
+    )
+    console.print(table)
+    console.print(f"Wrote episode.json and episode.png in {folder}")

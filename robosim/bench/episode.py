@@ -1,0 +1,220 @@
+"""The whole episode, speed against error: what each part of the simulation costs, and whether it may be left out.
+
+The same searches are run as they are by default and with one thing changed at a time: camera, physics, mapper, radio,
+outline of the walls. What a change costs or saves is decisions per second; what it spoils is the arrival time, in
+steps relative to those of the default on the same task, with an interval of 95 % from drawing the tasks anew
+(bootstrap). Who never arrives counts with all the steps allowed. One episode at a time, for the sake of the times;
+each is kept, and a run that was stopped goes on.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+from rich.table import Table
+
+from robosim.building import BuildingConfig
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.episodes import Head, make_jobs, read_head, run_job
+from robosim.evaluation.evaluate import find_suite
+from robosim.evaluation.manifest import check_manifest, code_digest
+from robosim.evaluation.scores import Estimate, bootstrap
+from robosim.evaluation.suite import Suite
+from robosim.evaluation.sweep import sweep
+from robosim.files import write_json
+from robosim.goals import GoalName
+from robosim.plots import save_figure
+from robosim.radio import RadioLinkConfig
+from robosim.stopwatch import LOOP_STAGES
+
+#: The settings that all others are compared with.
+DEFAULT = "default"
+#: Stages of a decision that are told by name, with those that belong to them; the rest is told as one.
+_STAGES = {
+    "physics": ("physics",), "camera": ("camera",), "mapper": ("mapper",), "radio": ("radio", "link state"),
+    "goal": ("goal",), "planner": ("planner",),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Row:
+    """One setting over all tasks."""
+
+    setting: str
+    episodes: int
+    arrived: int
+    decisions_per_s: float
+    """Median over the episodes, of those that took a step."""
+    steps: float
+    """Mean."""
+    relative_steps: Estimate
+    """Mean over tasks of steps divided by the default's."""
+    stages_ms: dict[str, float]
+    """Milliseconds of a decision by stage."""
+
+
+def variations(base: EpisodeConfig) -> dict[str, EpisodeConfig]:
+    """The default, and it with one thing changed at a time."""
+    simulator = base.simulator
+    found = {
+        DEFAULT: base,
+        "camera embree": replace(base, simulator=replace(simulator, camera="embree")),
+        "physics kinematic": replace(base, simulator=replace(simulator, physics="kinematic")),
+        "mapper neural": replace(base, mapper="neural"),
+        "radio cached": replace(base, simulator=replace(simulator, radio=RadioLinkConfig(engine="cached"))),
+    }
+    for tolerance_m in (0.02, 0.05, 0.1):
+        outline = BuildingConfig(tolerance_m=tolerance_m)
+        found[f"outline {tolerance_m:.2f} m"] = replace(base, building=outline)
+    return found
+
+
+def run(
+    plans: Sequence[str],
+    *,
+    goal: GoalName,
+    targets: int,
+    seed: int,
+    max_steps: int,
+    out: Path,
+    console: Console,
+) -> Table:
+    """Run the episodes that are missing, write `episode.json` and `episode.png`, and return the table.
+
+    Args:
+        plans: Files of floor plans, folders of them, or names of shipped ones.
+        goal: Who chooses the goals.
+        targets: Tasks of each plan.
+        seed: Seed of tasks and noise.
+        max_steps: Actions before an episode is given up.
+        out: Folder for the files, and to go on from.
+        console: Where progress is shown.
+
+    Raises:
+        ValueError: If the folder holds episodes of other settings, or an episode raised an error.
+    """
+    base = EpisodeConfig(goal=goal, max_steps=max_steps)
+    suite = find_suite(plans, base, targets=targets, seed=seed, workers=1, console=console)
+    found: dict[str, list[Head]] = {}
+    for setting, config in variations(base).items():
+        folder = out / setting.replace(" ", "-")
+        console.print(setting, highlight=False)
+        found[setting] = _episodes(suite, config, folder, console)
+    rows = compare({setting: [_told(head, max_steps) for head in heads] for setting, heads in found.items()})
+    settings = {"goal": goal, "targets": targets, "seed": seed, "max_steps": max_steps}
+    write_json(out / "episode.json", {**settings, "rows": [_plain(row) for row in rows]})
+    plot(out / "episode.png", rows)
+    return table(rows)
+
+
+def _episodes(suite: Suite, config: EpisodeConfig, out: Path, console: Console) -> list[Head]:
+    """Heads of all tasks in one setting; those that are missing are run."""
+    check_manifest(out, suite, config)
+    jobs = make_jobs(suite, config, (config.goal,), 1, code_digest())
+    if not all(job.file(out).is_file() for job in jobs):
+        # What is compiled or read once, at the first use, is no part of a decision.
+        run_job(replace(jobs[0], config=replace(jobs[0].config, max_steps=2)))
+    failures = sweep(jobs, out, workers=1, console=console)
+    if failures:
+        raise ValueError(
+            f"{len(failures)} episodes failed, first {failures[0].job.name} in {out.name}: {failures[0].error}"
+        )
+    return [read_head(job.file(out)) for job in jobs]
+
+
+def _told(head: Head, max_steps: int) -> dict[str, Any]:
+    """What is compared of an episode."""
+    steps = head.row["arrived_at_step"] if head.row["arrived"] else max_steps
+    decisions = max(head.row["steps"], 1)
+    own = {
+        name: 1000 * sum(head.timing.get(stage, 0.0) for stage in stages) / decisions
+        for name, stages in _STAGES.items()
+    }
+    all_ms = 1000 * sum(head.timing.get(stage, 0.0) for stage in LOOP_STAGES) / decisions
+    return {
+        "arrived": head.row["arrived"],
+        "steps": steps,
+        "all_ms": all_ms,
+        "stages_ms": {**own, "rest": all_ms - sum(own.values())},
+    }
+
+
+def compare(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Row]:
+    """One row a setting.
+
+    Args:
+        found: By setting, of each task whether it `arrived`, its `steps`, its `all_ms` and `stages_ms` a decision.
+    """
+    usual = _steps(found[DEFAULT])
+    rows = []
+    for setting, episodes in found.items():
+        names = episodes[0]["stages_ms"]
+        rows.append(
+            Row(
+                setting=setting,
+                episodes=len(episodes),
+                arrived=sum(bool(e["arrived"]) for e in episodes),
+                decisions_per_s=float(np.median([1000 / e["all_ms"] for e in episodes])),
+                steps=float(_steps(episodes).mean()),
+                relative_steps=bootstrap((_steps(episodes) / usual)[:, None], None),
+                stages_ms={n: float(np.median([e["stages_ms"][n] for e in episodes])) for n in names},
+            )
+        )
+    return rows
+
+
+def _steps(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, "n"]:
+    return np.maximum([float(e["steps"]) for e in episodes], 1.0)
+
+
+def table(rows: Sequence[Row]) -> Table:
+    """One row a setting."""
+    grid = Table(
+        title="Episodes: speed against arrival time",
+        caption="steps relative to the default's on the same task, 95 % interval; medians of ms a decision by stage",
+    )
+    grid.add_column("setting")
+    for name in (
+        "arrived",
+        "decisions/s",
+        "steps",
+        "relative steps",
+        *(f"{s} [ms]" for s in rows[0].stages_ms),
+    ):
+        grid.add_column(name, justify="right")
+    for row in rows:
+        value, low, high = row.relative_steps
+        grid.add_row(
+            row.setting,
+            f"{row.arrived} of {row.episodes}",
+            f"{row.decisions_per_s:.0f}",
+            f"{row.steps:.0f}",
+            "1" if row.setting == DEFAULT else f"{value:.2f} [{low:.2f}, {high:.2f}]",
+            *(f"{ms:.1f}" for ms in row.stages_ms.values()),
+        )
+    return grid
+
+
+def plot(path: Path, rows: Sequence[Row]) -> None:
+    """Draw relative arrival times against decisions per second."""
+    figure, axes = plt.subplots(figsize=(7.5, 4.6), layout="constrained")
+    for row in rows:
+        value, low, high = row.relative_steps
+        spread = np.maximum([[value - low], [high - value]], 0)
+        shape = "s" if row.setting == DEFAULT else "o"
+        axes.errorbar(row.decisions_per_s, value, spread, fmt=shape, capsize=3, lw=1, label=row.setting)
+    axes.axhline(1, color="0.6", lw=0.8, ls=":")
+    axes.set(xscale="log", xlabel="decisions per second", ylabel="arrival time / default's")
+    axes.set_title("Whiskers: 95 % intervals; right and low is good", fontsize=9)
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=8)
+    save_figure(figure, path)
+
+
+def _plain(row: Row) -> dict[str, Any]:
+    return {**vars(row), "relative_steps": row.relative_steps._asdict()}
