@@ -1,14 +1,16 @@
 """Following the strongest radio path: a goal a little ahead along its angle of arrival, where that can be trusted.
 
 As published: if the path is strong enough and the link state one of the trusted, the goal lies 0.6 m along the
-arrival; it is kept for some decisions, or until it is reached. A robot that dwells in one place all the same (the
-path comes through a wall, or from two sides in turn) leaves arrivals alone for a while, longer each time.
+arrival; it is kept for some decisions, or until it is reached. A robot that dwells in one place all the same, or
+comes back to it again and again (the path comes through a gap that it does not fit, or from two sides in turn), leaves
+arrivals alone for a while, longer each time.
 
 Unlike the published scripts, one rule holds for all policies: no success radii or fall-backs of their own.
 Reference: arXiv 2110.14789.
 """
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +34,8 @@ class FollowConfig:
     """A goal this near is reached [m]."""
     dwell_steps: int = 30
     """Decisions within `dwell_m` of one place after which the robot dwells: more than a turn to any side takes."""
+    dwell_window: int = 120
+    """Decisions of following that these are counted in: a robot may go to and fro before a gap that it does not fit."""
     dwell_m: float = 0.5
     """See above [m]."""
     leave_steps: int = 50
@@ -39,28 +43,30 @@ class FollowConfig:
 
 
 class Dwelling:
-    """Notices that a robot stays in one place."""
+    """Notices that a robot stays in one place, or comes back to it again and again."""
 
-    def __init__(self, steps: int, radius_m: float) -> None:
+    def __init__(self, steps: int, radius_m: float, window: int | None = None) -> None:
         """Nothing seen so far.
 
         Args:
             steps: Decisions in one place after which the robot dwells.
             radius_m: What counts as one place: nearer than this to where the robot is [m].
+            window: Decisions that are looked back on; as many as `steps` if not given, so that it must have stayed.
         """
         self._steps, self._radius_m = steps, radius_m
-        self._places: list[np.ndarray] = []
+        self._places: deque[np.ndarray] = deque(maxlen=window or steps)
 
     def at(self, place: Float[np.ndarray, "2"]) -> bool:
         """Take in where the robot is at a decision, x, y [m]; says whether it dwells."""
-        self._places = [*self._places, place.copy()][-self._steps :]
+        self._places.append(place.copy())
         if len(self._places) < self._steps:
             return False
-        return bool(np.hypot(*(np.array(self._places) - place).T).max() < self._radius_m)
+        near = np.hypot(*(np.array(self._places) - place).T) < self._radius_m
+        return bool(np.count_nonzero(near) >= self._steps)
 
     def forget(self) -> None:
         """Begin anew."""
-        self._places = []
+        self._places.clear()
 
 
 class FollowArrival:
@@ -70,7 +76,8 @@ class FollowArrival:
         self._trusted, self._config = trusted, config or FollowConfig()
         self._goal: np.ndarray | None = None
         self._age = 0
-        self._dwelling = Dwelling(self._config.dwell_steps, self._config.dwell_m)
+        c = self._config
+        self._dwelling = Dwelling(c.dwell_steps, c.dwell_m, c.dwell_window)
         self._left_alone = 0
         self._dwelt = 0
 
@@ -83,9 +90,7 @@ class FollowArrival:
         kept = self._goal is not None and self._age < self._config.every
         if not kept or math.hypot(*(self._goal - pose[:2])) < self._config.reached_m:
             self._goal, self._age = self._ahead(heard, pose), 0
-        if self._goal is None:
-            self._dwelling.forget()
-        elif self._dwelling.at(pose[:2]):
+        if self._goal is not None and self._dwelling.at(pose[:2]):
             self._dwelt += 1
             self._left_alone = self._config.leave_steps * self._dwelt
             self._goal = None

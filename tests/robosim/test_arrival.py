@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.arrival import FollowArrival, FollowConfig
+from robosim.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.hearing import Heard
 from wireless.paths import LinkState
 
@@ -58,6 +58,21 @@ def test_a_robot_that_dwells_leaves_arrivals_alone_longer_each_time():
     changes = np.flatnonzero(np.diff(followed)) + 1
     assert changes[:4].tolist() == [29, 80, 109, 210]
     assert followed[0]
+
+
+def test_a_robot_that_comes_back_again_and_again_leaves_arrivals_alone():
+    """To and fro over 2 m, as before a gap that it does not fit: left alone within 120 decisions.
+
+    It never stays: half of any 30 decisions are more than half a metre away.
+    """
+    follow = FollowArrival(BOTH)
+    x = np.abs(np.arange(400) % 40 - 20) * 0.1
+    poses = np.column_stack([x, np.zeros((400, 2))])
+    followed = np.array([follow.goal(heard(aoa=0.0), pose) is not None for pose in poses])
+    assert followed[:40].all()
+    assert 40 <= np.flatnonzero(~followed)[0] < 120
+    stays = Dwelling(30, 0.5)
+    assert not any(stays.at(pose[:2]) for pose in poses)
 
 
 def test_a_robot_that_gets_on_goes_on_following():
