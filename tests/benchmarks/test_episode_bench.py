@@ -56,6 +56,7 @@ def test_arrival_times_are_compared_task_by_task():
     assert (other.relative_steps.low, other.relative_steps.high) == (0.5, 2.0)
     assert (other.arrived, other.episodes) == (1, 2)
     assert usual.decisions_per_s == pytest.approx(np.mean([100, 1000 / 30]))
+    assert other.relative_speed == pytest.approx(np.median([2.0, 1.5]))
     assert other.stages_ms["radio"] == pytest.approx(6.25)
 
 
@@ -71,6 +72,5 @@ def test_all_settings_are_run_once_and_kept(tmp_path, monkeypatch):
     with Image.open(tmp_path / "out" / "episode.png") as picture:
         assert min(picture.size) > 300
     monkeypatch.setattr(episode, "run_job", None)
-    monkeypatch.setattr("robosim.evaluation.sweep.run_job", None)
     run([str(tmp_path / "pair.yaml")], out=tmp_path / "out", **options)
     assert json.loads((tmp_path / "out" / "episode.json").read_text())["rows"] == rows
