@@ -27,3 +27,8 @@ def shipped_weights() -> dict[str, Path]:
 def shipped_mapper() -> Path:
     """Weights of the shipped mapper."""
     return assets_dir() / "weights" / "mapper.safetensors"
+
+
+def shipped_pose() -> Path:
+    """Weights of the shipped network that finds the pose."""
+    return assets_dir() / "weights" / "pose.safetensors"

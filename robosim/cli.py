@@ -41,7 +41,7 @@ _FIGURES: _Commands = {
     "wireless": figures.wireless,
     "search": figures.search,
 }
-_TRAIN: _Commands = {"link-state": train.link_state, "mapper": train.mapper}
+_TRAIN: _Commands = {"link-state": train.link_state, "mapper": train.mapper, "pose": train.pose}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),

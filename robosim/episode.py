@@ -40,7 +40,7 @@ class EpisodeConfig:
     explorer: ExplorerName = "gain"
     """Who chooses among frontiers when the goal is to explore."""
     mapper: str = "classical"
-    """Who makes the map: classical, neural, or a .safetensors file of a trained network."""
+    """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
     seed: int = 0
     """Seed of everything random in the episode."""
     max_steps: int = 1000

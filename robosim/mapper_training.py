@@ -49,19 +49,12 @@ def train_mapper(
         ValueError: If there are too few homes.
     """
     start = time.perf_counter()
-    shards = sorted(Path(data).glob("home-*.npz"))
-    held_out = shards[HOLD_OUT - 1 :: HOLD_OUT] or shards[-1:]
-    learnt = [path for path in shards if path not in held_out]
-    if not learnt:
-        raise ValueError(
-            f"{data} holds {len(shards)} homes, expected two or more: one is held out. Collect more with "
-            "`robosim collect`."
-        )
+    learnt, held_out = split_homes(data)
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
         with Progress(console=console, transient=True) as progress:
-            reading = progress.add_task("reading", total=len(shards))
+            reading = progress.add_task("reading", total=len(learnt) + len(held_out))
             frames, held = (
                 read_frames(part, lambda: progress.advance(reading)) for part in (learnt, held_out)
             )
@@ -92,6 +85,23 @@ def train_mapper(
     return card
 
 
+def split_homes(data: Path) -> tuple[list[Path], list[Path]]:
+    """Shards to learn from, and those that are held out.
+
+    Raises:
+        ValueError: If there are too few.
+    """
+    shards = sorted(Path(data).glob("home-*.npz"))
+    held_out = shards[HOLD_OUT - 1 :: HOLD_OUT] or shards[-1:]
+    learnt = [path for path in shards if path not in held_out]
+    if not learnt:
+        raise ValueError(
+            f"{data} holds {len(shards)} homes, expected two or more: one is held out. Collect more with "
+            "`robosim collect`."
+        )
+    return learnt, held_out
+
+
 def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
     """Frames of shards as a network learns from them.
 
@@ -105,14 +115,8 @@ def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
     features_of = Features()
     features, truth = [], []
     for path in shards:
-        try:
-            with path.open("rb") as file, np.load(file) as shard:
-                depth, belief = shard["depth"], shard["belief"]
-                truth.append(np.unpackbits(shard["truth"], axis=-1).astype(bool))
-        except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise ValueError(
-                f"{path} is no shard of `robosim collect` ({error}). Collect it anew."
-            ) from error
+        depth, belief, packed = read_shard(path, ("depth", "belief", "truth"))
+        truth.append(np.unpackbits(packed, axis=-1).astype(bool))
         for image, known in zip(depth, belief, strict=True):
             metres = image.astype(np.float32) / 1000
             features.append(coded(features_of.of(metres, known.astype(np.float32) / 255)))
@@ -121,6 +125,19 @@ def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
     return Frames(
         features=np.stack(features), obstacle=true[:, OBSTACLE], seen=true[:, SEEN], matters=true[:, MATTERS]
     )
+
+
+def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
+    """Arrays of a file of `robosim.collect`.
+
+    Raises:
+        ValueError: If it is not such a file.
+    """
+    try:
+        with path.open("rb") as file, np.load(file) as shard:
+            return [shard[name] for name in names]
+    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{path} is no shard of `robosim collect` ({error}). Collect it anew.") from error
 
 
 def smoke_frames(folder: Path, console: Console) -> Path:

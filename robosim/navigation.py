@@ -7,7 +7,7 @@ hull, and the mean error of its odometry for each action, which a calibration ru
 from pathlib import Path
 from typing import NamedTuple
 
-from robosim.assets import shipped_mapper
+from robosim.assets import shipped_mapper, shipped_pose
 from robosim.simulator import SimulatorConfig
 from slam.actions import Action
 from slam.control import ControlConfig, Controller
@@ -36,7 +36,8 @@ def make_navigator(
     Args:
         config: The robot and its camera.
         explorer: Who rates frontiers.
-        mapper: "classical", "neural" for the shipped network, or a .safetensors file of another.
+        mapper: "classical", "neural" for the shipped network, or a .safetensors file of another; "learned-pose" for
+            the classical one with the pose found by the shipped network instead of by scan matching.
 
     Raises:
         ValueError: If the mapper is unknown or its file is damaged.
@@ -63,12 +64,18 @@ def make_navigator(
 def _mapper(name: str, config: MapperConfig) -> Mapper:
     if name == "classical":
         return ClassicalMapper(config)
-    from slam.mapper.weights import load_mapper  # brings torch, which takes seconds
+    from slam.learned_matching import LearnedMatcher  # brings torch, which takes seconds
+    from slam.mapper.weights import load_mapper, load_pose
     from slam.neural_mapping import NeuralMapper
+
+    if name == "learned-pose":
+        return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_pose())[0]))
 
     path = shipped_mapper() if name == "neural" else Path(name)
     if path.suffix != ".safetensors":
-        raise ValueError(f"mapper is {name!r}, expected classical, neural, or a .safetensors file.")
+        raise ValueError(
+            f"mapper is {name!r}, expected classical, neural, learned-pose, or a .safetensors file."
+        )
     return NeuralMapper(load_mapper(path)[0], config)
 
 

@@ -73,7 +73,7 @@ def record_episode(
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
-    picture = Picture(rings, task.target, anticipates=config.mapper != "classical")
+    picture = Picture(rings, task.target, anticipates=config.mapper not in ("classical", "learned-pose"))
     decisions = DecisionWriter(rings, task.target)
     # A film of an earlier episode must not stand beside this one's files.
     for name in ("episode.mp4", "replay.mp4", "sheet.png", RECORDING):

@@ -91,11 +91,32 @@ class Mapper(Protocol):
         """The map and pose as they are now."""
 
 
+@runtime_checkable
+class PoseMatcher(Protocol):
+    """Finds the pose from a scan and the map."""
+
+    def match(
+        self,
+        scan: Scan,
+        occupancy: OccupancyGrid,
+        predicted: Float[np.ndarray, "3"],
+        covariance: Float[np.ndarray, "3 3"],
+    ) -> Match:
+        """The pose, given what odometry predicts and how sure it is, axes of `map`."""
+
+
 class ClassicalMapper:
     """Builds a map while finding the robot on it."""
 
-    def __init__(self, config: MapperConfig = MapperConfig()):
+    def __init__(self, config: MapperConfig = MapperConfig(), matcher: PoseMatcher | None = None):
+        """Make a mapper.
+
+        Args:
+            config: What it is told.
+            matcher: Who finds the pose; scan matching if None.
+        """
         self.config = config
+        self._matcher = matcher
         self.reset(np.zeros(3))
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -178,6 +199,8 @@ class ClassicalMapper:
         c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
         turn = np.array([[c, -s], [s, c]])
         covariance[:2, :2] = turn @ covariance[:2, :2] @ turn.T
+        if self._matcher is not None:
+            return self._matcher.match(self.scan, self.occupancy, predicted, covariance)
         return match_scan(self.surfaces, points, predicted, covariance, self.config.match)
 
     def _learn(

@@ -1,8 +1,8 @@
-"""Ways to know the pose, side by side on the same frames: odometry, odometry without bias, RGB-D odometry of OpenCV.
+"""Ways to know the pose, side by side on the same frames: odometry, RGB-D odometry of OpenCV, mappers.
 
-Each adds up displacements from the true start. Errors are those of evo: ATE is the root mean square distance of
-estimated from true places, without alignment, since all begin at the true pose; RPE is the same of the displacements
-from frame to frame, and of their turns.
+Each but the mappers adds up displacements from the true start. Errors are those of evo: ATE is the root mean square
+distance of estimated from true places, without alignment, since all begin at the true pose; RPE is the same of the
+displacements from frame to frame, and of their turns.
 OpenCV's odometry (dense, point-to-plane and photometric) sees two pictures and knows nothing of wheels. It is lost at
 times, in turns before bare walls: answers more than 0.1 m or 5 degrees off odometry are replaced by odometry.
 Reference: Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems, IROS 2012; Park, Zhou and Koltun, Colored
@@ -21,6 +21,7 @@ from robosim.camera import CameraConfig
 from robosim.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
+from slam.mapping import Mapper
 from slam.poses import between, compose, wrap
 
 #: Farthest that OpenCV's answer may be from odometry before it counts as lost [m, rad].
@@ -130,6 +131,22 @@ class Track:
             self._source.begin(view)
             return
         self.poses.append(compose(self.poses[-1], self._source.moved(view, action)))
+        self.seconds.append(time.perf_counter() - begin)
+
+
+class MapperTrack:
+    """The poses of a mapper that gets the same frames."""
+
+    def __init__(self, mapper: Mapper, start: Float[np.ndarray, "3"]) -> None:
+        self._mapper = mapper
+        self._mapper.reset(start)
+        self.poses: list[np.ndarray] = []
+        self.seconds: list[float] = []
+
+    def update(self, view: Observation, action: Action | None) -> None:
+        """Take in a frame and the action that led to it; None at the first."""
+        begin = time.perf_counter()
+        self.poses.append(self._mapper.update(view.depth, action, view.odometry).pose)
         self.seconds.append(time.perf_counter() - begin)
 
 

@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.bench.pose_tracks import (
+    MapperTrack,
     OpenCVOdometry,
     RawOdometry,
     Track,
@@ -57,7 +58,8 @@ EVERY = 4
 #: Decision at which pose errors are told.
 TOLD_AT = 500
 #: Ways to know the pose.
-ODOMETRY, UNBIASED, OPENCV, MATCHED = "odometry", "odometry, unbiased", "OpenCV RGB-D", "scan matching"
+ODOMETRY, UNBIASED, OPENCV = "odometry", "odometry, unbiased", "OpenCV RGB-D"
+LEARNED, MATCHED = "learned pose", "scan matching"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,9 +193,11 @@ class _Shadow:
         self.scores = {teller: PatchScores() for teller in TELLERS}
         self._true: list[np.ndarray] = []
         self._matched: list[np.ndarray] = []
-        self._tracks = {
+        other = make_navigator(config, mapper="learned-pose").mapper
+        self._tracks: dict[str, Track | MapperTrack] = {
             ODOMETRY: Track(RawOdometry(), task.start),
             UNBIASED: Track(UnbiasedOdometry(config.noise), task.start),
+            LEARNED: MapperTrack(other, task.start),
         }
         self._opencv = OpenCVOdometry(config.image, config.noise) if OpenCVOdometry.available() else None
         if self._opencv is not None:

@@ -27,7 +27,8 @@ class EpisodeOptions:
     explorer: Literal["nearest", "cheapest", "gain"] = "gain"
     """Who chooses among frontiers: the nearest, the one cheapest in decisions, or gain against decisions."""
     mapper: str = "classical"
-    """Who makes the map: classical, neural with the shipped network, or a .safetensors file of another."""
+    """Who makes the map: classical, neural with the shipped network, a .safetensors file of another, or learned-pose:
+    classical, with the pose found by a network."""
     link_states: str = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true"."""
     recognition: Literal["marker", "perfect"] = "marker"

@@ -152,3 +152,54 @@ def mapper(
         )
     console.print(f"Wrote the mapper, its card and curves in {folder}")
     console.print(f"Next: robosim episode flat --goal explore --mapper {folder / 'mapper.safetensors'}")
+
+
+def pose(
+    *,
+    data: Path | None = None,
+    steps: int = 5000,
+    batch: int = 48,
+    seed: int = 0,
+    threads: int = 2,
+    smoke: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Train the learned pose on collected frames: how far off a predicted pose is, from the map there and the frame.
+
+    Writes pose.safetensors with its card, and result.json. Every tenth home is held out for the scores. Takes minutes;
+    an interrupted run begins anew.
+
+    Example: robosim train pose --data out/frames --out out/pose
+
+    Args:
+        data: Folder of frames (`robosim collect`); with --smoke a few are collected.
+        steps: Batches to learn from.
+        batch: Pairs of a batch.
+        seed: Seed of the first weights, of the order of frames and of predicted poses.
+        threads: Threads of the network.
+        smoke: A run of less than a minute that shows that all works: few frames, few steps.
+        out: Folder for the results; a new one under runs/ if not given.
+    """
+    for name, value in (("threads", threads), ("steps", steps)):
+        if value < 1:
+            raise ValueError(f"{name} is {value}, expected at least 1.")
+    from robosim.mapper_training import smoke_frames
+    from robosim.pose_training import train_pose_network
+    from slam.mapper.pose_training import PoseRecipe
+
+    folder = folder_for(out, "train-pose")
+    if smoke:
+        steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
+    if data is None:
+        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)
+    told = f"robosim train pose --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
+    card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=told)
+    score = card["validation"]
+    console.print(
+        f"error of the pose, median: {1000 * score['told_m']:.1f} mm and {score['told_deg']:.2f} degrees, from "
+        f"predictions {1000 * score['predicted_m']:.1f} mm and {score['predicted_deg']:.2f} degrees off; "
+        f"{card['single_call_ms']:.2f} ms a call",
+        highlight=False,
+    )
+    console.print(f"Wrote the network of the pose and its card in {folder}")

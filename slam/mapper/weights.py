@@ -1,19 +1,32 @@
-"""A trained mapper in files: weights as safetensors, and a card that says what they are and what they reached."""
+"""Trained networks in files: weights as safetensors, and a card that says what they are and what they reached."""
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from safetensors import SafetensorError
 from safetensors.torch import load_file, save
+from torch import nn
 
 from slam.mapper.network import MapNetwork, NetworkConfig
+from slam.mapper.pose_network import PoseNetwork, PoseNetworkConfig
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 def save_mapper(network: MapNetwork, card: dict[str, Any], path: Path) -> None:
     """Write PATH (.safetensors) and the card beside it (.json)."""
-    head = {"widths": list(network.config.widths), "inputs": network.config.inputs}
+    _save(network, {"widths": list(network.config.widths), "inputs": network.config.inputs}, card, path)
+
+
+def save_pose(network: PoseNetwork, card: dict[str, Any], path: Path) -> None:
+    """Write PATH (.safetensors) and the card beside it (.json)."""
+    _save(network, {"widths": list(network.config.widths), "hidden": network.config.hidden}, card, path)
+
+
+def _save(network: nn.Module, head: dict[str, Any], card: dict[str, Any], path: Path) -> None:
     text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
     weights = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -29,13 +42,36 @@ def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
     Raises:
         ValueError: If a file is missing or damaged, or they do not fit each other.
     """
+    return _load(
+        path,
+        "mapper",
+        lambda card: MapNetwork(NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"])),
+    )
+
+
+def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
+    """A network of the pose from its weights; see `load_mapper`.
+
+    Raises:
+        ValueError: If a file is missing or damaged, or they do not fit each other.
+    """
+    return _load(
+        path,
+        "pose",
+        lambda card: PoseNetwork(PoseNetworkConfig(widths=tuple(card["widths"]), hidden=card["hidden"])),
+    )
+
+
+def _load(
+    path: Path, what: str, network_of: Callable[[dict[str, Any]], Network]
+) -> tuple[Network, dict[str, Any]]:
     try:
         card = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        network = MapNetwork(NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"]))
+        network = network_of(card)
         network.load_state_dict(load_file(path))
     except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
         raise ValueError(
-            f"{path} and its card {path.with_suffix('.json').name} are no weights of a mapper ({error}). "
-            "Train them anew with `robosim train mapper`."
+            f"{path} and its card {path.with_suffix('.json').name} are no weights of a {what} ({error}). "
+            f"Train them anew with `robosim train {what}`."
         ) from error
     return network.eval(), card

@@ -10,7 +10,7 @@ from rich.console import Console
 
 from robosim.bench.pose_tracks import OpenCVOdometry, RawOdometry, Track, UnbiasedOdometry, trajectory_errors
 from robosim.bench.slam import run
-from robosim.bench.slam_plan import MATCHED, ODOMETRY, OPENCV, TELLERS, UNBIASED, SlamSettings
+from robosim.bench.slam_plan import LEARNED, MATCHED, ODOMETRY, OPENCV, TELLERS, UNBIASED, SlamSettings
 from robosim.bench.slam_speed import SpeedSettings
 from robosim.building import make_building
 from robosim.camera import CameraConfig
@@ -103,7 +103,8 @@ def test_the_bench_scores_everything_and_goes_on(tmp_path):
     told = json.loads((tmp_path / "slam.json").read_text())
     for teller in TELLERS:
         assert 0 < told["maps"][teller]["iou_seen"] <= 1
-    assert {ODOMETRY, UNBIASED, MATCHED} <= set(told["poses"]) <= {ODOMETRY, UNBIASED, MATCHED, OPENCV}
+    always = {ODOMETRY, UNBIASED, LEARNED, MATCHED}
+    assert always <= set(told["poses"]) <= {*always, OPENCV}
     assert told["poses"][MATCHED]["then_m"] < 0.05
     assert 0 < told["walks"]["learned"]["seen_after_250"] <= 1
     assert {(row["mapper"], row["size"]) for row in told["speed"]} == {
