@@ -256,6 +256,8 @@ def _try_bounces(
     new = np.empty(5)
     for bounce in range(-down, up + 1):
         m = _raise(plan, setting, tx[2], rx[2], n, bounce, room)
+        if m > setting.max_interactions:
+            continue
         if corner >= 0 and bounce != 0 and _most_on_a_side(m, room) > setting.side_reflections:
             continue
         length, power = _weigh(plan, setting, corner, m, room)
@@ -345,6 +347,8 @@ def trace_links(
         far_image, far_view = far.image[v : far.view_start[i + 1]], far.chain[v : far.view_start[i + 1]]
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
+            if view[node, 2] + view[node, 3] > setting.max_interactions:
+                continue
             if count == keep:
                 length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
                 if (2 * setting.wavenumber * length) ** -2 < rank[count - 1, 0]:
@@ -361,7 +365,10 @@ def trace_links(
                 node = near_view[j]
                 if view[node, 2] + far_view[far_node, 2] > setting.edge_reflections:
                     continue
-                if view[node, 3] + far_view[far_node, 3] > setting.max_through:
+                through = view[node, 3] + far_view[far_node, 3]
+                if through > setting.max_through:
+                    continue
+                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_interactions:
                     continue
                 before = near_sight[j, 0]
                 if before < NOWHERE_M or after < NOWHERE_M:

@@ -58,6 +58,8 @@ class TracerConfig:
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 0
     """Most walls that a path goes straight through; needs wall_thickness_m."""
+    max_interactions: int | None = None
+    """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: float | None = None
     """Thickness of all walls, which are layers then [m]; None for half-spaces."""
     max_paths: int = 25
@@ -83,6 +85,9 @@ class TracerConfig:
         side = self.diffraction_side_reflections
         if side is not None and side < 0:
             raise ValueError(f"diffraction_side_reflections is {side}, expected at least 0, or None.")
+        most = self.max_interactions
+        if most is not None and most < 0:
+            raise ValueError(f"max_interactions is {most}, expected at least 0, or None.")
         if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
             raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
         if self.max_transmissions and self.wall_thickness_m is None:
@@ -295,6 +300,9 @@ class Tracer:
             edge_reflections=bent if config.diffraction else -1,
             side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
             max_through=config.max_transmissions,
+            max_interactions=np.iinfo(np.int64).max
+            if config.max_interactions is None
+            else config.max_interactions,
             thickness_m=config.wall_thickness_m or 0.0,
             vertical=vertical,
             horizontal=horizontal,

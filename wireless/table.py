@@ -35,6 +35,8 @@ class Setting(NamedTuple):
     """Most of them before the edge, and after it; at most edge_reflections."""
     max_through: int
     """Most walls that a path passes."""
+    max_interactions: int
+    """Most interactions of a path, of all kinds."""
     thickness_m: float
     """Thickness of all walls; 0 for half-spaces."""
     vertical: float

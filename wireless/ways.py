@@ -184,7 +184,7 @@ def try_path(
         return count
     bare = m
     m = pass_walls(space, setting, m, room, where, which)
-    if m < 0:
+    if m < 0 or m > setting.max_interactions:
         return count
     if m > bare:
         length, power = weigh_path(space, setting, m, room)

@@ -350,26 +350,26 @@ def test_a_wall_passed_where_its_triangles_meet_is_one_wall(extruded):
         np.testing.assert_allclose(paths.point[0, 0], (2, 0, 2), atol=1e-12)
 
 
+@pytest.fixture(params=["plan", "space"])
+def traced(request, extruded, walls):
+    """Traces the walls with floor and ceiling, as plan and in space, with two reflections about an edge."""
+    mesh = extruded(walls, floor=True, ceiling=True)
+
+    def trace(tx, rx, **options):
+        config = TracerConfig(scene=request.param, diffraction_reflections=2, max_paths=4000, **options)
+        return Tracer(mesh, config=config).trace(tx, rx)
+
+    return trace
+
+
 @pytest.mark.parametrize("floor_ceiling", [False, True])
-@pytest.mark.parametrize("scene", ["plan", "space"])
-def test_reflections_on_a_side_of_an_edge_are_limited(extruded, walls, floor_ceiling, scene):
+def test_reflections_on_a_side_of_an_edge_are_limited(traced, floor_ceiling):
     """At most one before and one after the edge: of all paths with two reflections exactly those, to 1e-12.
 
     Two on one side are left out, also if the floor is one of them; paths without an edge keep their three.
     """
-    mesh = extruded(walls, floor=True, ceiling=True)
     every, limited = (
-        Tracer(
-            mesh,
-            config=TracerConfig(
-                scene=scene,
-                floor_ceiling=floor_ceiling,
-                diffraction_reflections=2,
-                diffraction_side_reflections=side,
-                max_paths=2000,
-            ),
-        ).trace(TX, RX)
-        for side in (None, 1)
+        traced(TX, RX, floor_ceiling=floor_ceiling, diffraction_side_reflections=side) for side in (None, 1)
     )
     edge = every.interaction == Interaction.DIFFRACTION
     mirror = every.interaction == Interaction.REFLECTION
@@ -378,4 +378,26 @@ def test_reflections_on_a_side_of_an_edge_are_limited(extruded, walls, floor_cei
     wanted = every.select(~edge.any(axis=1) | ((before <= 1) & (after <= 1)))
     assert len(every) > len(wanted) > 0
     assert (edge.any(axis=1) & (before == 1) & (after == 1)).any()
+    np.testing.assert_allclose(table(limited), table(wanted), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("floor_ceiling", [False, True])
+def test_all_interactions_together_are_limited(traced, floor_ceiling):
+    """At most three, walls passed through the pillar too: of all paths exactly those of up to three, to 1e-12."""
+    every, limited = (
+        traced(
+            TX[:1],
+            RX[:2],
+            floor_ceiling=floor_ceiling,
+            max_transmissions=2,
+            wall_thickness_m=0.1,
+            max_interactions=most,
+        )
+        for most in (None, 3)
+    )
+    wanted = every.select(every.order <= 3)
+    assert len(every) > len(wanted) > 0
+    edge = (every.interaction == Interaction.DIFFRACTION).any(axis=1)
+    assert min(every.order[edge].max(), every.order[~edge].max()) > 3
+    assert (limited.interaction == Interaction.TRANSMISSION).any()
     np.testing.assert_allclose(table(limited), table(wanted), rtol=0, atol=1e-12)
