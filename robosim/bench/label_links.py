@@ -30,12 +30,13 @@ from wireless.raytrace import Tracer, TracerConfig
 WALL_M = 0.1
 #: An edge with two reflections, one before and one after, was found from the labels: where nothing else arrives at a
 #: fully traced receiver, 78 % of the links that have such a path are higher order, but 26 % and 41 % of those with both
-#: reflections after or before (nine buildings).
+#: reflections after or before (nine buildings). With a wall passed besides it is 44 %: three interactions are the most.
 TRACER = TracerConfig(
     max_reflections=3,
     diffraction_reflections=2,
     diffraction_side_reflections=1,
     max_transmissions=1,
+    max_interactions=3,
     wall_thickness_m=WALL_M,
     max_paths=25,
 )
