@@ -30,7 +30,7 @@ from robosim.goals import GoalName
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
-from robosim.stopwatch import LOOP_STAGES
+from robosim.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import Task, make_task
 from slam.grid import MapEstimate
 
@@ -121,8 +121,12 @@ def make_jobs(
     ]
 
 
-def run_job(job: Job) -> bytes:
+def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     """Run an episode and return the content of its file.
+
+    Args:
+        job: What to run.
+        watch: Measures the stages; wall-clock time if not given.
 
     Raises:
         MapError: If the task cannot be done in the plan.
@@ -138,7 +142,7 @@ def run_job(job: Job) -> bytes:
     def look(decision: Decision) -> None:
         goals.append(np.array(decision.goal, float))
 
-    log, estimate = run_episode(building, places, task, job.config, look)
+    log, estimate = run_episode(building, places, task, job.config, look, watch)
     if log.ended == "interrupted":
         raise KeyboardInterrupt
     seconds = perf_counter() - begin

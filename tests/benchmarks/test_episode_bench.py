@@ -9,7 +9,7 @@ from PIL import Image
 from rich.console import Console
 
 from robosim.bench import episode
-from robosim.bench.episode import DEFAULT, compare, run, variations
+from robosim.bench.episode import DEFAULT, compare, run, table, variations
 from robosim.episode import EpisodeConfig
 from robosim.planfiles import write_ros
 from tests.robosim.plans import two_rooms
@@ -57,6 +57,14 @@ def test_arrival_times_are_compared_task_by_task():
     assert (other.arrived, other.episodes) == (1, 2)
     assert usual.decisions_per_s == pytest.approx(np.mean([100, 1000 / 30]))
     assert other.relative_speed == pytest.approx(np.median([2.0, 1.5]))
+    cells = {str(column.header): list(column.cells)[1] for column in table([usual, other]).columns}
+    assert (cells["setting"], cells["arrived"], cells["speed"], cells["steps"]) == (
+        "x",
+        "1 of 2",
+        "1.75",
+        "125",
+    )
+    assert (cells["relative steps"], cells["rest"]) == ("1.25 [0.50, 2.00]", "6.2")
     assert other.stages_ms["radio"] == pytest.approx(6.25)
 
 
