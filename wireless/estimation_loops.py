@@ -23,6 +23,9 @@ ROUNDS = 60
 #: A round is the last if it lowers the residual's energy by no more than this [of noise in one entry], plus
 #: this share of it: close paths come apart slowly but steadily, and what no path explains stays.
 SETTLED, SETTLED_SHARE = 0.05, 0.005
+#: Paths beyond those asked for only have to be out of the way: this share will do, and one that has less than this
+#: part of the strongest one's energy ends the search.
+SETTLED_ROUGHLY, FAINT = 0.03, 1e-3
 
 
 class Curves(NamedTuple):
@@ -245,13 +248,14 @@ def _settle(
     size: Complex[np.ndarray, "paths pairs"],
     energy: Float[np.ndarray, "paths"],
     s: list[Scratch],
+    share: float,
 ) -> None:
-    """Refine all paths in turn until the residual settles."""
+    """Refine all paths in turn until a round lowers the residual by no more than a share of it."""
     before = _energy(x)
     for _ in range(ROUNDS if n > 1 else 0):
         _round(x, curves, n, at, size, energy, s)
         after = _energy(x)
-        if before - after < SETTLED + SETTLED_SHARE * after:
+        if before - after < SETTLED + share * after:
             break
         before = after
 
@@ -282,6 +286,7 @@ def find_paths(
     tensor: Complex[np.ndarray, "links rx window tx"],
     curves: Curves,
     threshold: float,
+    wanted: int,
     at: Float[np.ndarray, "links paths 3"],
     energy: Float[np.ndarray, "links paths"],
     count: Int[np.ndarray, "links"],
@@ -292,6 +297,7 @@ def find_paths(
         tensor: Measurements in the dimensions of the curves.
         curves: What paths look like.
         threshold: Energy that a path must have with all others taken off.
+        wanted: Paths asked for; of further ones faint ones are not looked for.
         at: Where delay, arrival and departure of paths go, in intervals of their curves.
         energy: Where their energies go.
         count: Where their numbers go.
@@ -309,9 +315,10 @@ def find_paths(
             _refine(x, curves, at[i, n], 2, s[n])
             _refine(x, curves, at[i, n], 0, s[n])
             energy[i, n] = _sizes(x, curves, s[n], size[n])
-            if energy[i, n] < threshold:
+            if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * energy[i, :n].max()):
                 break
             _add(x, curves, s[n], size[n], -1.0)
             n += 1
-            _settle(x, curves, n, at[i], size, energy[i], s)
+            share = SETTLED_SHARE if n <= wanted else SETTLED_ROUGHLY
+            _settle(x, curves, n, at[i], size, energy[i], s, share)
         count[i] = n

@@ -3,7 +3,9 @@
 A path is a delay, an azimuth of arrival and one of departure, none bound to a grid, and a size that all arrays
 share while their phases are free. So a direction between two faces is told from both arrays, by phase within
 and by size across. Paths are found and refined by `wireless.estimation_loops`; the first that would be weaker
-than the threshold ends the search. Paths outside the window are known by the tails of their pulses: they are
+than the threshold ends the search. More are found than returned: what is left of unexplained paths pulls on
+the others' sizes, and the strongest is mistaken (measured: 1.4 of 100 first-order links between 5 paths and 12).
+Paths outside the window are known by the tails of their pulses: they are
 explained, lest they pass for others, and left out of the result.
 
 The threshold is the energy that the best match in noise exceeds in a set share of links without any path. It is
@@ -27,6 +29,8 @@ from wireless.sounding import Rays, Sounder
 TURN_INTERVALS, SAMPLE_INTERVALS = 360, 20
 #: Samples before and after the window where paths are looked for, to be explained.
 APRON = 8
+#: Most paths that are looked for.
+MOST_PATHS = 12
 #: Links handed to a thread at once.
 BLOCK_LINKS = 64
 #: Links without a path, from which the threshold is learnt, and the share of them that makes its tail.
@@ -68,13 +72,14 @@ class SageEstimator:
 
     def estimate(self, tensor: Complex[np.ndarray, "links window kept beams"]) -> PathEstimates:
         """Paths of measurements."""
-        at, energy, count = self._find(tensor, self.threshold, self.n_paths)
+        most = max(self.n_paths, MOST_PATHS)
+        at, energy, count = self._find(tensor, self.threshold, most)
         half, sample_s = self.sounder.config.half_window, self.sounder.config.sample_s
         late = at[..., 0] / SAMPLE_INTERVALS - APRON - half
-        found = (np.arange(self.n_paths) < count[:, None]) & (np.abs(late) <= half + 0.5)
+        found = (np.arange(most) < count[:, None]) & (np.abs(late) <= half + 0.5)
         turn = at[..., 1:] * (2 * np.pi / TURN_INTERVALS)
         snr_db = self.sounder.snr_db(np.where(found, energy, 0.0), turn[..., 0], turn[..., 1])
-        order = np.argsort(-snr_db, axis=1, kind="stable")
+        order = np.argsort(-snr_db, axis=1, kind="stable")[:, : self.n_paths]
         late, snr_db, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, found))
         turn = np.take_along_axis(turn, order[..., None], axis=1)
         return PathEstimates(
@@ -96,7 +101,7 @@ class SageEstimator:
         def run(start: int) -> None:
             links = slice(start, start + BLOCK_LINKS)
             small = np.ascontiguousarray((tensor[links] @ basis).transpose(0, 2, 1, 3))
-            find_paths(small, self.curves, threshold, at[links], energy[links], count[links])
+            find_paths(small, self.curves, threshold, self.n_paths, at[links], energy[links], count[links])
 
         starts = range(0, n, BLOCK_LINKS)
         threads = min(available_cores() if self.workers is None else self.workers, len(starts))
