@@ -25,13 +25,13 @@ def claim(folder: Path, settings: dict[str, Any], *, begun: bool) -> None:
     Args:
         folder: The folder.
         settings: All that results depend on, in JSON's own types.
-        begun: Whether the folder holds results; settings in it must be these ones in any case.
+        begun: Whether the folder holds results of this kind; settings beside other files bind all the same.
 
     Raises:
         DatasetError: If it holds results of other ones.
     """
     path = folder / SETTINGS
-    if begun or path.exists():
+    if begun or (path.exists() and _holds_more(folder)):
         try:
             there = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -47,6 +47,12 @@ def claim(folder: Path, settings: dict[str, Any], *, begun: bool) -> None:
         return
     with whole(path) as partial:
         partial.write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8")
+
+
+def _holds_more(folder: Path) -> bool:
+    """Whether there is any file but the settings; hidden ones are locks and files not yet whole."""
+    files = (path for path in folder.rglob("*") if path.is_file())
+    return any(path.name != SETTINGS and not path.name.startswith(".") for path in files)
 
 
 def _difference(there: Any, now: Any, name: str = "") -> str:
