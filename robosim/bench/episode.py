@@ -219,7 +219,7 @@ def plot(path: Path, rows: Sequence[Row]) -> None:
         shape = "s" if row.setting == DEFAULT else "o"
         axes.errorbar(row.relative_speed, value, spread, fmt=shape, capsize=3, lw=1, label=row.setting)
     axes.axhline(1, color="0.6", lw=0.8, ls=":")
-    axes.set(xscale="log", xlabel="decisions per CPU second / default's", ylabel="arrival time / default's")
+    axes.set(xlabel="decisions per CPU second / default's", ylabel="arrival time / default's")
     axes.set_title("Whiskers: 95 % intervals; right and low is good", fontsize=9)
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=8)
