@@ -24,11 +24,6 @@ def shipped_weights() -> dict[str, Path]:
     }
 
 
-def shipped_mapper() -> Path:
-    """Weights of the shipped mapper."""
-    return assets_dir() / "weights" / "mapper.safetensors"
-
-
-def shipped_pose() -> Path:
-    """Weights of the shipped network that finds the pose."""
-    return assets_dir() / "weights" / "pose.safetensors"
+def shipped_network(name: str) -> Path:
+    """Weights of a shipped network of the navigator: mapper, pose, explorer or steering."""
+    return assets_dir() / "weights" / f"{name}.safetensors"

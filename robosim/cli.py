@@ -11,7 +11,7 @@ import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 
-from robosim.commands import bench, figures, train
+from robosim.commands import bench, figures, train, train_policies
 from robosim.commands.collect import collect
 from robosim.commands.dataset import dataset
 from robosim.commands.episode import episode
@@ -41,7 +41,13 @@ _FIGURES: _Commands = {
     "wireless": figures.wireless,
     "search": figures.search,
 }
-_TRAIN: _Commands = {"link-state": train.link_state, "mapper": train.mapper, "pose": train.pose}
+_TRAIN: _Commands = {
+    "link-state": train.link_state,
+    "mapper": train.mapper,
+    "pose": train.pose,
+    "explorer": train_policies.explorer,
+    "steering": train_policies.steering,
+}
 _GROUPS: dict[str, tuple[str, _Commands]] = {
     "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
     "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),

@@ -18,7 +18,7 @@ from robosim.goals import GoalName, GoalPolicy, make_policy
 from robosim.hearing import Heard, Listener
 from robosim.interrupt import noted_interrupt
 from robosim.moment import Moment
-from robosim.navigation import make_navigator
+from robosim.navigation import ControllerName, make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
@@ -39,6 +39,8 @@ class EpisodeConfig:
     """Who chooses the goals."""
     explorer: ExplorerName = "gain"
     """Who chooses among frontiers when the goal is to explore."""
+    controller: ControllerName = "planned"
+    """Who chooses actions: a search over turns and runs, or a network that has watched it."""
     mapper: str = "classical"
     """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
     seed: int = 0
@@ -100,7 +102,9 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    mapper, planner, controller, explorer = make_navigator(config.simulator, config.explorer, config.mapper)
+    mapper, planner, controller, explorer = make_navigator(
+        config.simulator, config.explorer, config.mapper, config.controller
+    )
     policy = make_policy(config.goal, task, explorer)
     simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
     listener = Listener(simulator.radio, config.link_states) if simulator.radio else None

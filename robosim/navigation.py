@@ -5,11 +5,12 @@ hull, and the mean error of its odometry for each action, which a calibration ru
 """
 
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
-from robosim.assets import shipped_mapper, shipped_pose
+from robosim.assets import shipped_network
 from robosim.simulator import SimulatorConfig
 from slam.actions import Action
+from slam.choosing import load_chooser
 from slam.control import ControlConfig, Controller
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
@@ -17,6 +18,9 @@ from slam.mapping import ClassicalMapper, Mapper, MapperConfig
 from slam.odometry import OdometryConfig
 from slam.planning import Planner, PlannerConfig
 from slam.projection import Band, CameraModel
+from slam.steering import load_steering
+
+ControllerName = Literal["planned", "learned"]
 
 
 class Navigator(NamedTuple):
@@ -29,7 +33,10 @@ class Navigator(NamedTuple):
 
 
 def make_navigator(
-    config: SimulatorConfig, explorer: ExplorerName = "gain", mapper: str = "classical"
+    config: SimulatorConfig,
+    explorer: ExplorerName = "gain",
+    mapper: str = "classical",
+    controller: ControllerName = "planned",
 ) -> Navigator:
     """The navigator of the robot that is simulated.
 
@@ -38,6 +45,7 @@ def make_navigator(
         explorer: Who rates frontiers.
         mapper: "classical", "neural" for the shipped network, or a .safetensors file of another; "learned-pose" for
             the classical one with the pose found by the shipped network instead of by scan matching.
+        controller: Who chooses actions: the best of all turns and runs, or a network that has watched that.
 
     Raises:
         ValueError: If the mapper is unknown or its file is damaged.
@@ -48,7 +56,7 @@ def make_navigator(
         left_bias=_bias(config, Action.LEFT),
         right_bias=_bias(config, Action.RIGHT),
     )
-    cost = CostConfig(radius_m=radius_m)
+    cost, control = CostConfig(radius_m=radius_m), ControlConfig(radius_m=radius_m)
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
@@ -56,8 +64,13 @@ def make_navigator(
     return Navigator(
         _mapper(mapper, mapping),
         Planner(PlannerConfig(cost=cost)),
-        Controller(ControlConfig(radius_m=radius_m)),
-        FrontierExplorer(ExplorerConfig(rating=explorer, cost=cost)),
+        load_steering(shipped_network("steering"), control)
+        if controller == "learned"
+        else Controller(control),
+        FrontierExplorer(
+            ExplorerConfig(rating=explorer, cost=cost),
+            load_chooser(shipped_network("explorer")) if explorer == "learned" else None,
+        ),
     )
 
 
@@ -69,9 +82,9 @@ def _mapper(name: str, config: MapperConfig) -> Mapper:
     from slam.neural_mapping import NeuralMapper
 
     if name == "learned-pose":
-        return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_pose())[0]))
+        return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
-    path = shipped_mapper() if name == "neural" else Path(name)
+    path = shipped_network("mapper") if name == "neural" else Path(name)
     if path.suffix != ".safetensors":
         raise ValueError(
             f"mapper is {name!r}, expected classical, neural, learned-pose, or a .safetensors file."

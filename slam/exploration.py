@@ -3,20 +3,23 @@
 One travel-time field from the robot prices the ways to all frontiers. "nearest" goes to the one with the shortest
 way, the named baseline. For the others, the most promising are priced in decisions (turns of 10 degrees and steps of a
 quarter metre, along the real way): "cheapest" takes the one that takes fewest, "gain" lets the unseen area behind make
-up for decisions. A goal is kept until its frontier has been seen or another one is clearly better. A frontier that
-stays although the robot stands before it, or that is not reached in good time, is given up.
+up for decisions, "learned" asks a network that was trained to see much soon. A goal is kept until its frontier has been
+seen or another one is clearly better. A frontier that stays although the robot stands before it, or that is not reached
+in good time, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, TURN_RAD
+from slam.choosing import Offer, describe
 from slam.cost_map import EASES, Box, CostConfig, cut_box, known_box
 from slam.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
@@ -28,7 +31,7 @@ from slam.ways import ways_from_robot
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
 
-ExplorerName = Literal["nearest", "cheapest", "gain"]
+ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +39,7 @@ class ExplorerConfig:
     """How frontiers are found and rated."""
 
     rating: ExplorerName = "gain"
-    """What makes a frontier the best: the shortest way, the fewest decisions, or area seen against decisions."""
+    """What makes a frontier the best: the way, the decisions, area seen against decisions, or what was learned."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
     view_m: float = 3.2
@@ -72,8 +75,24 @@ class ExplorerConfig:
 class FrontierExplorer:
     """Chooses goals one after another until nothing is left to see."""
 
-    def __init__(self, config: ExplorerConfig = ExplorerConfig()):
+    def __init__(
+        self,
+        config: ExplorerConfig = ExplorerConfig(),
+        choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
+    ):
+        """An explorer that has seen nothing yet.
+
+        Args:
+            config: How frontiers are found and rated.
+            choose: Which of some frontiers, told of as `slam.choosing.describe` does, is taken if rated by "learned".
+
+        Raises:
+            ValueError: If there is nobody to choose.
+        """
+        if (config.rating == "learned") != (choose is not None):
+            raise ValueError(f"rating = {config.rating!r}, expected 'learned' with `choose`, and only then.")
         self.config = config
+        self._choose_offer = choose
         self.reset()
 
     def reset(self) -> None:
@@ -161,19 +180,30 @@ class FrontierExplorer:
     def _best(self, box: Box, way: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
         """Goal of the frontier with the best rating."""
         promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))[: self.config.candidates]
-        rated = []
-        for frontier in promising:
-            decisions = self._decisions(way, frontier, box.pose)
-            rating = frontier.cost_m / FORWARD_M if self.config.rating == "nearest" else decisions
-            rating -= self._bonus(frontier)
-            if self.config.rating == "gain":
-                area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
-                rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
-            rated.append((rating, decisions, frontier))
-        _, decisions, best = min(rated, key=lambda r: r[0])
-        if self._goal is None or math.hypot(*(best.goal_xy - self._goal)) > 0.5:
-            self._turn_to(best.goal_xy, 3 * decisions + 40)
-        return best.goal_xy
+        offers = [self._offer(box, way, frontier) for frontier in promising]
+        if self._choose_offer:
+            best = offers[self._choose_offer(describe(offers, box, self.config.view_m))]
+        else:
+            best = min(offers, key=lambda offer: offer.rating)
+        goal = best.frontier.goal_xy
+        if self._goal is None or math.hypot(*(goal - self._goal)) > 0.5:
+            self._turn_to(goal, 3 * best.decisions + 40)
+        return goal
+
+    def _offer(self, box: Box, way: TravelTime, frontier: Frontier) -> Offer:
+        """A frontier with what it costs and shows."""
+        decisions, area, bonus = self._decisions(way, frontier, box.pose), 0.0, self._bonus(frontier)
+        rating = frontier.cost_m / FORWARD_M if self.config.rating == "nearest" else decisions
+        if self._counts_area:
+            area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
+            rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
+        return Offer(
+            frontier=frontier, decisions=decisions, area_m2=area, kept=bonus > 0, rating=rating - bonus
+        )
+
+    @property
+    def _counts_area(self) -> bool:
+        return self.config.rating in ("gain", "learned")
 
     def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
         """Begin with a goal; one that was left for another one goes on with what was left of its budget [decisions].
@@ -193,7 +223,7 @@ class FrontierExplorer:
         guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
         if self.config.rating != "nearest":
             guess += turn
-        if self.config.rating == "gain":
+        if self._counts_area:
             area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
             guess -= self.config.gain_weight * area
         return guess

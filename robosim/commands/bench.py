@@ -75,7 +75,7 @@ def navigation(
 def exploration(
     plans: Positional[tuple[str, ...]],
     *,
-    explorers: tuple[Literal["nearest", "cheapest", "gain"], ...] = ("nearest", "gain"),
+    explorers: tuple[Literal["nearest", "cheapest", "gain", "learned"], ...] = ("nearest", "gain"),
     seed: int = 1,
     noise: float = 1.0,
     physics: Literal["dynamic", "kinematic"] = "dynamic",

@@ -24,8 +24,10 @@ class EpisodeOptions:
     """Level of the depth camera's noise: 0 none, 1 as published for a Kinect."""
     radio: Literal["live", "cached"] = "live"
     """live traces radio paths at the robot's true place; cached at the middle of its square of 0.15 m."""
-    explorer: Literal["nearest", "cheapest", "gain"] = "gain"
-    """Who chooses among frontiers: the nearest, the one cheapest in decisions, or gain against decisions."""
+    explorer: Literal["nearest", "cheapest", "gain", "learned"] = "gain"
+    """Who chooses among frontiers: the nearest, the one cheapest in decisions, gain against decisions, or learned."""
+    controller: Literal["planned", "learned"] = "planned"
+    """Who chooses actions: a search over turns and straight runs, or a network that has watched it."""
     mapper: str = "classical"
     """Who makes the map: classical, neural with the shipped network, a .safetensors file of another, or learned-pose:
     classical, with the pose found by a network."""
@@ -58,6 +60,7 @@ class EpisodeOptions:
         return EpisodeConfig(
             goal=goal,
             explorer=self.explorer,
+            controller=self.controller,
             mapper=self.mapper,
             link_states=self.link_states,
             seed=seed,

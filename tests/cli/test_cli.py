@@ -7,17 +7,19 @@ import sys
 import pytest
 import trimesh
 
-from robosim.cli import main
+from robosim.cli import _COMMANDS, _GROUPS, main
 from robosim.planfiles import read_plan
 from tests.robosim.plans import two_rooms
 
+COMMANDS = [
+    "",
+    *_COMMANDS,
+    *_GROUPS,
+    *(f"{group} {name}" for group, (_, names) in _GROUPS.items() for name in names),
+]
 
-@pytest.mark.parametrize(
-    "command",
-    ["", "episode", "evaluate", "plan", "trace", "generate", "doctor", "bench", "bench render", "bench physics",
-     "bench navigation", "bench estimation", "figures", "figures plans", "figures arrays", "figures wireless",
-     "train", "train link-state"],
-)  # fmt: skip
+
+@pytest.mark.parametrize("command", COMMANDS)
 def test_every_command_explains_itself(command, capsys):
     with pytest.raises(SystemExit) as stop:
         main([*command.split(), "--help"])

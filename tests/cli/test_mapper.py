@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from robosim.assets import shipped_mapper
+from robosim.assets import shipped_network
 from robosim.cli import main
 
 
@@ -52,7 +52,7 @@ def test_train_pose(tmp_path, capsys):
 
 def test_bench_slam(tmp_path, capsys):
     """Each table is printed; another network stands in the table of speed under the name of its folder."""
-    weights = shipped_mapper()
+    weights = shipped_network("mapper")
     options = (
         "--mapper neural --steps 3 --seed 2 --noise 0.5 --depth-noise 0.5 --workers 1 --physics kinematic"
     )

@@ -2,12 +2,17 @@
 
 import csv
 import json
+import shutil
 
 import numpy as np
 import pytest
 
+from robosim import explorer_training
 from robosim.cli import main
 from robosim.link_training import deal
+from slam.choosing import load_chooser
+from slam.control import ControlConfig
+from slam.steering import load_steering
 from wireless.linkstate import load_classifier
 
 
@@ -122,3 +127,43 @@ def test_what_cannot_be_is_told(folders, tmp_path, capsys):
 def test_folds_part_the_buildings():
     assert sorted(i for part in deal(18, 3) for i in part) == list(range(18))
     assert [len(part) for part in deal(7, 3)] == [3, 2, 2]
+
+
+def test_an_explorer_is_the_same_with_any_number_of_workers_and_after_a_break(tmp_path, monkeypatch, capsys):
+    """Two workers at once, or one that was stopped after a round and began again: the same weights, byte for byte."""
+    options = "train explorer --homes 2 --decisions 25 --held-out 1 --seed 3 --smoke"
+    main(f"{options} --workers 2 --out {tmp_path}/two".split())
+    card = json.loads((tmp_path / "two" / "explorer.json").read_text())
+    assert card["recipe"]["homes"] == 2
+    assert set(card["mean_coverage"]) == {"nearest", "cheapest", "gain", "learned"}
+    rounds = iter([explorer_training.improve])
+    with monkeypatch.context() as patch, pytest.raises(SystemExit) as stop:
+        # The second round finds nobody to improve it, as if Ctrl-C had been pressed.
+        patch.setattr(explorer_training, "improve", lambda *a: next(rounds, _interrupted)(*a))
+        main(f"{options} --workers 1 --out {tmp_path}/one".split())
+    assert stop.value.code == 130
+    assert not (tmp_path / "one" / "explorer.safetensors").exists()
+    main(f"{options} --workers 1 --out {tmp_path}/one".split())
+    assert "learned" in capsys.readouterr().out
+    weights = [(tmp_path / name / "explorer.safetensors").read_bytes() for name in ("one", "two")]
+    assert weights[0] == weights[1]
+    load_chooser(tmp_path / "one" / "explorer.safetensors")
+
+
+def _interrupted(*_):
+    raise KeyboardInterrupt
+
+
+def test_a_local_policy_is_the_same_with_any_number_of_workers_and_after_a_break(tmp_path):
+    """Two workers at once, or one that goes on after the first round: the same weights, byte for byte."""
+    options = "train steering --homes 2 --held-out 1 --seed 3 --smoke"
+    main(f"{options} --workers 2 --out {tmp_path}/two".split())
+    card = json.loads((tmp_path / "two" / "steering.json").read_text())
+    assert set(card["mean_of_drives"]) == {"planned", "learned"}
+    (tmp_path / "one").mkdir()
+    for name in ("settings.json", "round-1.npz"):
+        shutil.copy(tmp_path / "two" / name, tmp_path / "one")
+    main(f"{options} --workers 1 --out {tmp_path}/one".split())
+    weights = [(tmp_path / name / "steering.safetensors").read_bytes() for name in ("one", "two")]
+    assert weights[0] == weights[1]
+    assert load_steering(tmp_path / "one" / "steering.safetensors", ControlConfig()).weights

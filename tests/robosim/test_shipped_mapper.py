@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.assets import shipped_mapper, shipped_pose
+from robosim.assets import shipped_network
 from robosim.building import make_building
 from robosim.collect import CollectConfig, collect, collect_home, home_building
 from robosim.depth_noise import DepthNoise
@@ -28,7 +28,7 @@ def test_it_beats_the_classical_map_in_new_homes(tmp_path):
     Bounds: IoU of obstacles in view above 0.8 and above the classical map's; hidden obstacles 0.1 above; calibration
     within 0.02 in view.
     """
-    network, card = load_mapper(shipped_mapper())
+    network, card = load_mapper(shipped_network("mapper"))
     frames = read_frames(
         collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET)
     )
@@ -37,7 +37,7 @@ def test_it_beats_the_classical_map_in_new_homes(tmp_path):
     assert learned["iou_hidden"] > classical["iou_hidden"] + 0.1
     assert learned["calibration_error_seen"] < 0.02
     assert card["parameters"] < 1_000_000
-    assert shipped_mapper().stat().st_size < 5_000_000
+    assert shipped_network("mapper").stat().st_size < 5_000_000
 
 
 def test_an_episode_with_it():
@@ -102,7 +102,7 @@ def test_the_shipped_pose_tells_offsets_in_new_homes(tmp_path):
 
     Its matrix is right within a factor of two; in an episode it holds the pose within 0.2 m for 60 decisions.
     """
-    network, card = load_pose(shipped_pose())
+    network, card = load_pose(shipped_network("pose"))
     pairs = read_pairs(collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET))
     scores = pose_scores(network, pairs)
     assert scores["told_m"] < 0.5 * scores["predicted_m"]

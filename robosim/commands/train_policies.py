@@ -1,0 +1,109 @@
+"""`robosim train` for what is learnt by acting: where to look next, which action to take."""
+
+from pathlib import Path
+
+from robosim.commands.terminal import console, folder_for
+
+
+def explorer(
+    *,
+    rounds: int = 60,
+    homes: int = 24,
+    decisions: int = 300,
+    held_out: int = 40,
+    seed: int = 0,
+    workers: int = 2,
+    smoke: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Train the choice among frontiers by reinforcement (PPO), on walks through invented homes.
+
+    Writes explorer.safetensors with its card, result.json and the curve. It begins with the rating "gain". The
+    best weights are chosen on homes held out; on further ones they are compared with the hand-made ratings in the end.
+    An interrupted run goes on when the same command is given again; the result does not depend on the number of
+    workers.
+
+    Example: robosim train explorer --out out/explorer
+
+    Args:
+        rounds: Rounds of walks and improvement.
+        homes: Homes of a round, a walk through each.
+        decisions: Decisions of a walk.
+        held_out: Homes to choose the best weights by, and as many to compare in the end.
+        seed: Seed of homes, starts, weights and choices.
+        workers: Processes that walk.
+        smoke: A run of a minute that shows that all works: two rounds of few, short walks.
+        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+    """
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least 1.")
+    from robosim.explorer_training import ExplorerRecipe, train_explorer
+
+    if smoke:
+        rounds, homes, decisions, held_out = (
+            min(rounds, 2),
+            min(homes, 3),
+            min(decisions, 40),
+            min(held_out, 2),
+        )
+    recipe = ExplorerRecipe(
+        rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, every=1 if smoke else 5, seed=seed
+    )
+    folder = folder_for(out, "train-explorer")
+    told = (
+        f"robosim train explorer --rounds {rounds} --homes {homes} --decisions {decisions} --held-out {held_out} "
+        f"--seed {seed}"
+    )
+    card = train_explorer(folder, recipe, workers=workers, console=console, about=told)
+    for rating, mean in card["mean_coverage"].items():
+        console.print(f"{rating:>10}: {mean:.4f} of the floor seen on average over a walk", highlight=False)
+    console.print(f"Wrote the explorer, its card and curve in {folder}")
+
+
+def steering(
+    *,
+    rounds: int = 5,
+    homes: int = 60,
+    held_out: int = 60,
+    seed: int = 0,
+    workers: int = 2,
+    smoke: bool = False,
+    out: Path | None = None,
+) -> None:
+    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives through invented homes.
+
+    Writes steering.safetensors with its card, on which both are compared in homes held out. An interrupted run goes on
+    when the same command is given again; the result does not depend on the number of workers.
+
+    Example: robosim train steering --out out/steering
+
+    Args:
+        rounds: Rounds of driving and learning.
+        homes: Homes of a round, a drive to one target in each.
+        held_out: Homes for the comparison in the end.
+        seed: Seed of homes, targets, noise and weights.
+        workers: Processes that drive.
+        smoke: A run of a minute that shows that all works: two rounds of a few short drives.
+        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+    """
+    if workers < 1:
+        raise ValueError(f"workers is {workers}, expected at least 1.")
+    from dataclasses import replace
+
+    from robosim.steering_training import SteeringRecipe, train_steering
+
+    if smoke:
+        rounds, homes, held_out = min(rounds, 2), min(homes, 2), min(held_out, 2)
+    recipe = SteeringRecipe(rounds=rounds, homes=homes, held_out=held_out, seed=seed)
+    if smoke:
+        recipe = replace(recipe, epochs=2, max_steps=15)
+    folder = folder_for(out, "train-steering")
+    told = f"robosim train steering --rounds {rounds} --homes {homes} --held-out {held_out} --seed {seed}"
+    card = train_steering(folder, recipe, workers=workers, console=console, about=told)
+    for name, mean in card["mean_of_drives"].items():
+        console.print(
+            f"{name:>10}: {100 * mean['arrived']:.1f} % arrived, {mean['steps']:.1f} decisions and {mean['bumps']:.2f} "
+            "bumps a drive",
+            highlight=False,
+        )
+    console.print(f"Wrote the local policy and its card in {folder}")
