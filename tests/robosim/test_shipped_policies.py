@@ -1,9 +1,12 @@
-"""The shipped local policy drives, through a building and with a body that it was not trained in."""
+"""What was learnt by acting holds where it was not learnt: the local policy, and the choice where to look next."""
 
 import numpy as np
+from safetensors.numpy import load_file
 
+from robosim.assets import shipped_network
 from robosim.building import make_building
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.explorer_training import ExplorerRecipe, mean_coverage
 from robosim.planfiles import read_plan
 from robosim.reach import reach
 from robosim.tasks import make_task
@@ -23,3 +26,14 @@ def test_the_learned_local_policy_arrives():
         assert log.ended == "arrived"
         steps[controller] = log.steps
     assert steps["learned"] <= 1.5 * steps["planned"]
+
+
+def test_the_learned_choice_sees_more_sooner():
+    """Walks of 150 decisions through six homes of another seed: above the hand-made rating it began from.
+
+    Measured: 0.484 of the floor seen on average against 0.411; over 40 homes and 300 decisions 0.664 against 0.621.
+    """
+    weights, recipe = load_file(shipped_network("explorer")), ExplorerRecipe(decisions=150, seed=77)
+    learned = [mean_coverage(home, recipe, "learned", weights) for home in range(6)]
+    rated = [mean_coverage(home, recipe, "gain") for home in range(6)]
+    assert np.mean(learned) > np.mean(rated) + 0.03
