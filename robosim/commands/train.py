@@ -101,7 +101,7 @@ def link_state(
 def mapper(
     *,
     data: Path | None = None,
-    steps: int = 6000,
+    steps: int = 3000,
     batch: int = 32,
     widths: tuple[int, ...] = (16, 32, 64, 96),
     seed: int = 0,
