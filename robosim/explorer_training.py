@@ -8,7 +8,7 @@ workers gives the same weights.
 """
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
@@ -131,8 +131,12 @@ def mean_coverage(
 ) -> float:
     """Mean part of the floor that had been seen over the decisions of a walk; the last value is held."""
     coverage, _ = walk_home(home, recipe, rating, Chooser(weights) if weights is not None else None)
-    held = np.append(coverage, np.full(recipe.decisions, coverage[-1]))[: recipe.decisions]
-    return float(held.mean())
+    return _held_mean(coverage, recipe.decisions)
+
+
+def _held_mean(coverage: Float[np.ndarray, "m"], decisions: int) -> float:
+    """Mean of a coverage over so many decisions; its last value is held."""
+    return float(np.append(coverage, np.full(decisions, coverage[-1]))[:decisions].mean())
 
 
 def train_explorer(
@@ -216,20 +220,12 @@ def _learn(
             walks = list(parallel(joblib.delayed(chance_walk)(now(), home, recipe) for home in homes))
             rng = np.random.default_rng([recipe.seed, n, 5])
             told = improve(weights, optimiser, [walk for walk in walks if len(walk.taken)], recipe.ppo, rng)
+            seen = [_held_mean(walk.coverage, recipe.decisions) for walk in walks]
             state["round"] = n + 1
-            state["curve"].append({"round": n + 1, "coverage": _mean(walks, recipe), **told})
+            state["curve"].append({"round": n + 1, "coverage": float(np.mean(seen)), **told})
             _keep(checkpoint, weights, optimiser, recipe, state)
     _validate(state, now(), recipe, parallel)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
-
-
-def _mean(walks: Iterable[Walk], recipe: ExplorerRecipe) -> float:
-    """Mean over walks of the part of the floor that had been seen over a walk's decisions."""
-    held = [
-        np.append(walk.coverage, np.full(recipe.decisions, walk.coverage[-1]))[: recipe.decisions].mean()
-        for walk in walks
-    ]
-    return float(np.mean(held))
 
 
 def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, parallel: Any) -> None:
