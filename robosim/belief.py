@@ -50,6 +50,10 @@ class BeliefConfig:
     """Measurements nearer to the last one do not count [m]."""
     in_sight: float = 0.02
     """How much less likely the target is where it would be in line of sight, if it is not."""
+    departures: bool = True
+    """Whether directions of departure are known; they are not if the target's beams are not."""
+    remembers: bool = True
+    """Whether measurements are gathered on the way; if not, the belief is that of the last one alone."""
 
 
 class TargetBelief:
@@ -80,9 +84,11 @@ class TargetBelief:
         known = knowledge(estimate, beside_m=0.2)
         density = self._density(heard, known)
         flat = np.float32(self.config.doubt / density.size)
-        self._log += np.float32(self.config.weight) * np.log(
-            flat + (1 - np.float32(self.config.doubt)) * density
-        )
+        told = np.log(flat + (1 - np.float32(self.config.doubt)) * density)
+        if self.config.remembers:
+            self._log += np.float32(self.config.weight) * told
+        else:
+            self._log = told
         # Nothing is ruled out for good.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
@@ -121,7 +127,8 @@ class TargetBelief:
             total = total + probability[LinkState.LOS] * self._straight(heard, known, free_m, distance)
         if probability[LinkState.FIRST_ORDER] > 1e-3:
             spread = math.radians(self.config.departure_deg)
-            aoa, aod = float(heard.aoa_rad[0]), float(heard.aod_rad[0])
+            aoa = float(heard.aoa_rad[0])
+            aod = float(heard.aod_rad[0]) if self.config.departures else None
             once = bent(known, place, aoa, aod, spread, free_m, self.frame) * hidden
             total = total + probability[LinkState.FIRST_ORDER] * _normal(once if once.any() else hidden)
         if probability[LinkState.HIGHER_ORDER] > 1e-3:

@@ -14,6 +14,7 @@ from jaxtyping import Float
 from robosim.belief import TargetBelief
 from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
+from robosim.fused import FusedConfig
 from robosim.goals import GoalName, GoalPolicy, make_policy
 from robosim.hearing import Heard, Listener
 from robosim.interrupt import noted_interrupt
@@ -53,6 +54,8 @@ class EpisodeConfig:
     """What is simulated."""
     link_states: str = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
+    fused: FusedConfig = field(default_factory=FusedConfig)
+    """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
         if self.max_steps < 1:
@@ -105,7 +108,7 @@ def run_episode(
     mapper, planner, controller, explorer = make_navigator(
         config.simulator, config.explorer, config.mapper, config.controller
     )
-    policy = make_policy(config.goal, task, explorer)
+    policy = make_policy(config.goal, task, explorer, config.fused)
     simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
     listener = Listener(simulator.radio, config.link_states) if simulator.radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))

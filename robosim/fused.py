@@ -30,6 +30,8 @@ class FusedConfig:
 
     belief: BeliefConfig = field(default_factory=BeliefConfig)
     """How the belief is formed."""
+    looks: bool = True
+    """Whether the target is looked for in pictures."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
     sure: float = 0.3
@@ -53,10 +55,11 @@ class FusedConfig:
 class Fused:
     """Goes where the target is believed to be, or where most is learnt about it."""
 
-    seeks_target, listens, looks = True, True, True
+    seeks_target, listens = True, True
 
     def __init__(self, explorer: FrontierExplorer, config: FusedConfig | None = None) -> None:
         self.config = config or FusedConfig()
+        self.looks = self.config.looks
         self._explorer = explorer
         self.belief: TargetBelief | None = None
         self._goal: np.ndarray | None = None

@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from robosim.arrival import FollowArrival
 from robosim.belief import TargetBelief
-from robosim.fused import Fused
+from robosim.fused import Fused, FusedConfig
 from robosim.moment import Moment
 from robosim.tasks import Task
 from slam.exploration import FrontierExplorer
@@ -118,8 +118,16 @@ class Wireless:
         return self._explorer.goal(moment.estimate) if ahead is None else ahead
 
 
-def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalPolicy:
+def make_policy(
+    name: GoalName, task: Task, explorer: FrontierExplorer, fused: FusedConfig | None = None
+) -> GoalPolicy:
     """A goal policy by its name.
+
+    Args:
+        name: Its name.
+        task: What the oracle is told.
+        explorer: Who chooses among frontiers.
+        fused: How `fused` weighs what it knows.
 
     Raises:
         ValueError: If there is none of that name.
@@ -133,5 +141,5 @@ def make_policy(name: GoalName, task: Task, explorer: FrontierExplorer) -> GoalP
     if name in _TRUSTED:
         return Wireless(explorer, _TRUSTED[name])
     if name == "fused":
-        return Fused(explorer)
+        return Fused(explorer, fused)
     raise ValueError(f"Unknown goal policy {name!r}. Known: {', '.join(get_args(GoalName))}.")

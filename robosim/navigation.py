@@ -51,10 +51,15 @@ def make_navigator(
         ValueError: If the mapper is unknown or its file is damaged.
     """
     radius_m = config.robot.radius_m
-    odometry = OdometryConfig(
-        forward_bias=_bias(config, Action.FORWARD),
-        left_bias=_bias(config, Action.LEFT),
-        right_bias=_bias(config, Action.RIGHT),
+    odometry = (
+        # So sure of it that no scan moves the pose.
+        OdometryConfig(position_std_m=1e-6, yaw_std_rad=1e-6, learn=False)
+        if config.noise.exact_odometry
+        else OdometryConfig(
+            forward_bias=_bias(config, Action.FORWARD),
+            left_bias=_bias(config, Action.LEFT),
+            right_bias=_bias(config, Action.RIGHT),
+        )
     )
     cost, control = CostConfig(radius_m=radius_m), ControlConfig(radius_m=radius_m)
     # What hangs higher than the mast and the camera on it does not stop the robot.

@@ -62,6 +62,8 @@ class NoiseModel:
     """Scale of all deviations: 0 none, 1 as published."""
     variant: NoiseVariant = "published"
     """Numbers as published, or with their two probable defects undone."""
+    exact_odometry: bool = False
+    """Whether odometry tells motions as they were; the robot still does not quite do what it is told."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.level) and self.level >= 0):
@@ -80,11 +82,13 @@ class NoiseModel:
     ) -> Float[np.ndarray, "3"]:
         """What odometry says of a motion dx [m], dy [m], dyaw [rad] that an action led to."""
         mean, deviation = self._moments(_SENSOR, action)
-        return true_displacement + self.level * rng.normal(mean, deviation)
+        # Drawn all the same: the motions that follow must not depend on it.
+        error = self.level * rng.normal(mean, deviation)
+        return true_displacement + (0.0 if self.exact_odometry else error)
 
     def sensor_bias(self, action: Action) -> Float[np.ndarray, "3"]:
         """Mean error of `sense` [m, m, rad]: what a calibration finds, and a mapper may subtract."""
-        return self.level * self._moments(_SENSOR, action)[0]
+        return (0.0 if self.exact_odometry else self.level) * self._moments(_SENSOR, action)[0]
 
     def sense_motion(
         self, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
@@ -100,7 +104,7 @@ class NoiseModel:
         for action, part in parts.items():
             mean, deviation = self._moments(_SENSOR, action)
             measured += self.level * rng.normal(part * mean, math.sqrt(abs(part)) * deviation)
-        return measured
+        return np.array(true_displacement, float) if self.exact_odometry else measured
 
     def _moments(
         self, table: _Table, action: Action

@@ -17,6 +17,8 @@ from wireless.compiled import compiled
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 #: Bit of free cells that lie beside an obstacle, where a wave may bend or bounce.
 BESIDE = 4
+#: Directions in which a wave may have started whose departure is not known.
+_ALL_ROUND = 72
 
 
 class Knowledge(NamedTuple):
@@ -65,7 +67,7 @@ def bent(
     known: Knowledge,
     place: Float[np.ndarray, "2"],
     aoa_rad: float,
-    aod_rad: float,
+    aod_rad: float | None,
     spread_rad: float,
     friis_m: float,
     onto: GridFrame,
@@ -73,18 +75,25 @@ def bent(
     """Where a wave may have started that met one corner or wall on its way to a place; weights of cells.
 
     The wave met something at a point along the arrival, beside an obstacle or in the unknown, and came there against
-    its departure. It lost up to 45 dB at that point, so its way is no longer than that of a free wave of its power.
+    its departure, or from anywhere if that is not known. It lost up to 45 dB at that point, so its way is no longer
+    than that of a free wave of its power.
 
     Args:
         known: The map.
         place: Where it is received, x, y [m].
         aoa_rad: Azimuth of arrival.
-        aod_rad: Azimuth of departure.
+        aod_rad: Azimuth of departure; None if it is not known.
         spread_rad: Standard deviation of the departure.
         friis_m: Length of a free wave of the same power [m].
         onto: The grid of the weights.
     """
     weight = np.zeros(onto.shape, np.float32)
+    if aod_rad is None:
+        leaving, share = np.linspace(0, 2 * math.pi, _ALL_ROUND, endpoint=False), np.ones(_ALL_ROUND)
+    else:
+        half_deviations = np.arange(-4, 5)
+        leaving = aod_rad + 0.5 * half_deviations * spread_rad
+        share = np.exp(-0.125 * half_deviations**2)
     _bend(
         known.kind,
         _lattice(known.frame),
@@ -92,8 +101,8 @@ def bent(
         place[0],
         place[1],
         aoa_rad,
-        aod_rad,
-        spread_rad,
+        leaving,
+        share,
         friis_m,
         weight,
     )
@@ -160,8 +169,8 @@ def _bend(
     x: float,
     y: float,
     aoa: float,
-    aod: float,
-    spread: float,
+    leaving: np.ndarray,
+    shares: np.ndarray,
     friis_m: float,
     weight: np.ndarray,
 ) -> None:
@@ -178,10 +187,9 @@ def _bend(
             if into > 2:
                 break
         share = 0.3 if here == UNKNOWN else 1.0
-        for k in range(-4, 5):
-            angle = aod + 0.5 * k * spread
-            dx, dy = -math.cos(angle), -math.sin(angle)
-            w = share * math.exp(-0.125 * k * k)
+        for k in range(len(leaving)):
+            dx, dy = -math.cos(leaving[k]), -math.sin(leaving[k])
+            w = share * shares[k]
             for j in range(1, int((friis_m - t) / step)):
                 s = j * step
                 px, py = ix + s * dx, iy + s * dy

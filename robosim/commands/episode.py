@@ -17,7 +17,20 @@ def episode(
     *,
     target: XY | None = None,
     start: Pose | None = None,
-    goal: Literal["oracle", "explore", "visual", "snr", "los", "los-or-first", "fused"] = "oracle",
+    goal: Literal[
+        "oracle",
+        "explore",
+        "visual",
+        "snr",
+        "los",
+        "los-or-first",
+        "fused",
+        "fused-no-vision",
+        "fused-no-aod",
+        "fused-no-memory",
+        "fused-true-states",
+        "fused-true-pose",
+    ] = "oracle",
     seed: int = 0,
     simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
@@ -39,7 +52,8 @@ def episode(
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
         goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
             the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
-            one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together.
+            one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together,
+            and its variants show what each part of it brings.
         seed: Seed of everything random: task and noise.
         simulation: How the episode is simulated.
         reading: How to read the plan, where it does not say.

@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
+    from robosim.ablations import PolicyName
     from robosim.episode import EpisodeConfig
-    from robosim.goals import GoalName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +42,13 @@ class EpisodeOptions:
     tolerance: float = 0.0
     """How far walls may be moved to straighten them [m]; 0 keeps every cell."""
 
-    def config(self, goal: "GoalName" = "oracle", seed: int = 0) -> "EpisodeConfig":
+    def config(self, goal: "PolicyName" = "oracle", seed: int = 0) -> "EpisodeConfig":
         """The configuration of an episode with a goal policy and a seed.
 
         Raises:
             ValueError: If a number is out of its range.
         """
+        from robosim.ablations import configured
         from robosim.building import BuildingConfig
         from robosim.camera import CameraConfig
         from robosim.depth_noise import DepthNoise
@@ -57,8 +58,7 @@ class EpisodeOptions:
         from robosim.robot import ROBOTS
         from robosim.simulator import SimulatorConfig
 
-        return EpisodeConfig(
-            goal=goal,
+        config = EpisodeConfig(
             explorer=self.explorer,
             controller=self.controller,
             mapper=self.mapper,
@@ -77,6 +77,7 @@ class EpisodeOptions:
                 recognition=self.recognition,
             ),
         )
+        return configured(config, goal)
 
     def words(self) -> str:
         """What to type to get these options: those that differ from their defaults."""

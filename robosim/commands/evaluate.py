@@ -34,8 +34,8 @@ def evaluate(
     Args:
         plans: Floor plans by file or name, folders of them, or one suite file.
         targets: Tasks of each plan; 10 if not given, or what the suite has.
-        policies: Who chooses the goals, as in `robosim episode`; all but explore if not given. The oracle always
-            runs: difficulty and times go by its steps.
+        policies: Who chooses the goals, as in `robosim episode`; all but explore and variants of fused if not
+            given. The oracle always runs: difficulty and times go by its steps.
         seeds: Episodes of each task and policy, with other noise.
         seed: What tasks and noise are drawn from; 0 if not given, or what the suite has.
         workers: Processes at once; one on each available core if not given.

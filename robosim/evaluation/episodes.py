@@ -21,12 +21,12 @@ import shapely
 import torch
 from jaxtyping import Float, UInt8
 
+from robosim.ablations import PolicyName, configured
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.files import plain
 from robosim.floorplan import MapError
-from robosim.goals import GoalName
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
@@ -48,15 +48,12 @@ class Job:
     """Where."""
     repeat: int
     """Which repetition with other noise, from 0."""
+    policy: PolicyName
+    """Who chooses the goals."""
     config: EpisodeConfig
-    """How, with the policy and the seed."""
+    """How, with what the policy asks for and the seed."""
     made_by: str
     """Digest of code and versions, kept with the result."""
-
-    @property
-    def policy(self) -> GoalName:
-        """Who chooses the goals."""
-        return self.config.goal
 
     @property
     def name(self) -> str:
@@ -102,7 +99,7 @@ class Episode:
 
 
 def make_jobs(
-    suite: Suite, config: EpisodeConfig, policies: tuple[GoalName, ...], repeats: int, made_by: str
+    suite: Suite, config: EpisodeConfig, policies: tuple[PolicyName, ...], repeats: int, made_by: str
 ) -> list[Job]:
     """Every task by every policy, ordered by plan, and there by policy, task and repetition."""
     return [
@@ -110,7 +107,8 @@ def make_jobs(
             task=task,
             plan_file=file,
             repeat=repeat,
-            config=replace(config, goal=policy, seed=task.seed(suite.seed, repeat)),
+            policy=policy,
+            config=replace(configured(config, policy), seed=task.seed(suite.seed, repeat)),
             made_by=made_by,
         )
         for plan, file in suite.plans.items()

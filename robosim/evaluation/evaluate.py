@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
+from robosim.ablations import POLICIES, PolicyName
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import check_manifest, code_digest
@@ -26,17 +27,17 @@ from robosim.planfiles import find_plans
 from robosim.progress import tracked
 
 
-def check_policies(names: Sequence[str]) -> tuple[GoalName, ...]:
-    """Policies by their names; all that seek the target if none is given.
+def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
+    """Policies by their names; if none is given all that seek the target, without variants of one.
 
     Raises:
         ValueError: If there is none of that name.
     """
-    known = get_args(GoalName)
     for name in names:
-        if name not in known:
-            raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(known)}.")
-    return tuple(name for name in known if (name in names if names else name != "explore"))
+        if name not in POLICIES:
+            raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(POLICIES)}.")
+    wanted = names or [name for name in get_args(GoalName) if name != "explore"]
+    return tuple(name for name in POLICIES if name in wanted)
 
 
 def find_suite(
@@ -83,7 +84,7 @@ def evaluate(
     out: Path,
     *,
     config: EpisodeConfig,
-    policies: Sequence[GoalName],
+    policies: Sequence[PolicyName],
     repeats: int,
     workers: int,
     console: Console,
@@ -109,7 +110,7 @@ def evaluate(
     """
     check_manifest(out, suite, config)
     write_suite(suite, out / "suite.yaml")
-    everyone: tuple[GoalName, ...] = (
+    everyone: tuple[PolicyName, ...] = (
         "oracle",
         *(name for name in dict.fromkeys(policies) if name != "oracle"),
     )

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from robosim.ablations import POLICIES, PolicyName
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
@@ -36,6 +37,8 @@ from wireless.paths import LinkState
 PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or-first": (1.0, 1.0, 0.94)}
 #: Relative arrival times of los-or-first read off the published curves: median and 80 %, for each class.
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
+#: Policies beside each other in rates and times: all that seek the target.
+_DRAWN = tuple(name for name in get_args(GoalName) if name != "explore")
 #: A robot stays in one place as long as it goes no farther than this from it [m].
 STAY_M = 1.0
 
@@ -51,7 +54,7 @@ class Example:
 
 
 def draw_search(
-    results: Path, out: Path, follower: GoalName = "snr", better: GoalName = "los-or-first"
+    results: Path, out: Path, follower: PolicyName = "snr", better: PolicyName = "los-or-first"
 ) -> tuple[Path, list[str]]:
     """Draw the figures from a folder of `robosim evaluate`, finished or not.
 
@@ -116,12 +119,13 @@ def _rows(results: Path) -> list[dict[str, Any]]:
     kept = [row for row in rows if (row["plan"], row["task"]) in judged]
     if not kept:
         raise ValueError(f"{results}: no episode of the oracle yet. Let `robosim evaluate` go on.")
-    order = get_args(GoalName)
-    return sorted(kept, key=lambda row: (order.index(row["policy"]), row["plan"], row["task"], row["repeat"]))
+    return sorted(
+        kept, key=lambda row: (POLICIES.index(row["policy"]), row["plan"], row["task"], row["repeat"])
+    )
 
 
 def _arrival(rows: Sequence[dict[str, Any]]) -> Figure:
-    summaries = [s for s in summarise(rows) if s.policy != "explore"]
+    summaries = [s for s in summarise(rows) if s.policy in _DRAWN]
     figure = arrival_chart(summaries)
     axes = figure.axes[0]
     policies = list(dict.fromkeys(s.policy for s in summaries))
@@ -137,7 +141,7 @@ def _arrival(rows: Sequence[dict[str, Any]]) -> Figure:
 
 
 def _times(rows: Sequence[dict[str, Any]]) -> Figure:
-    figure = time_chart([row for row in rows if row["policy"] != "explore"])
+    figure = time_chart([row for row in rows if row["policy"] in _DRAWN])
     for axes, (median, p80) in zip(figure.axes, PUBLISHED_TIMES, strict=True):
         axes.plot([median, p80], [0.5, 0.8], "D", mfc="white", mec="black", ms=5, zorder=4)
     return figure
