@@ -88,12 +88,11 @@ def bent(
         onto: The grid of the weights.
     """
     weight = np.zeros(onto.shape, np.float32)
-    if aod_rad is None:
-        leaving, share = np.linspace(0, 2 * math.pi, _ALL_ROUND, endpoint=False), np.ones(_ALL_ROUND)
-    else:
-        half_deviations = np.arange(-4, 5)
-        leaving = aod_rad + 0.5 * half_deviations * spread_rad
-        share = np.exp(-0.125 * half_deviations**2)
+    spread = np.arange(-4, 5) / 2  # in standard deviations
+    leaving = np.linspace(0, 2 * math.pi, _ALL_ROUND, endpoint=False)
+    share = np.ones(_ALL_ROUND)
+    if aod_rad is not None:
+        leaving, share = aod_rad + spread * spread_rad, np.exp(-0.5 * spread**2)
     _bend(
         known.kind,
         _lattice(known.frame),

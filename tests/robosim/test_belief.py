@@ -132,6 +132,47 @@ def test_a_wrong_measurement_is_put_right_by_later_ones():
     assert np.hypot(*(belief.peak()[0] - target)) < 0.3
 
 
+def round_the_corner(**config) -> tuple[TargetBelief, TargetBelief]:
+    """Beliefs from one bent wave, told its departure rightly and wrongly by 2 rad."""
+    blocks = estimate(wall(2.0, 2.2, 0.0, 6.0))
+    pose, corner, target = np.array([0.5, 1.0]), np.array([2.05, -0.05]), np.array([4.0, 1.5])
+    length = np.hypot(*(target - corner)) + np.hypot(*(corner - pose))
+    beliefs = (
+        TargetBelief(np.zeros(2), BeliefConfig(**config)),
+        TargetBelief(np.zeros(2), BeliefConfig(**config)),
+    )
+    for belief, wrong in zip(beliefs, (0.0, 2.0), strict=True):
+        aod = to(target, corner) + wrong
+        belief.hear(heard(pose, to(pose, corner), aod, length, LinkState.FIRST_ORDER, loss_db=15), blocks)
+    return beliefs
+
+
+def test_without_departures_none_is_used_and_the_target_stays_likely():
+    """The same for any departure, and wider than with it; the target's place is likelier than most by five times."""
+    right, wrong = round_the_corner()
+    assert not np.allclose(right.probability(), wrong.probability())
+    with_p, p = right.probability(), round_the_corner(departures=False)[0].probability()
+    assert np.array_equal(p, round_the_corner(departures=False)[1].probability())
+    assert np.count_nonzero(p > p.max() / 10) > 3 * np.count_nonzero(with_p > with_p.max() / 10)
+    ix, iy = np.floor(right.frame.to_cells(np.array([4.0, 1.5]))).astype(int)
+    assert p[iy, ix] > 5 * np.median(p)
+
+
+def test_without_memory_the_last_measurement_is_all():
+    """Two places: after both the belief is that of the second alone; with memory it is not."""
+    target = np.array([4.0, -1.0])
+    for remembers in (False, True):
+        config = BeliefConfig(remembers=remembers)
+        both, second = TargetBelief(np.zeros(2), config), TargetBelief(np.zeros(2), config)
+        for belief, places in ((both, [(-2.0, -2.0), (0.0, 2.0)]), (second, [(0.0, 2.0)])):
+            for at in places:
+                belief.hear(
+                    heard(at, to(at, target), 0.0, np.hypot(*(target - at)), LinkState.LOS),
+                    estimate(known=False),
+                )
+        assert np.array_equal(both.probability(), second.probability()) != remembers
+
+
 def test_measurements_from_one_place_count_once():
     belief, one = TargetBelief(np.zeros(2)), heard((0, 0), 0.3, 3.4, 3.0, LinkState.LOS)
     assert belief.hear(one, estimate())

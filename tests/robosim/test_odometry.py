@@ -155,3 +155,18 @@ def test_impossible_levels_are_refused():
     for level in (-1.0, np.nan, np.inf):
         with pytest.raises(ValueError, match="level"):
             NoiseModel(level=level)
+
+
+def test_exact_odometry_tells_the_truth_and_changes_no_motion():
+    """The same actuation before and after, draw by draw; no error and no bias in between."""
+    exact, noisy = (NoiseModel(exact_odometry=exact) for exact in (True, False))
+    rngs = np.random.default_rng(3), np.random.default_rng(3)
+    moved = np.array([0.2, 0.01, 0.05])
+    for action in (Action.FORWARD, Action.LEFT, Action.RIGHT):
+        ways = [noise.actuation(action, rng) for noise, rng in zip((exact, noisy), rngs, strict=True)]
+        assert np.array_equal(*ways)
+        assert np.array_equal(exact.sense(action, moved, rngs[0]), moved)
+        assert not np.allclose(noisy.sense(action, moved, rngs[1]), moved)
+        assert np.array_equal(exact.sense_motion(moved, rngs[0]), moved)
+        noisy.sense_motion(moved, rngs[1])
+        assert not exact.sensor_bias(action).any()
