@@ -36,13 +36,13 @@ from wireless.paths import Paths
 class EpisodeConfig:
     """How an episode is run."""
 
-    goal: GoalName = "oracle"
+    goal: GoalName = "fused"
     """Who chooses the goals."""
     explorer: ExplorerName = "gain"
     """Who chooses among frontiers when the goal is to explore."""
     controller: ControllerName = "planned"
     """Who chooses actions: a search over turns and runs, or a network that has watched it."""
-    mapper: str = "classical"
+    mapper: str = "neural"
     """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
     seed: int = 0
     """Seed of everything random in the episode."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from rich.console import Console
 from rich.progress import Progress
 
@@ -24,6 +23,7 @@ from slam.mapper.features import Features
 from slam.mapper.network import parameters
 from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
 from slam.mapper.weights import save_mapper
+from slam.threads import torch_threads
 
 #: One home in so many is held out.
 HOLD_OUT = 10
@@ -50,24 +50,17 @@ def train_mapper(
     """
     start = time.perf_counter()
     learnt, held_out = split_homes(data)
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        with Progress(console=console, transient=True) as progress:
-            reading = progress.add_task("reading", total=len(learnt) + len(held_out))
-            frames, held = (
-                read_frames(part, lambda: progress.advance(reading)) for part in (learnt, held_out)
-            )
-            learning = progress.add_task("learning", total=recipe.steps)
-            network, curve = train(
-                frames,
-                held,
-                recipe,
-                out / "checkpoint.pt",
-                lambda step: progress.update(learning, completed=step),
-            )
-    finally:
-        torch.set_num_threads(before)
+    with torch_threads(threads), Progress(console=console, transient=True) as progress:
+        reading = progress.add_task("reading", total=len(learnt) + len(held_out))
+        frames, held = (read_frames(part, lambda: progress.advance(reading)) for part in (learnt, held_out))
+        learning = progress.add_task("learning", total=recipe.steps)
+        network, curve = train(
+            frames,
+            held,
+            recipe,
+            out / "checkpoint.pt",
+            lambda step: progress.update(learning, completed=step),
+        )
     classical = classical_scores(held)
     best = min(curve, key=lambda row: row["loss"])
     card: dict[str, Any] = {

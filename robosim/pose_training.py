@@ -24,6 +24,7 @@ from slam.mapper.pose_training import Pairs, PoseRecipe, pose_scores, train_pose
 from slam.mapper.training import coded
 from slam.mapper.weights import save_pose
 from slam.poses import between
+from slam.threads import torch_threads
 
 
 def train_pose_network(
@@ -47,9 +48,7 @@ def train_pose_network(
     """
     start = time.perf_counter()
     learnt, held_out = split_homes(data)
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
+    with torch_threads(threads):
         with Progress(console=console, transient=True) as progress:
             reading = progress.add_task("reading", total=len(learnt) + len(held_out))
             pairs, held = (read_pairs(part, lambda: progress.advance(reading)) for part in (learnt, held_out))
@@ -57,8 +56,6 @@ def train_pose_network(
             network, curve = train_pose(pairs, recipe, lambda step: progress.update(learning, completed=step))
         scores = pose_scores(network, held)
         call_ms = _call_ms(network)
-    finally:
-        torch.set_num_threads(before)
     card: dict[str, Any] = {
         "data": f"{len(learnt)} homes, {len(pairs)} pairs; held out {len(held_out)}, {len(held)} pairs",
         "command": about,

@@ -26,6 +26,7 @@ from slam.occupancy import OccupancyGrid
 from slam.poses import compose
 from slam.projection import Scan
 from slam.scan_matching import Match
+from slam.threads import torch_threads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +73,7 @@ class LearnedMatcher:
         patches = np.empty((1, INPUTS, *belief.shape), np.float32)
         # The first four channels are the scan, the fifth is the belief.
         patches[0] = self._features.of_scan(scan, belief)[:INPUTS]
-        with torch.inference_mode():
+        with torch.inference_mode(), torch_threads(1):
             told, root = (value[0].double().numpy() for value in self._network(torch.from_numpy(patches)))
         inner = np.diag(1 / np.array(UNIT))
         posterior = inner @ root @ root.T @ inner

@@ -69,7 +69,7 @@ def variations(base: EpisodeConfig) -> dict[str, EpisodeConfig]:
         DEFAULT: base,
         "camera embree": replace(base, simulator=replace(simulator, camera="embree")),
         "physics kinematic": replace(base, simulator=replace(simulator, physics="kinematic")),
-        "mapper neural": replace(base, mapper="neural"),
+        "mapper classical": replace(base, mapper="classical"),
         "radio cached": replace(base, simulator=replace(simulator, radio=RadioLinkConfig(engine="cached"))),
     }
     for tolerance_m in (0.02, 0.05, 0.1):

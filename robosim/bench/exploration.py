@@ -11,6 +11,7 @@ Reference: Chaplot et al., ICLR 2020 (coverage at 1000 steps); Efron, Annals of 
 import json
 import zlib
 from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 from robosim.building import Building, make_building
+from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.files import write_json
 from robosim.odometry import NoiseModel
@@ -40,13 +42,42 @@ DECISIONS = 1000
 MILESTONES = (250, 500, 1000)
 
 
+@dataclass(frozen=True, kw_only=True)
+class ExplorationSettings:
+    """What is the same for every explorer."""
+
+    mapper: str
+    """Who makes the map, as in `robosim.navigation`."""
+    seed: int = 1
+    """Seed of tasks and noise."""
+    noise: float = 1.0
+    """Level of actuation and odometry noise."""
+    depth_noise: float = 0.0
+    """Level of the depth camera's noise."""
+    physics: Physics = "dynamic"
+    """How the robot is moved."""
+
+    def episode(self, explorer: ExplorerName, plan: str) -> EpisodeConfig:
+        """Exploring a plan by an explorer."""
+        return EpisodeConfig(
+            goal="explore",
+            explorer=explorer,
+            mapper=self.mapper,
+            seed=zlib.crc32(f"{self.seed} {plan}".encode()),
+            max_steps=DECISIONS,
+            simulator=SimulatorConfig(
+                physics=self.physics,
+                noise=NoiseModel(level=self.noise),
+                depth_noise=DepthNoise(level=self.depth_noise),
+            ),
+        )
+
+
 def run(
     plans: Sequence[str],
+    settings: ExplorationSettings,
     *,
     explorers: Sequence[ExplorerName],
-    seed: int,
-    noise: float,
-    physics: Physics,
     workers: int,
     out: Path,
     console: Console,
@@ -55,19 +86,15 @@ def run(
 
     Args:
         plans: Files of floor plans, folders of them, or names of shipped ones.
+        settings: What is the same for all.
         explorers: Explorers to run on each; the first is the one that others are compared with.
-        seed: Seed of tasks and noise.
-        noise: Level of actuation and odometry noise.
-        physics: How the robot is moved.
         workers: Processes at once.
         out: Folder for the files.
         console: Where progress is shown.
     """
     found = find_plans(plans)
     jobs = [
-        joblib.delayed(_episode)(path, explorer, seed, noise, physics, out)
-        for path in found
-        for explorer in explorers
+        joblib.delayed(_episode)(path, explorer, settings, out) for path in found for explorer in explorers
     ]
     rows = []
     with Progress(console=console, transient=True) as progress:
@@ -76,36 +103,31 @@ def run(
             rows.append(row)
             progress.update(bar, advance=1, description=f"{row['plan']} {row['explorer']}")
     scores = [{key: value for key, value in row.items() if key not in ("coverage", "poses")} for row in rows]
-    settings = {"seed": seed, "noise": noise, "physics": physics}
-    write_json(out / "exploration.json", {**settings, "episodes": scores})
+    write_json(out / "exploration.json", {**asdict(settings), "episodes": scores})
     plot_curves(out / "exploration.png", rows)
     _plot_ways(rows, {read_plan(path).name: path for path in found}, out)
     return table(rows)
 
 
 def _episode(
-    path: str | Path, explorer: ExplorerName, seed: int, noise: float, physics: Physics, out: Path
+    path: str | Path, explorer: ExplorerName, settings: ExplorationSettings, out: Path
 ) -> dict[str, Any]:
     """One episode, as a row of the table; read from its file if it was run before."""
     plan = read_plan(path)
-    settings = {"plan": plan.name, "explorer": explorer, "seed": seed, "noise": noise, "physics": physics}
+    told = {"plan": plan.name, "explorer": explorer, **asdict(settings)}
     file = out / "episodes" / f"{plan.name}-{explorer}.json"
     if file.exists():
         row: dict[str, Any] = json.loads(file.read_text())
-        if all(row.get(key) == value for key, value in settings.items()):
+        if all(row.get(key) == value for key, value in told.items()):
             return row
-    own_seed = zlib.crc32(f"{seed} {plan.name}".encode())
-    simulator = SimulatorConfig(noise=NoiseModel(level=noise), physics=physics)
-    config = EpisodeConfig(
-        goal="explore", explorer=explorer, seed=own_seed, simulator=simulator, max_steps=DECISIONS
-    )
+    config = settings.episode(explorer, plan.name)
     building = make_building(plan, config=config.building)
-    places = reach(building, simulator.robot.radius_m)
-    task = make_task(places, np.random.default_rng([own_seed, 0]))
+    places = reach(building, config.simulator.robot.radius_m)
+    task = make_task(places, np.random.default_rng([config.seed, 0]))
     log, _ = run_episode(building, places, task, config)
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
     row = {
-        **settings,
+        **told,
         **log.result(),
         "coverage": held(np.array(log.coverage)).round(4),
         "poses": np.array(log.poses).round(3),

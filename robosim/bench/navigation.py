@@ -30,6 +30,7 @@ def run(
     goals: Sequence[GoalName],
     seed: int,
     noise: float,
+    mapper: str,
     workers: int,
     out: Path,
     console: Console,
@@ -41,6 +42,7 @@ def run(
         goals: Policies to run on each.
         seed: Seed of tasks and noise.
         noise: Level of actuation and odometry noise.
+        mapper: Who makes the map, as in `robosim.navigation`.
         workers: Processes at once.
         out: Folder for the files, and to go on from.
         console: Where progress is shown.
@@ -48,7 +50,7 @@ def run(
     Raises:
         ValueError: If the folder holds episodes of another configuration, or an episode raised an error.
     """
-    config = EpisodeConfig(simulator=SimulatorConfig(noise=NoiseModel(level=noise)))
+    config = EpisodeConfig(mapper=mapper, simulator=SimulatorConfig(noise=NoiseModel(level=noise)))
     suite = find_suite(plans, config, targets=1, seed=seed, workers=workers, console=console)
     check_manifest(out, suite, config)
     jobs = make_jobs(suite, config, tuple(goals), 1, code_digest())
@@ -59,7 +61,7 @@ def run(
         )
     heads = [read_head(job.file(out)) for job in jobs]
     rows = [{**h.row, "decisions_per_s": h.timing["decisions_per_s"], "seconds": h.timing} for h in heads]
-    write_json(out / "navigation.json", {"seed": seed, "noise": noise, "episodes": rows})
+    write_json(out / "navigation.json", {"seed": seed, "noise": noise, "mapper": mapper, "episodes": rows})
     return _table(rows)
 
 

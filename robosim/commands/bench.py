@@ -5,6 +5,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
+from robosim.commands.episode_options import DEFAULT_OPTIONS
 from robosim.commands.terminal import console, folder_for, read
 
 
@@ -45,6 +46,7 @@ def navigation(
     goals: tuple[Literal["oracle", "explore"], ...] = ("oracle", "explore"),
     seed: int = 1,
     noise: float = 1.0,
+    mapper: str = DEFAULT_OPTIONS.mapper,
     workers: int = 2,
     out: Path | None = None,
 ) -> None:
@@ -59,6 +61,7 @@ def navigation(
         goals: Goal policies to run on each.
         seed: Seed of the tasks and of the noise.
         noise: Level of actuation and odometry noise.
+        mapper: Who makes the map: neural, classical, or a .safetensors file.
         workers: Processes to run at once.
         out: Folder for the table; a new one under runs/ if not given.
     """
@@ -67,7 +70,16 @@ def navigation(
     if workers < 1:
         raise ValueError(f"workers is {workers}, expected at least one process.")
     folder = folder_for(out, "bench-navigation")
-    table = run(plans, goals=goals, seed=seed, noise=noise, workers=workers, out=folder, console=console)
+    table = run(
+        plans,
+        goals=goals,
+        seed=seed,
+        noise=noise,
+        mapper=mapper,
+        workers=workers,
+        out=folder,
+        console=console,
+    )
     console.print(table)
     console.print(f"Wrote navigation.json and the episodes in {folder}")
 
@@ -78,7 +90,9 @@ def exploration(
     explorers: tuple[Literal["nearest", "cheapest", "gain", "learned"], ...] = ("nearest", "gain"),
     seed: int = 1,
     noise: float = 1.0,
+    depth_noise: float = 0.0,
     physics: Literal["dynamic", "kinematic"] = "dynamic",
+    mapper: str = DEFAULT_OPTIONS.mapper,
     workers: int = 2,
     out: Path | None = None,
 ) -> None:
@@ -93,25 +107,21 @@ def exploration(
         explorers: Explorers to compare, with the first of them.
         seed: Seed of the tasks and of the noise.
         noise: Level of actuation and odometry noise.
+        depth_noise: Level of the depth camera's noise.
         physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
+        mapper: Who makes the map: neural, classical, or a .safetensors file.
         workers: Processes to run at once.
         out: Folder for table, curves and pictures; a new one under runs/ if not given.
     """
-    from robosim.bench.exploration import run
+    from robosim.bench.exploration import ExplorationSettings, run
 
     if workers < 1:
         raise ValueError(f"workers is {workers}, expected at least one process.")
     folder = folder_for(out, "bench-exploration")
-    table = run(
-        plans,
-        explorers=explorers,
-        seed=seed,
-        noise=noise,
-        physics=physics,
-        workers=workers,
-        out=folder,
-        console=console,
+    settings = ExplorationSettings(
+        mapper=mapper, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
+    table = run(plans, settings, explorers=explorers, workers=workers, out=folder, console=console)
     console.print(table)
     console.print(
         f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"

@@ -30,7 +30,7 @@ def episode(
         "fused-no-memory",
         "fused-true-states",
         "fused-true-pose",
-    ] = "oracle",
+    ] = "fused",
     seed: int = 0,
     simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,

@@ -14,6 +14,7 @@ from slam.grid import GridFrame
 from slam.mapper.features import Features
 from slam.mapper.network import OBSTACLE, SEEN, MapNetwork
 from slam.projection import Scan
+from slam.threads import torch_threads
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -49,7 +50,7 @@ class MapPredictor:
             belief: Obstacle probability of the map over the patch, 0.5 where unknown.
         """
         features = torch.from_numpy(self.features.of_scan(scan, belief))[None]
-        with torch.inference_mode():
+        with torch.inference_mode(), torch_threads(1):
             logits = self._network(features.contiguous(memory_format=torch.channels_last))[0].numpy()
         return Prediction(obstacle=logits[OBSTACLE], seen=logits[SEEN])
 

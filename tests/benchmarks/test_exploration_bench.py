@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from robosim.bench import exploration
-from robosim.bench.exploration import DECISIONS, area_under, gain_over, held, run, table
+from robosim.bench.exploration import DECISIONS, ExplorationSettings, area_under, gain_over, held, run, table
 
 
 def test_the_area_under_a_ramp_that_ends_half_way_is_three_quarters():
@@ -55,10 +55,11 @@ def test_a_run_writes_its_files_and_reads_kept_episodes(tmp_path, monkeypatch):
     """40 decisions, to be quick. A kept episode is not run again: a mark set in its file shows in the result."""
     monkeypatch.setattr(exploration, "DECISIONS", 40)
     monkeypatch.setattr(exploration, "MILESTONES", (10, 20, 40))
-    options = {"explorers": ("nearest",), "seed": 1, "noise": 0.0, "physics": "kinematic", "workers": 1}
+    settings = ExplorationSettings(mapper="classical", noise=0.0, physics="kinematic")
+    options = {"explorers": ("nearest",), "workers": 1}
     rows = []
     for _ in range(2):
-        run(["cottage"], **options, out=tmp_path, console=Console(quiet=True))
+        run(["cottage"], settings, **options, out=tmp_path, console=Console(quiet=True))
         rows.append(json.loads((tmp_path / "exploration.json").read_text())["episodes"][0])
         kept = tmp_path / "episodes" / "cottage-nearest.json"
         row = json.loads(kept.read_text())

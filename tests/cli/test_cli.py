@@ -1,5 +1,6 @@
 """Every command on small input: what it prints, what it writes, and how it fails."""
 
+import inspect
 import re
 import subprocess
 import sys
@@ -8,6 +9,9 @@ import pytest
 import trimesh
 
 from robosim.cli import _COMMANDS, _GROUPS, main
+from robosim.commands.episode import episode
+from robosim.commands.episode_options import EpisodeOptions
+from robosim.episode import EpisodeConfig
 from robosim.planfiles import read_plan
 from tests.robosim.plans import two_rooms
 
@@ -40,6 +44,12 @@ def test_an_episode_with_every_option(plan_file, tmp_path, capsys):
     assert not (out / "episode.mp4").exists()
     first = (out / "trajectory.tum").read_text().splitlines()[0].split()
     assert [float(value) for value in first[1:3]] == [1.0, 0.6]
+
+
+def test_a_command_and_the_library_have_the_same_defaults():
+    """`robosim episode PLAN` runs what `EpisodeConfig()` says, the goal policy included."""
+    assert EpisodeOptions().config() == EpisodeConfig()
+    assert inspect.signature(episode).parameters["goal"].default == EpisodeConfig().goal
 
 
 def test_negative_coordinates_are_no_options(plan_file, fails):

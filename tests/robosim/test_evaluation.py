@@ -28,7 +28,7 @@ from robosim.simulator import SimulatorConfig
 from tests.robosim.plans import two_rooms
 
 QUIET = Console(quiet=True)
-CONFIG = EpisodeConfig(simulator=SimulatorConfig(physics="kinematic"), max_steps=25)
+CONFIG = EpisodeConfig(mapper="classical", simulator=SimulatorConfig(physics="kinematic"), max_steps=25)
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,8 @@ def test_the_learned_local_policy_arrives():
     task = make_task(places, np.random.default_rng([1, 0]))
     steps = {}
     for controller in ("planned", "learned"):
-        log, _ = run_episode(building, places, task, EpisodeConfig(seed=1, controller=controller))
+        config = EpisodeConfig(goal="oracle", mapper="classical", seed=1, controller=controller)
+        log, _ = run_episode(building, places, task, config)
         assert log.ended == "arrived"
         steps[controller] = log.steps
     assert steps["learned"] <= 1.5 * steps["planned"]

@@ -19,6 +19,7 @@ from slam.mapper.scores import PatchScores
 from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
 from slam.mapper.weights import load_mapper, save_mapper
 from slam.projection import CameraModel, scan_from_depth
+from slam.threads import torch_threads
 from tests.slam.rooms import Room
 
 SMALL = NetworkConfig(widths=(4, 6))
@@ -82,6 +83,21 @@ def test_a_predictor_says_what_its_network_says():
         expected = network(torch.from_numpy(Features().of(depth, UNKNOWN))[None])[0, OBSTACLE].numpy()
     np.testing.assert_allclose(told.obstacle, expected, atol=1e-4)
     assert 200_000 < parameters(network) < 1_000_000
+
+
+def test_a_prediction_does_not_depend_on_threads():
+    """The same bits whatever the process allows; split over two threads, convolutions end in other last bits."""
+    torch.manual_seed(0)
+    predictor = MapPredictor(MapNetwork().eval())
+    scan = scan_from_depth(Room().depth(np.array([0.3, -0.4, 0.5]), size=128), CameraModel())
+    told = []
+    for threads in (1, 2, 4):
+        with torch_threads(threads):
+            told.append(predictor.predict(scan, UNKNOWN))
+            assert torch.get_num_threads() == threads
+    for other in told[1:]:
+        np.testing.assert_array_equal(told[0].obstacle, other.obstacle)
+        np.testing.assert_array_equal(told[0].seen, other.seen)
 
 
 def test_scores_count_cells():
