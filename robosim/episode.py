@@ -38,7 +38,7 @@ class EpisodeConfig:
 
     goal: GoalName = "fused"
     """Who chooses the goals."""
-    explorer: ExplorerName = "gain"
+    explorer: ExplorerName = "learned"
     """Who chooses among frontiers when the goal is to explore."""
     controller: ControllerName = "planned"
     """Who chooses actions: a search over turns and runs, or a network that has watched it."""

@@ -89,10 +89,15 @@ class SlamSettings:
         )
 
     def episode(self, mapper: str, plan: str) -> EpisodeConfig:
-        """Exploring a plan by a mapper."""
+        """Exploring a plan by a mapper, frontiers rated by hand: the difference is that of the maps."""
         seed = zlib.crc32(f"{self.seed} {plan}".encode())
         return EpisodeConfig(
-            goal="explore", mapper=mapper, seed=seed, max_steps=self.steps, simulator=self.simulator
+            goal="explore",
+            explorer="gain",
+            mapper=mapper,
+            seed=seed,
+            max_steps=self.steps,
+            simulator=self.simulator,
         )
 
     def task(self, places: Reach, plan: str) -> Task:
