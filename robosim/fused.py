@@ -1,8 +1,9 @@
 """Radio, camera and map used jointly: a belief over the target's place decides where to go.
 
-Where the belief has gathered, the robot goes there. Else it goes where it will learn most in the least time: of all
-frontiers, to the one from which most of the belief may come in sight for each decision that the way takes; in line
-of sight the radio tells place and distance. A target seen by the camera is gone to at once.
+A target seen by the camera is gone to at once. In line of sight the robot follows the arrival: its direction is known
+to a degree, where the belief knows the distance to a third only. Else, where the belief has gathered, it goes there;
+and where it has not, it goes where it will learn most in the least time: of all frontiers, to the one from which most
+of the belief may come in sight for each decision that the way takes.
 """
 
 import math
@@ -11,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float
 
-from robosim.arrival import Dwelling
+from robosim.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.belief import BeliefConfig, TargetBelief
 from robosim.moment import Moment
 from robosim.sightlines import in_sight, knowledge
@@ -22,6 +23,7 @@ from slam.frontiers import Frontier, find_frontiers
 from slam.grid import MapEstimate
 from slam.poses import to_map, wrap
 from slam.ways import ways_from_robot
+from wireless.paths import LinkState
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +36,8 @@ class FusedConfig:
     """Whether the target is looked for in pictures."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
+    in_sight: FollowConfig = field(default_factory=lambda: FollowConfig(every=5))
+    """How the arrival is followed in line of sight."""
     sure: float = 0.3
     """Probability within half a metre of a place from which on the robot goes there."""
     view_m: float = 5.0
@@ -61,6 +65,7 @@ class Fused:
         self.config = config or FusedConfig()
         self.looks = self.config.looks
         self._explorer = explorer
+        self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
         self.belief: TargetBelief | None = None
         self._goal: np.ndarray | None = None
         self._age = 0
@@ -78,6 +83,10 @@ class Fused:
             self._seen = to_map(estimate.pose, moment.target)
         if self._seen is not None:
             return self._seen
+        straight = self._in_sight.goal(moment.listened(), estimate.pose)
+        if straight is not None:
+            self._goal = None
+            return straight
         self._age += 1
         if self._dwelling.at(here):
             self._give_up()
