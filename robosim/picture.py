@@ -53,12 +53,12 @@ ARRIVAL_M = 1.5
 PALETTE = np.full((256, 1, 3), UNKNOWN_GREY, np.uint8)
 PALETTE[[UNKNOWN, FREE, OBSTACLE, BLOCKED], 0] = UNKNOWN_GREY, FREE_WHITE, OBSTACLE_BLACK, TARGET_RED
 
-#: The same with guesses: yellowish where floor is likely, brown where an obstacle is.
+#: The same with guesses: yellowish where floor is likely, slate where an obstacle is; the belief alone is red.
 _GUESSES = PALETTE.copy()
 _GUESSES[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
     [
         np.interp(np.arange(GUESS_LEVELS), [0, (GUESS_LEVELS - 1) / 2, GUESS_LEVELS - 1], channel)
-        for channel in zip((255, 243, 176), UNKNOWN_GREY, (200, 140, 90), strict=True)
+        for channel in zip((255, 243, 176), UNKNOWN_GREY, (110, 115, 140), strict=True)
     ],
     axis=-1,
 )
