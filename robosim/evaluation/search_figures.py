@@ -23,6 +23,7 @@ from robosim.ablations import POLICIES, PolicyName
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
+from robosim.evaluation.following import progress, told
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import read_suite
 from robosim.gallery import Picture, write_index
@@ -77,6 +78,7 @@ def draw_search(
         ("search_times", _times(rows), "Arrival time relative to the oracle's", _TIMES_CAPTION),
     ]
     notes = [f"{len(rows)} episodes of {tasks} tasks in {len({row['plan'] for row in rows})} plans."]
+    notes += _following(results, rows)
     example = find_example(results, rows, follower, better)
     if example is None:
         notes.append(
@@ -122,6 +124,14 @@ def _rows(results: Path) -> list[dict[str, Any]]:
     return sorted(
         kept, key=lambda row: (POLICIES.index(row["policy"]), row["plan"], row["task"], row["repeat"])
     )
+
+
+def _following(results: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
+    """Whether arrivals that were followed led on."""
+    plans = read_suite(results / "suite.yaml").plans
+    robot = _episode_config(results)["simulator"]["robot"]
+    found = progress(results, rows, plans, _building_config(results), robot["radius_m"])
+    return ["Following an arrival, by the link state believed in:", *told(found)] if found else []
 
 
 def _arrival(rows: Sequence[dict[str, Any]]) -> Figure:
@@ -247,6 +257,16 @@ def _rgb(state: LinkState) -> tuple[float, float, float]:
 
 def _building(results: Path, plan: str) -> Building:
     """The building of a plan, made as its episodes had it."""
+    plans = read_suite(results / "suite.yaml").plans
+    return make_building(read_plan(plans[plan]), config=_building_config(results))
+
+
+def _building_config(results: Path) -> BuildingConfig:
+    return BuildingConfig(**_episode_config(results)["building"])
+
+
+def _episode_config(results: Path) -> dict[str, Any]:
+    """How episodes ran, but for policy and seed."""
     manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
-    config = BuildingConfig(**manifest["episode"]["building"])
-    return make_building(read_plan(read_suite(results / "suite.yaml").plans[plan]), config=config)
+    episode: dict[str, Any] = manifest["episode"]
+    return episode

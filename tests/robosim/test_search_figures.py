@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim.building import BuildingConfig
+from robosim.episode import EpisodeConfig
 from robosim.evaluation.scores import score
 from robosim.evaluation.search_figures import (
     PUBLISHED_RATES,
@@ -18,6 +18,7 @@ from robosim.evaluation.search_figures import (
     longest_stay,
 )
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
+from robosim.files import plain
 from robosim.planfiles import write_ros
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
@@ -50,7 +51,7 @@ def results(tmp_path):
     tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(4))
     folder = tmp_path / "results"
     write_suite(Suite(plans={"pair": file}, tasks=tasks), folder / "suite.yaml")
-    (folder / "manifest.json").write_text(json.dumps({"episode": {"building": asdict(BuildingConfig())}}))
+    (folder / "manifest.json").write_text(json.dumps({"episode": plain(asdict(EpisodeConfig()))}))
     for task in range(4):
         _episode(folder, task, "oracle", 20 + task)
     _episode(folder, 0, "snr", 90, state=LinkState.LOS, waits=70)
