@@ -1,4 +1,4 @@
-"""The classical navigator: mapper, planner, controller and explorer, told about the robot that they serve.
+"""The navigator: mapper, planner, controller and explorer, told about the robot that they serve.
 
 They are told what a builder would know of a robot: the optics and height of its camera, the radius of its
 hull, and the mean error of its odometry for each action, which a calibration run gives.
@@ -38,7 +38,7 @@ def make_navigator(
     mapper: str = "classical",
     controller: ControllerName = "planned",
 ) -> Navigator:
-    """The navigator of the robot that is simulated.
+    """The navigator of the robot that is simulated, of classical parts where no others are named.
 
     Args:
         config: The robot and its camera.

@@ -22,6 +22,7 @@ from robosim.files import write_json
 from robosim.goals import GoalName
 from robosim.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
+from slam.exploration import ExplorerName
 
 
 def run(
@@ -31,6 +32,7 @@ def run(
     seed: int,
     noise: float,
     mapper: str,
+    explorer: ExplorerName,
     workers: int,
     out: Path,
     console: Console,
@@ -43,6 +45,7 @@ def run(
         seed: Seed of tasks and noise.
         noise: Level of actuation and odometry noise.
         mapper: Who makes the map, as in `robosim.navigation`.
+        explorer: Who chooses among frontiers.
         workers: Processes at once.
         out: Folder for the files, and to go on from.
         console: Where progress is shown.
@@ -50,7 +53,8 @@ def run(
     Raises:
         ValueError: If the folder holds episodes of another configuration, or an episode raised an error.
     """
-    config = EpisodeConfig(mapper=mapper, simulator=SimulatorConfig(noise=NoiseModel(level=noise)))
+    simulator = SimulatorConfig(noise=NoiseModel(level=noise))
+    config = EpisodeConfig(mapper=mapper, explorer=explorer, simulator=simulator)
     suite = find_suite(plans, config, targets=1, seed=seed, workers=workers, console=console)
     check_manifest(out, suite, config)
     jobs = make_jobs(suite, config, tuple(goals), 1, code_digest())
@@ -61,7 +65,8 @@ def run(
         )
     heads = [read_head(job.file(out)) for job in jobs]
     rows = [{**h.row, "decisions_per_s": h.timing["decisions_per_s"], "seconds": h.timing} for h in heads]
-    write_json(out / "navigation.json", {"seed": seed, "noise": noise, "mapper": mapper, "episodes": rows})
+    told = {"seed": seed, "noise": noise, "mapper": mapper, "explorer": explorer}
+    write_json(out / "navigation.json", {**told, "episodes": rows})
     return _table(rows)
 
 

@@ -47,6 +47,7 @@ def navigation(
     seed: int = 1,
     noise: float = 1.0,
     mapper: str = DEFAULT_OPTIONS.mapper,
+    explorer: Literal["nearest", "cheapest", "gain", "learned"] = DEFAULT_OPTIONS.explorer,
     workers: int = 2,
     out: Path | None = None,
 ) -> None:
@@ -62,6 +63,7 @@ def navigation(
         seed: Seed of the tasks and of the noise.
         noise: Level of actuation and odometry noise.
         mapper: Who makes the map: neural, classical, or a .safetensors file.
+        explorer: Who chooses among frontiers.
         workers: Processes to run at once.
         out: Folder for the table; a new one under runs/ if not given.
     """
@@ -76,6 +78,7 @@ def navigation(
         seed=seed,
         noise=noise,
         mapper=mapper,
+        explorer=explorer,
         workers=workers,
         out=folder,
         console=console,
