@@ -18,7 +18,7 @@ from rich.console import Console
 from robosim.files import write_json
 from robosim.link_jobs import Job, links_of, run_jobs
 from robosim.link_state_plots import plot_curves, plot_scores
-from robosim.link_ways import train_ways
+from robosim.link_ways import score_ways, train_ways
 from robosim.made_links import make_homes
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
@@ -136,6 +136,10 @@ def train_link_state(
     if test is not None:
         there = read_links(test)
         card["test"] = _score(final.predict_tokens(there.tokens), there, out / "test.png")
+        card["test"]["ways"] = score_ways(final, there)
+        for name, found in card["test"]["ways"].items():
+            rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
+            console.print(f"ways {name} in test buildings, {found['places']} places: {', '.join(rates)}")
         _print(card["test"], f"test buildings: {', '.join(there.names)}", console)
     final.card = card
     final.save(out / "link-state.safetensors")

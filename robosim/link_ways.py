@@ -2,6 +2,9 @@
 
 The network that fuses learns from what networks told of buildings that they had not seen, or it would trust them
 too much; so it takes two folds at least. Of each fold it is judged by a network that learnt on the others.
+
+Between random places a way crosses more borders of states than on a search, which ends at the transmitter; so in
+test buildings both are scored.
 """
 
 from collections.abc import Sequence
@@ -10,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from scipy.spatial import cKDTree
 
+from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links
 from wireless.linkstate.follower import fused_probability
 from wireless.linkstate.scores import scores
@@ -36,15 +40,16 @@ class Ways:
     """Building of each."""
 
 
-def ways_of(links: Links) -> Ways:
-    """The same ways for everybody."""
+def ways_of(links: Links, *, to_sender: bool = False) -> Ways:
+    """The same ways for everybody, between random places or to the transmitter."""
     rng = np.random.default_rng(0)
     rows: list[np.ndarray] = []
     building: list[int] = []
     for number in np.unique(links.transmitter):
         mine = np.flatnonzero(links.transmitter == number)
         position = links.position[mine].astype(float)
-        found = make_ways(position, _step_m(position), WAYS, rng)
+        goal = links.sender[mine[0]].astype(float) if to_sender else None
+        found = make_ways(position, _step_m(position), WAYS, rng, goal=goal)
         rows += [mine[way] for way in found]
         building += [int(links.building[mine[0]])] * len(found)
     moves = [moved(links.position.astype(float), way) for way in rows]
@@ -84,11 +89,9 @@ def train_ways(
         others = [building for part in parts if part is not held for building in part]
         network = train_way_network(_batch(ways, links, told, others, inputs), inputs, seed=seed)
         batch, row = _batch(ways, links, told, held, inputs), _rows(ways, held)
-        with torch.inference_mode():
-            logits = network(batch.features)[0][batch.there].double().numpy()
         rows.append(row)
         alone.append(told[row])
-        fused.append(fused_probability(logits, reached(links.tokens[row]), states))
+        fused.append(_fused(network, batch, reached(links.tokens[row]), states))
     place = np.concatenate(rows)
     there = links.state[place], reached(links.tokens[place]), links.building[place], links.names
     result = {
@@ -99,6 +102,36 @@ def train_ways(
     everywhere = [building for part in parts for building in part]
     final = train_way_network(_batch(ways, links, told, everywhere, inputs), inputs, seed=seed)
     return final, result
+
+
+def score_ways(classifier: LinkStateClassifier, links: Links) -> dict[str, dict[str, Any]]:
+    """Scores along ways through buildings that a classifier has not seen, by where they lead.
+
+    Args:
+        classifier: Judged at each place alone and, if it has a network for ways, with it.
+        links: Links of these buildings.
+    """
+    told = classifier.predict_tokens(links.tokens)
+    result = {}
+    for name, to_sender in (("between places", False), ("to the transmitter", True)):
+        ways = ways_of(links, to_sender=to_sender)
+        row = np.concatenate(ways.rows)
+        there = links.state[row], reached(links.tokens[row]), links.building[row], links.names
+        result[name] = {"places": len(row), "alone": scores(told[row], *there)}
+        if classifier.way is not None:
+            batch = _batch(ways, links, told, range(len(links.names)), classifier.inputs)
+            fused = _fused(classifier.way, batch, reached(links.tokens[row]), classifier.states)
+            result[name]["fused"] = scores(fused, *there)
+    return result
+
+
+def _fused(
+    network: WayNetwork, batch: WayBatch, there: Bool[np.ndarray, "n"], states: tuple[int, ...]
+) -> Float[np.ndarray, "n 4"]:
+    """Probabilities at all places of ways."""
+    with torch.inference_mode():
+        logits = network(batch.features)[0][batch.there].double().numpy()
+    return fused_probability(logits, there, states)
 
 
 def _batch(

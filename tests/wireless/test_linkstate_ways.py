@@ -34,6 +34,18 @@ def test_ways_stay_in_their_room():
         assert set(way) <= {0, 1} or set(way) <= {2, 3}
 
 
+def test_ways_to_a_goal_end_there():
+    """All of them, at the place nearest to it, by the octile distance from where they begin, to rounding."""
+    x, y = np.meshgrid(np.arange(12), np.arange(9))
+    position = 0.15 * np.column_stack([x.ravel(), y.ravel()])
+    ways = make_ways(position, 0.15, 30, np.random.default_rng(2), goal=np.array([0.66, 0.31]))
+    for way in ways:
+        assert position[way[-1]] == pytest.approx([0.6, 0.3])
+        d = np.sort(np.abs(position[way[0]] - position[way[-1]]) / 0.15)
+        assert moved(position, way).sum() == pytest.approx(0.15 * (d[1] + (math.sqrt(2) - 1) * d[0]))
+    assert len({way[0] for way in ways}) > 20
+
+
 @pytest.fixture(scope="module")
 def chain():
     """Ways whose state stays 12 places on average, told rightly at each place with a chance of 0.7."""

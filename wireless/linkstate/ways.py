@@ -1,7 +1,8 @@
-"""Ways of a robot along measured places: shortest ways between random ones, from neighbour to neighbour.
+"""Ways of a robot along measured places: shortest ways from random ones, from neighbour to neighbour.
 
 Places lie on a square grid. A way goes from a place to one of the eight around it, by the shortest sum of
-distances, between two random places that are connected; every place on it is one measurement.
+distances, between two random places that are connected, or, as at the end of a search, to the place nearest to a
+goal; every place on it is one measurement.
 """
 
 import numpy as np
@@ -15,7 +16,12 @@ _REACH = 1.5
 
 
 def make_ways(
-    position: Float[np.ndarray, "n 2"], step_m: float, count: int, rng: np.random.Generator
+    position: Float[np.ndarray, "n 2"],
+    step_m: float,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    goal: Float[np.ndarray, "2"] | None = None,
 ) -> list[Int[np.ndarray, "_"]]:
     """Ways as rows of `position`.
 
@@ -23,12 +29,16 @@ def make_ways(
         position: Places [m].
         step_m: Step of their grid [m].
         count: Number of ways.
-        rng: Chooses both ends; of those that can be reached from the first.
+        rng: Chooses both ends, or the first one; of those that can be reached from the other.
+        goal: Ways end at the place nearest to this [m].
     """
     pairs = cKDTree(position).query_pairs(_REACH * step_m, output_type="ndarray")
     length = np.linalg.norm(position[pairs[:, 0]] - position[pairs[:, 1]], axis=1)
     graph = csr_matrix((length, pairs.T), shape=(len(position), len(position)))
-    start = rng.integers(len(position), size=count)
+    if goal is None:
+        start = rng.integers(len(position), size=count)
+    else:
+        start = np.full(count, np.linalg.norm(position - goal, axis=1).argmin())
     _, before = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
     ways = []
     for first, came_from in zip(start, before, strict=True):
@@ -36,7 +46,7 @@ def make_ways(
         way = [int(rng.choice(reached))]
         while way[-1] != first:
             way.append(int(came_from[way[-1]]))
-        ways.append(np.array(way[::-1]))
+        ways.append(np.array(way if goal is not None else way[::-1]))
     return ways
 
 
