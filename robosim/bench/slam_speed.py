@@ -1,7 +1,7 @@
 """Mapping: speed against error, over the size of depth images and over networks.
 
 A walk by the classical map is recorded: true poses, actions, odometry. Each mapper then gets the same walk, with depth
-images rendered from the true poses at each size and noise drawn anew from the same seed. Told are the median time of an
+images rendered from the true poses at each size and noise drawn anew from the same seed. Told are the median CPU time of an
 update, the overlap of obstacles in view with the truth, and the pose error.
 """
 
@@ -100,7 +100,7 @@ def speed_table(rows: list[dict[str, Any]]) -> Table:
     """A row for each mapper and size."""
     table = Table(title="Speed against error", caption=f"{rows[0]['frames']} frames each")
     table.add_column("mapper")
-    for name in ("depth image [px]", "parameters", "ms a frame", "in view: IoU", "hidden: IoU"):
+    for name in ("depth image [px]", "parameters", "CPU ms a frame", "in view: IoU", "hidden: IoU"):
         table.add_column(name, justify="right")
     table.add_column("pose error [mm]", justify="right")
     for row in rows:
@@ -177,9 +177,9 @@ class _Walk:
         mapper.reset(self._task.start)
         score, seconds, errors = PatchScores(), [], []
         for k, (depth, (pose, odometry, action)) in enumerate(zip(depths, self._frames, strict=True)):
-            begin = time.perf_counter()
+            begin = time.process_time()
             estimate = mapper.update(depth, action, odometry)
-            seconds.append(time.perf_counter() - begin)
+            seconds.append(time.process_time() - begin)
             errors.append(float(np.hypot(*(estimate.pose - pose)[:2])))
             if k % EVERY == 0:
                 patch = self._truth[k // EVERY]
@@ -218,8 +218,8 @@ def _plot(rows: list[dict[str, Any]], path: Path) -> None:
         for row in own:
             left.annotate(str(row["size"]), (row["ms"], row["iou_seen"]), fontsize=7)
             right.annotate(str(row["size"]), (row["ms"], 1000 * row["pose_error_m"]), fontsize=7)
-    left.set(xlabel="median time of an update [ms]", ylabel="IoU of obstacles in view")
-    right.set(xlabel="median time of an update [ms]", ylabel="median pose error [mm]")
+    left.set(xlabel="median processor time of an update [ms]", ylabel="IoU of obstacles in view")
+    right.set(xlabel="median processor time of an update [ms]", ylabel="median pose error [mm]")
     left.set_title("numbers: width of the depth image [px]", fontsize=9)
     for ax in (left, right):
         ax.grid(alpha=0.3)
