@@ -1,8 +1,8 @@
 """Mapping: speed against error, over the size of depth images and over networks.
 
 A walk by the classical map is recorded: true poses, actions, odometry. Each mapper then gets the same walk, with depth
-images rendered from the true poses at each size and noise drawn anew from the same seed. Told are the median CPU time of an
-update, the overlap of obstacles in view with the truth, and the pose error.
+images rendered from the true poses at each size and noise drawn anew from the same seed. Told are the median CPU
+time of an update, the overlap of obstacles in view with the truth, and the pose error.
 """
 
 import json
