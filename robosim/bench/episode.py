@@ -2,11 +2,11 @@
 
 The same searches are run as they are by default and with one thing changed at a time: camera, physics, mapper, radio,
 outline of the walls. What a change costs or saves is decisions per second; what it spoils is the arrival time, in
-steps relative to those of the default on the same task, with an interval of 95 % from drawing the tasks anew
-(bootstrap). Who never arrives counts with all the steps allowed. Times are of the processor, those that the process
-spent working, so that what else the machine does counts little; one episode at a time, each task in all settings in
-turn. Speed relative to the default's on the same task is told beside rates. Each episode is kept, and a run that was
-stopped goes on.
+steps relative to those of the default on the same task: their geometric mean, since any change makes some ways longer
+and others shorter, with an interval of 95 % from drawing the tasks anew (bootstrap). Who never arrives counts with all
+the steps allowed. Times are of the processor, those that the process spent working, so that what else the machine does
+counts little; one episode at a time, each task in all settings in turn. Speed relative to the default's on the same
+task is told beside rates. Each episode is kept, and a run that was stopped goes on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ class Row:
     steps: float
     """Mean."""
     relative_steps: Estimate
-    """Mean over tasks of steps divided by the default's."""
+    """Geometric mean over tasks of steps divided by the default's."""
     stages_ms: dict[str, float]
     """CPU time of a decision by stage [ms]."""
 
@@ -172,11 +172,15 @@ def compare(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Row]:
                 decisions_per_s=float(np.median(1000 / _ms(episodes))),
                 relative_speed=float(np.median(usual_ms / _ms(episodes))),
                 steps=float(_steps(episodes).mean()),
-                relative_steps=bootstrap((_steps(episodes) / usual)[:, None], None),
+                relative_steps=_geometric_mean(_steps(episodes) / usual),
                 stages_ms={n: float(np.median([e["stages_ms"][n] for e in episodes])) for n in names},
             )
         )
     return rows
+
+
+def _geometric_mean(ratios: Float[np.ndarray, "n"]) -> Estimate:
+    return Estimate(*np.exp(bootstrap(np.log(ratios)[:, None], None)).tolist())
 
 
 def _steps(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, "n"]:
