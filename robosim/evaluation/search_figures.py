@@ -212,8 +212,12 @@ def example_figure(building: Building, example: Example) -> Figure:
         example: The two.
     """
     west, south, east, north = building.free.bounds
-    height = float(np.clip(6.2 * (north - south + 1) / (east - west + 1) + 1.2, 3.5, 10))
-    figure, panels = plt.subplots(1, 2, figsize=(12.4, height), sharey=True, layout="constrained")
+    upright = (north - south + 1) / (east - west + 1)
+    # Panels as tall as they are wide times that, or their titles end up outside of the picture.
+    width = min(6.2, 8.8 / upright)
+    figure, panels = plt.subplots(
+        1, 2, figsize=(2 * width, width * upright + 1.2), sharey=True, layout="constrained"
+    )
     for axes, episode in zip(panels, (example.stuck, example.better), strict=True):
         axes.set_aspect("equal")
         axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5), xlabel="x [m]")
