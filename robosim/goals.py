@@ -31,6 +31,9 @@ from wireless.paths import LinkState
 
 GoalName = Literal["oracle", "explore", "visual", "snr", "los", "los-or-first", "fused"]
 
+#: Policies that look for the target.
+SEEKERS: tuple[GoalName, ...] = tuple(name for name in get_args(GoalName) if name != "explore")
+
 #: Link states in which a policy follows the strongest path.
 _TRUSTED: dict[str, tuple[LinkState, ...]] = {
     "snr": (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER),

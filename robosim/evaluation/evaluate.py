@@ -7,7 +7,6 @@ these `episodes.parquet` (one row an episode), `timing.parquet` (its seconds; al
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import get_args
 
 from rich.console import Console
 from rich.table import Table
@@ -22,7 +21,7 @@ from robosim.evaluation.results import Evaluation, write_results
 from robosim.evaluation.scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
 from robosim.evaluation.sweep import in_parallel, sweep
-from robosim.goals import GoalName
+from robosim.goals import SEEKERS
 from robosim.planfiles import find_plans
 from robosim.progress import tracked
 
@@ -36,8 +35,7 @@ def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
     for name in names:
         if name not in POLICIES:
             raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(POLICIES)}.")
-    wanted = names or [name for name in get_args(GoalName) if name != "explore"]
-    return tuple(name for name in POLICIES if name in wanted)
+    return tuple(name for name in POLICIES if name in (names or SEEKERS))
 
 
 def find_suite(

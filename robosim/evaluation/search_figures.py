@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -27,7 +27,7 @@ from robosim.evaluation.following import progress, told
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import read_suite
 from robosim.gallery import Picture, write_index
-from robosim.goals import GoalName
+from robosim.goals import SEEKERS
 from robosim.picture import STATE_COLOURS
 from robosim.planfiles import read_plan
 from robosim.plots import TARGET, TRUE, draw_walls, save_figure
@@ -38,8 +38,6 @@ from wireless.paths import LinkState
 PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or-first": (1.0, 1.0, 0.94)}
 #: Relative arrival times of los-or-first read off the published curves: median and 80 %, for each class.
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
-#: Policies beside each other in rates and times: all that seek the target.
-_DRAWN = tuple(name for name in get_args(GoalName) if name != "explore")
 #: A robot stays in one place as long as it goes no farther than this from it [m].
 STAY_M = 1.0
 
@@ -135,7 +133,7 @@ def _following(results: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 def _arrival(rows: Sequence[dict[str, Any]]) -> Figure:
-    summaries = [s for s in summarise(rows) if s.policy in _DRAWN]
+    summaries = [s for s in summarise(rows) if s.policy in SEEKERS]
     figure = arrival_chart(summaries)
     axes = figure.axes[0]
     policies = list(dict.fromkeys(s.policy for s in summaries))
@@ -151,7 +149,7 @@ def _arrival(rows: Sequence[dict[str, Any]]) -> Figure:
 
 
 def _times(rows: Sequence[dict[str, Any]]) -> Figure:
-    figure = time_chart([row for row in rows if row["policy"] in _DRAWN])
+    figure = time_chart([row for row in rows if row["policy"] in SEEKERS])
     for axes, (median, p80) in zip(figure.axes, PUBLISHED_TIMES, strict=True):
         axes.plot([median, p80], [0.5, 0.8], "D", mfc="white", mec="black", ms=5, zorder=4)
     return figure

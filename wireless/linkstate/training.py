@@ -7,8 +7,7 @@ the same weights, bit for bit, as one that was never stopped.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -19,6 +18,7 @@ from jaxtyping import Float32, Int
 from torch import Tensor, nn
 
 from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 from wireless.run_folder import whole
 
@@ -140,7 +140,7 @@ def train(
             f"none of {len(tokens)} links has an estimated path: there is nothing to learn from."
         )
     x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
-    with _one_thread(), torch.random.fork_rng(devices=[]):
+    with one_thread(), torch.random.fork_rng(devices=[]):
         run = _Run(x, y, recipe)
         if checkpoint and checkpoint.exists():
             run.load(checkpoint)
@@ -281,14 +281,3 @@ def _rate(done: float) -> float:
     if done < warm_up:
         return 0.04 + 0.96 * (1 - math.cos(math.pi * done / warm_up)) / 2
     return (1 + math.cos(math.pi * (done - warm_up) / (1 - warm_up))) / 2
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Sums in one order, whatever the machine."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

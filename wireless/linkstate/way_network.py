@@ -18,6 +18,7 @@ from torch import Tensor, nn
 
 from wireless.linkstate.features import PEAK_UNIT, SNR_LIMITS_DB, SNR_UNIT_DB
 from wireless.linkstate.networks import N_STATES
+from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import AOA, AOD, PEAK, SNR
 
 #: Probabilities below this count as this, and moves are in units of this [m].
@@ -122,14 +123,9 @@ def train_way_network(
     batch: WayBatch, inputs: Sequence[str], *, seed: int, epochs: int = 12, size: int = 64, width: int = 32
 ) -> WayNetwork:
     """Cross entropy over all places, AdamW, one cycle of learning rate; the same weights for a seed."""
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with torch.random.fork_rng(devices=[]):
-            torch.manual_seed(seed)
-            return _train(batch, WayNetwork(inputs, width=width), epochs, size).eval()
-    finally:
-        torch.set_num_threads(threads)
+    with one_thread(), torch.random.fork_rng(devices=[]):
+        torch.manual_seed(seed)
+        return _train(batch, WayNetwork(inputs, width=width), epochs, size).eval()
 
 
 def _train(batch: WayBatch, network: WayNetwork, epochs: int, size: int) -> WayNetwork:
