@@ -1,12 +1,9 @@
 """Links of generated homes, traced and received as the public ones were: more buildings to learn from.
 
 A classifier that saw a dozen buildings knows these too well. Generated homes cost nothing: each gets a few
-transmitters and some receivers of the published grid at random places, is traced through walls as the published
-ray tracer saw them (`robosim.bench.label_walls`), and received by the published receiver
-(`wireless.estimation_public`). States are nearly those of `wireless.mmwrobotnav.link_states`, which need a whole
-grid of receivers: here a direct path through a wall is line of sight at the quarter of receivers that rays were
-shot to, and of higher order elsewhere, which is right for 97 % of the published links
-that have paths both there and here.
+transmitters and some receivers of the published grid at random places. Paths are those that the published ray tracer
+would have found, as strong as it says (`robosim.bench.label_links`), received by the published receiver
+(`wireless.estimation_public`).
 
 A home is one file, written whole; its seed alone decides what is in it.
 """
@@ -17,10 +14,10 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float32, UInt8
+from jaxtyping import Float32, UInt8
 from rich.console import Console
 
-from robosim.bench.label_adjacent import fully_traced
+from robosim.bench.label_links import TRACER, published_paths
 from robosim.bench.label_walls import published_mesh
 from robosim.building import make_building
 from robosim.files import whole_file
@@ -29,14 +26,13 @@ from robosim.progress import tracked
 from robosim.receivers import receiver_grid
 from wireless.estimation_public import PublicReceiver
 from wireless.linkstate.tokens import make_tokens
-from wireless.paths import Interaction, LinkState, Paths
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.mmwrobotnav import link_states
+from wireless.paths import LinkState
+from wireless.raytrace import Tracer
 from wireless.sounding import Rays
 
 #: Transmitters of a home, receivers of each, grid [m] and height of both [m].
 TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
-#: Walls are sheets that let paths through once; the thickness only weakens these.
-TRACER = TracerConfig(max_transmissions=1, wall_thickness_m=0.1)
 #: Seed of the first home, far from those that people take.
 FIRST_SEED = 1_000_220
 
@@ -90,24 +86,13 @@ def make_home(seed: int) -> Made:
         some = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
         # Published rows count from 1 at the top.
         cell = np.array([grid.shape[0], 1]) + grid.cell[some] * (-1, 1)
-        paths = tracer.trace(tx[None], grid.position[some], workers=1)
-        state = _states(paths, fully_traced(cell))
+        paths = published_paths(tx, grid.position[some], cell, tracer)
+        state = link_states(paths)[0]
         aoa, aod, snr, peak = _receiver().receive(Rays.from_paths(paths), rng)
         reached = state != LinkState.OUTAGE
         tokens.append(make_tokens(aoa, snr, aod_rad=aod, peak=peak)[reached])
         states.append(state[reached])
     return np.concatenate(tokens), np.concatenate(states)
-
-
-def _states(paths: Paths, shot_to: Bool[np.ndarray, "n"]) -> UInt8[np.ndarray, "n"]:
-    """`LinkState` of each receiver of one transmitter."""
-    passed = (paths.interaction == Interaction.TRANSMISSION).sum(axis=1)
-    direct = paths.order == passed
-    state = np.full(len(shot_to), LinkState.OUTAGE, np.uint8)
-    state[paths.rx] = LinkState.HIGHER_ORDER
-    state[paths.rx[(paths.order == 1) & ~direct]] = LinkState.FIRST_ORDER
-    state[paths.rx[direct & ((passed == 0) | shot_to[paths.rx])]] = LinkState.LOS
-    return state
 
 
 def _write_home(folder: Path, seed: int) -> None:

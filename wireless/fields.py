@@ -7,11 +7,11 @@ has gain +1 for theta to theta and -1 for phi to phi (straight up and down, wher
 All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfolded length, and behind an
 edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
 
-Walls are half-spaces, or layers of one thickness. At an edge the field splits along and around it (b0 and
-phi of UTD); the two faces reflect as whole walls would, with their plane of incidence, also when the ray
-meets the edge at a slant.
+Walls are half-spaces, layers of one thickness, or two such layers with air between. At an edge the field
+splits along and around it (b0 and phi of UTD); the two faces reflect as whole walls would, with their plane
+of incidence, also when the ray meets the edge at a slant.
 
-Left out: walls of several layers, antennas (`wireless.antenna`), more than one edge per path.
+Left out: walls of layers that differ, antennas (`wireless.antenna`), more than one edge per path.
 References: ITU-R P.2040-4, equation (37) (see `wireless.fresnel`); `wireless.diffraction`.
 """
 
@@ -28,13 +28,15 @@ NOWHERE_M = 1e-9
 
 @compiled
 def fresnel(
-    cos_i: float, eps: complex, wavenumber: float, thickness_m: float
+    cos_i: float, eps: complex, wavenumber: float, wall_m: tuple[float, float]
 ) -> tuple[complex, complex, complex, complex]:
-    """Ratios r_te, r_tm, t_te, t_tm of a wall: `wireless.fresnel.slab` for one ray.
+    """Ratios r_te, r_tm, t_te, t_tm of a wall: `wireless.fresnel.slab` or `cavity_wall` for one ray.
 
-    A thickness of 0 stands for a half-space, `wireless.fresnel.reflection`. Transmission ratios are over the
-    field that would be there without the wall.
+    A wall is the thickness of a layer, and of the air between two of them, if any. A layer of 0 stands for a
+    half-space, `wireless.fresnel.reflection`. Transmission ratios are over the field that would be there
+    without the wall.
     """
+    thickness_m, gap_m = wall_m
     p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)
     if p.imag > 0:
         p = -p
@@ -45,12 +47,16 @@ def fresnel(
         return r_te, r_tm, 0j, 0j
     once, free = np.exp(-1j * wavenumber * thickness_m * p), np.exp(1j * wavenumber * thickness_m * cos_i)
     many_te, many_tm = 1 - r_te**2 * once**2, 1 - r_tm**2 * once**2
-    return (
-        r_te * (1 - once**2) / many_te,
-        r_tm * (1 - once**2) / many_tm,
-        (1 - r_te**2) * once * free / many_te,
-        (1 - r_tm**2) * once * free / many_tm,
-    )
+    t_te, t_tm = (1 - r_te**2) * once / many_te, (1 - r_tm**2) * once / many_tm
+    r_te, r_tm = r_te * (1 - once**2) / many_te, r_tm * (1 - once**2) / many_tm
+    if gap_m == 0:
+        return r_te, r_tm, t_te * free, t_tm * free
+    # What is over the free field needs no phase of the gap: it is that of the free field too.
+    around = np.exp(-2j * wavenumber * gap_m * cos_i)
+    many_te, many_tm = 1 - r_te**2 * around, 1 - r_tm**2 * around
+    in_te = t_te**2 / many_te if many_te != 0 else 0j  # grazing: nothing gets in
+    in_tm = t_tm**2 / many_tm if many_tm != 0 else 0j
+    return r_te * (1 + in_te * around), r_tm * (1 + in_tm * around), in_te * free**2, in_tm * free**2
 
 
 @compiled
@@ -60,7 +66,7 @@ def meet_wall(
     normal: Float[np.ndarray, "3"],
     eps: complex,
     wavenumber: float,
-    thickness_m: float,
+    wall_m: tuple[float, float],
     through: bool,
 ) -> None:
     """Turn two fields into what a wall reflects or lets through, in place.
@@ -71,11 +77,11 @@ def meet_wall(
         normal: Unit normal of the wall, of any side.
         eps: Relative permittivity of the wall.
         wavenumber: 2 pi over the wavelength [1/m].
-        thickness_m: Thickness of the wall, 0 for a half-space.
+        wall_m: Thickness of a layer and of the air between two, see `fresnel`.
         through: Whether the wave goes on rather than being reflected.
     """
     c = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]
-    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), eps, wavenumber, thickness_m)
+    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), eps, wavenumber, wall_m)
     if through:
         te, tm, c = t_te, t_tm, 0.0  # straight on: the direction behind is the one before
     sx = way[1] * normal[2] - way[2] * normal[1]
@@ -128,7 +134,7 @@ def _face_ratios(
     sin_b0: float,
     eps: complex,
     wavenumber: float,
-    thickness_m: float,
+    wall_m: tuple[float, float],
 ) -> tuple[complex, complex, complex]:
     """Reflection of a face in the coordinates of its edge, angles counted from that face.
 
@@ -141,7 +147,7 @@ def _face_ratios(
     """
     sine = np.sin(min(phi, phi_source))
     cos_i = min(abs(sin_b0 * sine), 1.0)
-    te, tm, _, _ = fresnel(cos_i, eps, wavenumber, thickness_m)
+    te, tm, _, _ = fresnel(cos_i, eps, wavenumber, wall_m)
     q2 = 1 - cos_i * cos_i
     if q2 < 1e-14:
         return -te, -tm, 0j
@@ -159,7 +165,7 @@ def diffract(
     n: float,
     eps: Complex[np.ndarray, "2"],
     wavenumber: float,
-    thickness_m: float,
+    wall_m: tuple[float, float],
     before_m: float,
     after_m: float,
     work: Float[np.ndarray, "4 3"],
@@ -174,7 +180,7 @@ def diffract(
         n: Open angle over pi.
         eps: Relative permittivities of 0-face and n-face.
         wavenumber: 2 pi over the wavelength [1/m].
-        thickness_m: Thickness of the faces' walls, 0 for half-spaces.
+        wall_m: Thickness of a layer of the faces' walls and of the air between two, see `fresnel`.
         before_m: Unfolded distance s' from the source.
         after_m: Unfolded distance s to the observer.
         work: Room for vectors.
@@ -188,9 +194,9 @@ def diffract(
     distance = before_m * after_m * sin_b0 * sin_b0 / (before_m + after_m)
     tie = NOWHERE_M * (1 / before_m + 1 / after_m) / sin_b0
     direct, on_0, on_n = wedge_terms(phi, phi_source, n, wavenumber, distance, sin_b0, tie)
-    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0], wavenumber, thickness_m)
+    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0], wavenumber, wall_m)
     bb_n, ff_n, bf_n = _face_ratios(
-        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1], wavenumber, thickness_m
+        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1], wavenumber, wall_m
     )
     d_bb = -direct + on_0 * bb_0 + on_n * bb_n
     d_ff = -direct + on_0 * ff_0 + on_n * ff_n
@@ -232,7 +238,7 @@ def path_gain(
     wedge_n: float,
     wedge_eps: Complex[np.ndarray, "2"],
     wavenumber: float,
-    thickness_m: float,
+    wall_m: tuple[float, float],
     gain: Complex[np.ndarray, "2 2"],
     work: Float[np.ndarray, "w 3"],
     field: Complex[np.ndarray, "2 3"],
@@ -249,7 +255,7 @@ def path_gain(
         wedge_n: Open angle of the wedge over pi.
         wedge_eps: Relative permittivities of its faces.
         wavenumber: 2 pi over the wavelength [1/m].
-        thickness_m: Thickness of all walls, 0 for half-spaces.
+        wall_m: Thickness of a layer of all walls and of the air between two, see `fresnel`.
         gain: Takes the result: [theta, phi at the receiver, theta, phi at the transmitter].
         work: Room for 8 vectors.
         field: Room for two fields.
@@ -279,7 +285,7 @@ def path_gain(
     for j in range(count):
         if kinds[j] != DIFFRACTION:
             through = kinds[j] == TRANSMISSION
-            meet_wall(field, way, normals[j], eps[j], wavenumber, thickness_m, through)
+            meet_wall(field, way, normals[j], eps[j], wavenumber, wall_m, through)
             c = 0.0 if through else 2 * _dot(way, normals[j])
             for i in range(3):
                 out[i] = way[i] - c * normals[j, i]
@@ -293,7 +299,7 @@ def path_gain(
                 wedge_n,
                 wedge_eps,
                 wavenumber,
-                thickness_m,
+                wall_m,
                 before,
                 total - before,
                 work[:4],

@@ -5,11 +5,13 @@ permittivity eps, met from vacuum at an angle i from its normal, reflects
     r_TE = (cos i - p) / (cos i + p),   r_TM = (eps cos i - p) / (eps cos i + p),   p = sqrt(eps - sin^2 i).
 A slab of thickness d adds up the waves that go to and fro inside, each time with the phase q = k d p:
     r = r' (1 - e^(-2jq)) / (1 - r'^2 e^(-2jq)),   t = (1 - r'^2) e^(-jq) / (1 - r'^2 e^(-2jq)),
-with r' of the half-space. Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratios
+with r' of the half-space. Two such layers, a cavity wall, do the same with the air of width a between them,
+    R = r (1 + t^2 g^2 / (1 - r^2 g^2)),   T = t^2 g / (1 - r^2 g^2),   g = e^(-jk a cos i).
+Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratios
 go to -1 at grazing incidence; at normal incidence they are opposite, since TM then counts the reflected field
 along the direction that is mirrored.
 
-Left out: several layers, roughness, diffuse scattering, walls that end.
+Left out: layers that differ, roughness, diffuse scattering, walls that end.
 Reference: Recommendation ITU-R P.2040-4 (09/2025), equations (37), (43) and (44).
 """
 
@@ -75,6 +77,41 @@ def slab(
     return reflected[0], reflected[1], through[0], through[1]
 
 
+def cavity_wall(
+    cos_i: Float[np.ndarray, "*batch"],
+    eps: complex | Complex[np.ndarray, "*batch"],
+    thickness_m: float,
+    gap_m: float,
+    frequency_hz: float,
+) -> tuple[
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+]:
+    """Reflection and transmission ratios of two equal layers with air between, such as two plasterboards.
+
+    Args:
+        cos_i: Cosine of the angle between ray and wall normal, in [0, 1].
+        eps: Relative permittivity of the layers.
+        thickness_m: Thickness of each layer.
+        gap_m: Width of the air between.
+        frequency_hz: Frequency of the wave.
+
+    Returns:
+        r_te, r_tm, t_te, t_tm: As of `slab`, for the whole wall.
+
+    Raises:
+        ValueError: As of `slab`, or if the gap is negative.
+    """
+    if not (np.isfinite(gap_m) and gap_m >= 0):
+        raise ValueError(f"gap_m is {gap_m}, expected 0 or more.")
+    r_te, r_tm, t_te, t_tm = slab(cos_i, eps, thickness_m, frequency_hz)
+    once = np.exp(-2j * np.pi * frequency_hz / speed_of_light * gap_m * cos_i)
+    in_te, in_tm = (_ratio(t**2, 1 - r**2 * once**2) for r, t in ((r_te, t_te), (r_tm, t_tm)))
+    return r_te * (1 + in_te * once**2), r_tm * (1 + in_tm * once**2), in_te * once, in_tm * once
+
+
 def _normal_wavenumber(
     cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
 ) -> Complex[np.ndarray, "*batch"]:
@@ -96,5 +133,5 @@ def _normal_wavenumber(
 def _ratio(
     above: Complex[np.ndarray, "*batch"], below: Complex[np.ndarray, "*batch"]
 ) -> Complex[np.ndarray, "*batch"]:
-    """Quotient, 0 where both are 0: a wave along the face of a wall of vacuum."""
+    """Quotient, 0 where both are 0: a wave along a wall's face."""
     return np.divide(above, below, out=np.zeros_like(above), where=below != 0)

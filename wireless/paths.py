@@ -103,9 +103,9 @@ class Paths:
             number = np.where(kind == Interaction.NONE, number, 10 * number + kind)
         return number
 
-    def select(self, mask: Bool[np.ndarray, "n"]) -> "Paths":
-        """Some of the paths, of the same links."""
-        return replace(self, **{f.name: getattr(self, f.name)[mask] for f in fields(self)[3:]})
+    def select(self, which: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Paths":
+        """Some of the paths, of the same links: a mask, or numbers in the order wanted."""
+        return replace(self, **{f.name: getattr(self, f.name)[which] for f in fields(self)[3:]})
 
     def strongest(self, most: int = 1) -> "Paths":
         """At most so many paths of each link."""

@@ -62,6 +62,8 @@ class TracerConfig:
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: float | None = None
     """Thickness of all walls, which are layers then [m]; None for half-spaces."""
+    wall_gap_m: float = 0.0
+    """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -90,6 +92,15 @@ class TracerConfig:
             raise ValueError(f"max_interactions is {most}, expected at least 0, or None.")
         if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
             raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
+        if not 0 <= self.wall_gap_m < np.inf:
+            raise ValueError(
+                f"wall_gap_m is {self.wall_gap_m}, expected metres, or 0 for walls of one layer."
+            )
+        if self.wall_gap_m and self.wall_thickness_m is None:
+            raise ValueError(
+                f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
+                "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
+            )
         if self.max_transmissions and self.wall_thickness_m is None:
             raise ValueError(
                 f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
@@ -303,7 +314,7 @@ class Tracer:
             max_interactions=np.iinfo(np.int64).max
             if config.max_interactions is None
             else config.max_interactions,
-            thickness_m=config.wall_thickness_m or 0.0,
+            wall_m=(config.wall_thickness_m or 0.0, config.wall_gap_m),
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,

@@ -37,8 +37,8 @@ class Setting(NamedTuple):
     """Most walls that a path passes."""
     max_interactions: int
     """Most interactions of a path, of all kinds."""
-    thickness_m: float
-    """Thickness of all walls; 0 for half-spaces."""
+    wall_m: tuple[float, float]
+    """Thickness of a layer of all walls, 0 for half-spaces, and of the air between two of them."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -163,7 +163,7 @@ def weigh(setting: Setting, m: int, n: float, room: Room) -> tuple[float, float]
         n,
         room.wedge_eps,
         setting.wavenumber,
-        setting.thickness_m,
+        setting.wall_m,
         room.gain,
         room.work,
         room.field,

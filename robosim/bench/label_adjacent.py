@@ -11,7 +11,6 @@ The coarse grid goes on outside of the building, where nothing is published: the
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from wireless.mmwrobotnav import Measurements
 from wireless.paths import Paths
 
 #: Distance between receivers [m].
@@ -28,20 +27,28 @@ def fully_traced(cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
     return (cell[:, 0] % 2 == 0) & (cell[:, 1] % 2 == 1)
 
 
-def with_coarse(measured: Measurements) -> tuple[Int[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
-    """Cells and positions [m] of the published receivers, and then of all others around that rays were shot to.
+def with_coarse(
+    cell: Int[np.ndarray, "n 2"], position: Float[np.ndarray, "n 2"]
+) -> tuple[Int[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
+    """Receivers, and then all others around that rays were shot to.
+
+    Args:
+        cell: Row and column of each receiver, from 1 at the north-west.
+        position: Where it is [m].
+
+    Returns:
+        The same of all.
 
     Raises:
         ValueError: If receivers are on no grid of `SPACING_M`.
     """
-    cell, position = measured.rx_cell, measured.rx_position
     corner = position - SPACING_M * cell[:, ::-1] * (1, -1)
     origin = np.median(corner, axis=0)
     off = np.abs(corner - origin).max()
     if not off < 0.01 * SPACING_M:
         raise ValueError(
-            f"{measured.building} {measured.number}: a receiver is {off:.3g} m off its place in a grid of "
-            f"{SPACING_M} m. Are its row and column those of the published data?"
+            f"a receiver is {off:.3g} m off its place in a grid of {SPACING_M} m. "
+            "Are its row and column those of the published data?"
         )
     around = np.unique((cell[:, None] + _steps()).reshape(-1, 2), axis=0)
     around = around[fully_traced(around)]

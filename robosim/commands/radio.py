@@ -25,6 +25,8 @@ class RadioOptions:
     """Most walls that a path goes through; needs --wall-thickness."""
     wall_thickness: float | None = None
     """Thickness of all walls [m]; half-spaces if not given."""
+    wall_gap: float = 0.0
+    """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
     material: str = "drywall"
@@ -61,6 +63,7 @@ class RadioOptions:
                 floor_ceiling=self.floor_ceiling,
                 max_transmissions=self.max_transmissions,
                 wall_thickness_m=self.wall_thickness,
+                wall_gap_m=self.wall_gap,
                 max_paths=self.max_paths,
                 polarisation=polarisation,
             ),

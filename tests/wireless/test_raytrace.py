@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from wireless.fresnel import reflection, slab
+from wireless.fresnel import cavity_wall, reflection, slab
 from wireless.materials import permittivity
 from wireless.paths import Interaction
 from wireless.raytrace import SceneError, Tracer, TracerConfig
@@ -190,27 +190,51 @@ def test_unusable_input_is_named(extruded):
         tracer.trace(np.array([[0.0, 1, np.nan]]), np.array([[0.0, 1, 1]]))
 
 
+@pytest.mark.parametrize("gap", [0.0, 0.089])
 @pytest.mark.parametrize("angle_deg", [0.0, 35.0, 80.0])
-def test_walls_let_through_what_a_layer_does(extruded, angle_deg):
+def test_walls_let_through_what_layers_do(extruded, angle_deg, gap):
     """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
 
-    Vertical fields are TE and horizontal ones TM. Judge: the layer of `wireless.fresnel`, less the phase of
+    Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.fresnel`, less the phase of
     the way through the wall, which a ray drawn straight on has already. To 1e-8.
     """
-    walls, thickness = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]], 0.08
+    walls, thickness = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]], 0.013
     across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3
     tx = np.array([[0.0, -1.0, 1.5]])
-    options = {"max_reflections": 0, "diffraction": False, "wall_thickness_m": thickness}
+    options = {"max_reflections": 0, "diffraction": False, "wall_thickness_m": thickness, "wall_gap_m": gap}
     assert len(Tracer(extruded(walls), config=TracerConfig(**options)).trace(tx, tx + across)) == 0
     config = TracerConfig(max_transmissions=2, **options)
     paths = Tracer(extruded(walls), config=config).trace(tx, tx + across)
     assert paths.order == [2] and (paths.interaction[0, :2] == Interaction.TRANSMISSION).all()
     k, length = 2 * np.pi / WAVELENGTH_M, np.linalg.norm(across)
     cos_i = np.cos(np.radians([angle_deg]))
-    _, _, *through = slab(cos_i, EPS, thickness, CARRIER_HZ)
-    t_te, t_tm = (t[0] * np.exp(1j * k * thickness * cos_i[0]) for t in through)
+    if gap:
+        _, _, *through = cavity_wall(cos_i, EPS, thickness, gap, CARRIER_HZ)
+    else:
+        _, _, *through = slab(cos_i, EPS, thickness, CARRIER_HZ)
+    deep = 2 * thickness + gap if gap else thickness
+    t_te, t_tm = (t[0] * np.exp(1j * k * deep * cos_i[0]) for t in through)
     free = np.exp(-1j * k * length) / (2 * k * length)
     np.testing.assert_allclose(paths.gain[0], np.diag([t_te**2, -(t_tm**2)]) * free, rtol=1e-8, atol=1e-18)
+
+
+@pytest.mark.parametrize("angle_deg", [0.0, 22.5, 50.0])
+def test_cavity_walls_reflect_as_their_layers_do(extruded, angle_deg):
+    """One wall of two plasterboards: the reflected path has r of both together, TE and TM, to 1e-8.
+
+    At 22.5 degrees that is 13 dB less than a half-space reflects, at 50 degrees 0.8 dB more.
+    """
+    aside = np.tan(np.radians(angle_deg)) * 3
+    tx, rx = np.array([[-aside, 3.0, 1.5]]), np.array([[aside, 3.0 + 1e-9, 1.5]])
+    config = TracerConfig(max_reflections=1, diffraction=False, wall_thickness_m=0.013, wall_gap_m=0.089)
+    paths = Tracer(extruded([[(-90, 0), (90, 0)]]), config=config).trace(tx, rx)
+    bent = paths.select(paths.order == 1)
+    cos_i = np.cos(np.radians([angle_deg]))
+    r_te, r_tm, _, _ = cavity_wall(cos_i, EPS, 0.013, 0.089, CARRIER_HZ)
+    length = 6 / cos_i[0]
+    spread = WAVELENGTH_M / (4 * np.pi * length)
+    assert abs(bent.gain[0, 0, 0]) == pytest.approx(spread * abs(r_te[0]), rel=1e-6)
+    assert abs(bent.gain[0, 1, 1]) == pytest.approx(spread * abs(r_tm[0]), rel=1e-6)
 
 
 def test_reflections_and_passed_walls_combine(extruded, ring):
