@@ -93,7 +93,7 @@ def train_link_state(
         ]
         for name, part in held.items()
     }
-    fresh = not list(out.glob("jobs/*.pt"))
+    fresh = not any(out.glob("*/*"))
     make_homes(homes, out / "homes", workers, console)
     trained = run_jobs([job for group in jobs.values() for job in group], workers, console)
     made = {

@@ -14,6 +14,7 @@ from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
+import shapely
 from jaxtyping import Float32, UInt8
 from rich.console import Console
 
@@ -33,6 +34,8 @@ from wireless.sounding import Rays
 
 #: Transmitters of a home, receivers of each, grid [m] and height of both [m].
 TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
+#: Least distance of a transmitter from walls [m], as published ones have it; some receivers are behind a wall.
+TX_CLEARANCE_M = 0.04
 #: Seed of the first home, far from those that people take.
 FIRST_SEED = 1_000_220
 
@@ -80,9 +83,11 @@ def make_home(seed: int) -> Made:
     building = make_building(generate_plan(seed, config=GeneratorConfig(navigable=True)))
     tracer = Tracer(published_mesh(building.plan, building.height_m), config=TRACER)
     grid = receiver_grid(building, GRID_M, HEIGHT_M)
+    roomy = building.free.buffer(-TX_CLEARANCE_M)
+    places = grid.position[shapely.contains_xy(roomy, grid.position[:, 0], grid.position[:, 1])]
     tokens, states = [], []
     for _ in range(TRANSMITTERS):
-        tx = grid.position[rng.integers(len(grid.position))]
+        tx = places[rng.integers(len(places))]
         some = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
         # Published rows count from 1 at the top.
         cell = np.array([grid.shape[0], 1]) + grid.cell[some] * (-1, 1)

@@ -39,10 +39,10 @@ def link_state(
         aod: Whether angles of departure are used; they need a transmitter whose beams are known.
         peak: Whether heights of peaks are used, where they were measured.
         delay: Whether delays are used, where they were measured; between beams they need a synchronised transmitter.
-        epochs: Passes over the links; the model's own number if not given.
+        epochs: Passes over the links; if not given 10 with generated homes, else the model's own number.
         members: Networks whose probabilities are averaged.
-        homes: Generated homes to learn from besides, made first; if not given 180 for ours on public
-            measurements, and none else.
+        homes: Generated homes to learn from besides, made first, two seconds each on two cores; if not given 600
+            for ours on public measurements, and none else.
         folds: Folds to hold out, one after the other; 0 trains on all buildings only.
         of: Folds that the buildings are dealt into.
         seed: Seed of the first network.
@@ -63,22 +63,24 @@ def link_state(
     from wireless.linkstate.training import default_recipe
 
     if homes is None:
-        homes = 180 if model == "ours" and not is_data_set(data) else 0
+        homes = 600 if model == "ours" and not is_data_set(data) else 0
     recipe = default_recipe(model)
+    if epochs is None:
+        epochs = 10 if homes and model == "ours" else recipe.epochs
     optional = {"aod": aod, "snr": True, "peak": peak, "delay": delay}
     inputs = ("aoa", *(name for name, wanted in optional.items() if wanted))
     flags = " ".join(
         f"--{'' if wanted else 'no-'}{name}" for name, wanted in optional.items() if name != "snr"
     )
     command = (
-        f"robosim train link-state --data {data.name} --model {model} {flags} --epochs {epochs or recipe.epochs} "
+        f"robosim train link-state --data {data.name} --model {model} {flags} --epochs {epochs} "
         f"--members {members} --homes {homes} --folds {folds} --of {of} --seed {seed}"
     )
     folder = folder_for(out, "train-link-state")
     card = train_link_state(
         data,
         folder,
-        replace(recipe, inputs=inputs, seed=seed, epochs=recipe.epochs if epochs is None else epochs),
+        replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
         test=test,
         folds=folds,
         of=of,

@@ -70,7 +70,7 @@ def test_one_link_with_every_option(plan_file, tmp_path, capsys):
     out = tmp_path / "link"
     main(
         f"trace {plan_file} --tx 1,1 --rx 5,1.2,1.1 --frequency-ghz 60 --max-reflections 2 --no-diffraction "
-        f"--diffraction-reflections 0 --floor-ceiling --max-transmissions 1 --wall-thickness 0.1 --max-paths 9 "
+        f"--diffraction-reflections 0 --floor-ceiling --max-transmissions 1 --wall-thickness 0.013 --wall-gap 0.089 --max-paths 9 "
         f"--polarisation both --material concrete --tolerance 0.05 --height 1.4 --tx-power-dbm 10 "
         f"--threshold-dbm -90 --workers 1 --out {out}".split()
     )
@@ -124,6 +124,8 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
         ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
         ("--tx 1,1 --max-transmissions 1", "wall_thickness_m"),
+        ("--tx 1,1 --wall-gap 0.089", "Give wall_thickness_m"),
+        ("--tx 1,1 --wall-thickness 0.013 --wall-gap -1", "wall_gap_m is -1"),
         ("--tx 1,1 --material concret", "Did you mean 'concrete'"),
         ("--tx 1,1 --tx-power-dbm nan", "tx_power_dbm is nan"),
         ("--tx 1,1 --threshold-dbm nan", "threshold_dbm is nan"),
