@@ -31,7 +31,9 @@ from wireless.raytrace import Tracer, TracerConfig
 #: thicknesses from 8 to 20 mm and gaps to 130 mm it fits best. It lets 8 dB more through than a layer of 0.1 m.
 PLASTERBOARD_M, GAP_M = 0.013, 0.089
 #: Published paths with a diffraction are so much stronger than the uniform theory has them [dB]: in the median 2.5 to
-#: 3.0 dB for each sequence of reflections, diffraction and walls passed that was heard often. Why is not known.
+#: 3.0 dB for each sequence of reflections, diffraction and walls passed that was heard often; 0 to 2 dB near the
+#: boundaries of shadow and reflection, 4 to 8 dB between them (13,259 lone diffractions). Why is not known: other angles
+#: of the wedge, other rules for its reflections and a perfect conductor all fit worse.
 EDGE_DB = 3.0
 #: An edge with two reflections, one before and one after, was found from the labels: where nothing else arrives at a
 #: fully traced receiver, 78 % of the links that have such a path are higher order, but 26 % and 41 % of those with both

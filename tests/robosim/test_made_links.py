@@ -17,7 +17,7 @@ def home():
 
 
 def test_line_of_sight_arrives_from_where_it_left(home):
-    """The strongest path comes straight back within a beam, 7.5 degrees, in nine of ten links in sight.
+    """The strongest path comes straight back within a beam, 7.5 degrees, in three of four links in sight.
 
     And in less than a third of the others. Catches states that belong to other links, and frames turned or
     mirrored.
@@ -28,7 +28,7 @@ def test_line_of_sight_arrives_from_where_it_left(home):
     straight = back < np.radians(7.5)
     sight = state == LinkState.LOS
     assert sight.sum() > 30
-    assert straight[sight].mean() > 0.9
+    assert straight[sight].mean() > 0.75
     assert straight[~sight].mean() < 0.33
 
 
