@@ -32,8 +32,8 @@ from wireless.raytrace import Tracer, TracerConfig
 PLASTERBOARD_M, GAP_M = 0.013, 0.089
 #: Published paths with a diffraction are so much stronger than the uniform theory has them [dB]: in the median 2.5 to
 #: 3.0 dB for each sequence of reflections, diffraction and walls passed that was heard often; 0 to 2 dB near the
-#: boundaries of shadow and reflection, 4 to 8 dB between them (13,259 lone diffractions). Why is not known: other angles
-#: of the wedge, other rules for its reflections and a perfect conductor all fit worse.
+#: boundaries of shadow and reflection, 4 to 8 dB between them (13,259 lone diffractions). Why is not known: wedges of
+#: other angles, other rules for their reflections and perfect conductors all fit worse.
 EDGE_DB = 3.0
 #: An edge with two reflections, one before and one after, was found from the labels: where nothing else arrives at a
 #: fully traced receiver, 78 % of the links that have such a path are higher order, but 26 % and 41 % of those with both
