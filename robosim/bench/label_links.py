@@ -127,10 +127,9 @@ def published_paths(
         ValueError: If receivers are on no regular grid.
     """
     all_cells, position = with_coarse(cell, rx[:, :2])
-    n = len(rx)
-    all_rx = np.vstack([rx, np.column_stack([position[n:], np.full(len(position) - n, rx[0, 2])])])
+    all_rx = np.column_stack([position, np.full(len(position), rx[0, 2])])
     paths = tracer.trace(tx[None], all_rx, workers=1)
-    paths = paths.select(adopted(paths, all_cells) & (paths.rx < n))
+    paths = paths.select(adopted(paths, all_cells) & (paths.rx < len(rx)))
     return _with_stronger_edges(replace(paths, rx_position=rx))
 
 
