@@ -70,8 +70,8 @@ def test_one_link_with_every_option(plan_file, tmp_path, capsys):
     out = tmp_path / "link"
     main(
         f"trace {plan_file} --tx 1,1 --rx 5,1.2,1.1 --frequency-ghz 60 --max-reflections 2 --no-diffraction "
-        f"--diffraction-reflections 0 --floor-ceiling --max-transmissions 1 --wall-thickness 0.013 --wall-gap 0.089 --max-paths 9 "
-        f"--polarisation both --material concrete --tolerance 0.05 --height 1.4 --tx-power-dbm 10 "
+        f"--diffraction-reflections 0 --floor-ceiling --max-transmissions 1 --wall-thickness 0.013 --wall-gap 0.089 "
+        f"--max-paths 9 --polarisation both --material concrete --tolerance 0.05 --height 1.4 --tx-power-dbm 10 "
         f"--threshold-dbm -90 --workers 1 --out {out}".split()
     )
     assert "paths from 1 transmitter" in capsys.readouterr().out
