@@ -19,6 +19,14 @@ import numpy as np
 from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
+#: Of reflection and transmission: r_te, r_tm, t_te, t_tm.
+Ratios = tuple[
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+    Complex[np.ndarray, "*batch"],
+]
+
 
 def reflection(
     cos_i: Float[np.ndarray, "*batch"], eps: complex | Complex[np.ndarray, "*batch"]
@@ -44,12 +52,7 @@ def slab(
     eps: complex | Complex[np.ndarray, "*batch"],
     thickness_m: float,
     frequency_hz: float,
-) -> tuple[
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-]:
+) -> Ratios:
     """Reflection and transmission ratios of a single layer in vacuum.
 
     Args:
@@ -83,12 +86,7 @@ def cavity_wall(
     thickness_m: float,
     gap_m: float,
     frequency_hz: float,
-) -> tuple[
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-    Complex[np.ndarray, "*batch"],
-]:
+) -> Ratios:
     """Reflection and transmission ratios of two equal layers with air between, such as two plasterboards.
 
     Args:

@@ -113,6 +113,17 @@ def test_links_are_counted_as_labelled_by_geos(published):
     assert f"{100 * (1 - 5 / n):.2f} %" in last and f"of the {n} " in last
 
 
+def test_a_receiver_off_its_grid_is_named_with_its_transmitter(published):
+    path = published / "data" / "Ell" / "Ell_Tx_1_beam_search.csv"
+    lines = path.read_text().splitlines()
+    words = lines[8].split(",")
+    words[2] = f"{float(words[2]) + 0.01:.2f}"
+    lines[8] = ",".join(words)
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=r"Ell 1: a receiver is 0.01 m off"):
+        bench(published, "out")
+
+
 def test_a_run_goes_on_where_it_was_killed(published, monkeypatch):
     """With one unit kept only the other is traced; the result is the one of a run without a break.
 
@@ -139,9 +150,9 @@ def test_a_run_goes_on_where_it_was_killed(published, monkeypatch):
 def test_published_edges_are_twice_as_strong_and_may_come_first():
     """Behind a short wall: the paths round its ends have twice the power that the tracer gives them, in falling order.
 
-    A wall aside reflects; what the tracer ranks between one and two times the reflection changes its place.
+    A wall aside reflects: the tracer has it first, and both ways round come before it then.
     """
-    walls = [[(-0.5, 0.0), (0.6, 0.0)], [(4.0, -3.0), (4.0, 3.0)]]
+    walls = [[(-0.5, 0.0), (0.6, 0.0)], [(13.0, -3.0), (13.0, 3.0)]]
     vertices = [(x, y, z) for wall in walls for x, y in wall for z in (0.0, 3.0)]
     mesh = trimesh.Trimesh(vertices, [(0, 1, 3), (0, 3, 2), (4, 5, 7), (4, 7, 6)], process=False)
     tx, rx = np.array([0.0, 1.0, 1.5]), np.array([[0.0, -1.05, 1.5], [0.15, -1.05, 1.5]])
@@ -149,8 +160,10 @@ def test_published_edges_are_twice_as_strong_and_may_come_first():
     plain = tracer.trace(tx[None], rx)
     found = label_links.published_paths(tx, rx, np.array([[2, 1], [2, 2]]), tracer)
     assert set(found.rx) == {0, 1}
-    for paths in (plain, found):
-        assert (np.diff(paths.power[paths.rx == 0]) <= 0).all()
+    for i in (0, 1):
+        assert plain.interaction[plain.rx == i][0, 0] == Interaction.REFLECTION
+        assert (found.interaction[found.rx == i][:2, 0] == Interaction.DIFFRACTION).all()
+        assert (np.diff(found.power[found.rx == i]) <= 0).all()
     for i in range(len(found)):
         same = (plain.rx == found.rx[i]) & np.isclose(plain.delay_s, found.delay_s[i], atol=1e-14, rtol=0)
         bent = (found.interaction[i] == Interaction.DIFFRACTION).any()

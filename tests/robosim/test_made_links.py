@@ -13,11 +13,11 @@ QUIET = Console(quiet=True)
 
 @pytest.fixture(scope="module")
 def home():
-    return make_home(FIRST_SEED + 1)
+    return make_home(FIRST_SEED + 2)
 
 
 def test_line_of_sight_arrives_from_where_it_left(home):
-    """The strongest path comes straight back within a beam, 7.5 degrees, in three of four links in sight.
+    """The strongest path comes straight back within a beam, 7.5 degrees, in nine of ten links in sight.
 
     And in less than a third of the others. Catches states that belong to other links, and frames turned or
     mirrored.
@@ -28,7 +28,7 @@ def test_line_of_sight_arrives_from_where_it_left(home):
     straight = back < np.radians(7.5)
     sight = state == LinkState.LOS
     assert sight.sum() > 30
-    assert straight[sight].mean() > 0.75
+    assert straight[sight].mean() > 0.9
     assert straight[~sight].mean() < 0.33
 
 
@@ -42,10 +42,11 @@ def test_all_have_five_paths_and_a_state(home):
 def test_homes_are_made_once(home, tmp_path):
     """What is there is not made again; what is missing is, as its seed has it; the order is that of seeds."""
     there = np.zeros((2, 5, 5), np.float32), np.ones(2, np.uint8)
-    with open(tmp_path / f"home-{FIRST_SEED}.npz", "wb") as file:
-        np.savez(file, tokens=there[0], state=there[1])
-    make_homes(2, tmp_path, 1, QUIET)
-    tokens, state = read_homes(2, tmp_path)
-    np.testing.assert_array_equal(tokens[:2], there[0])
-    np.testing.assert_array_equal(tokens[2:], home[0])
-    np.testing.assert_array_equal(state, np.concatenate([there[1], home[1]]))
+    for seed in (FIRST_SEED, FIRST_SEED + 1):
+        with open(tmp_path / f"home-{seed}.npz", "wb") as file:
+            np.savez(file, tokens=there[0], state=there[1])
+    make_homes(3, tmp_path, 1, QUIET)
+    tokens, state = read_homes(3, tmp_path)
+    np.testing.assert_array_equal(tokens[:4], np.concatenate([there[0], there[0]]))
+    np.testing.assert_array_equal(tokens[4:], home[0])
+    np.testing.assert_array_equal(state, np.concatenate([there[1], there[1], home[1]]))

@@ -106,7 +106,7 @@ def test_slab_equals_transfer_matrices(name):
 def test_cavity_wall_equals_transfer_matrices(gap_m):
     """Two plasterboards of 13 mm with air between, TE and TM, 40 angles: equal to 1e-10.
 
-    A cavity that forgets what goes to and fro in the gap is wrong by up to 0.3.
+    A cavity that forgets what goes to and fro in the gap is wrong by up to 0.2.
     """
     eps = permittivity("drywall", CARRIER_HZ)
     angles = np.radians(np.linspace(0, 88, 40))

@@ -190,15 +190,15 @@ def test_unusable_input_is_named(extruded):
         tracer.trace(np.array([[0.0, 1, np.nan]]), np.array([[0.0, 1, 1]]))
 
 
-@pytest.mark.parametrize("gap", [0.0, 0.089])
+@pytest.mark.parametrize(("thickness", "gap"), [(0.08, 0.0), (0.013, 0.089)])
 @pytest.mark.parametrize("angle_deg", [0.0, 35.0, 80.0])
-def test_walls_let_through_what_layers_do(extruded, angle_deg, gap):
+def test_walls_let_through_what_layers_do(extruded, angle_deg, thickness, gap):
     """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
 
     Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.fresnel`, less the phase of
     the way through the wall, which a ray drawn straight on has already. To 1e-8.
     """
-    walls, thickness = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]], 0.013
+    walls = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]]
     across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3
     tx = np.array([[0.0, -1.0, 1.5]])
     options = {"max_reflections": 0, "diffraction": False, "wall_thickness_m": thickness, "wall_gap_m": gap}
@@ -220,7 +220,7 @@ def test_walls_let_through_what_layers_do(extruded, angle_deg, gap):
 
 @pytest.mark.parametrize("angle_deg", [0.0, 22.5, 50.0])
 def test_cavity_walls_reflect_as_their_layers_do(extruded, angle_deg):
-    """One wall of two plasterboards: the reflected path has r of both together, TE and TM, to 1e-8.
+    """One wall of two plasterboards: the reflected path has r of both together, TE and TM, to 1e-6.
 
     At 22.5 degrees that is 13 dB less than a half-space reflects, at 50 degrees 0.8 dB more.
     """
