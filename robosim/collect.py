@@ -30,12 +30,12 @@ from rich.progress import Progress
 
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
-from robosim.files import whole_file, write_json
 from robosim.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import Reach, reach
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.files import whole_file, write_json
 from robosim.tasks import make_task
 from robosim.true_patch import TruePatches
 from slam.actions import Action

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.files import whole_file
 from robosim.snapshot import GUESS, Arrivals, Layer, Snapshot
+from robosim.support.files import whole_file
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 

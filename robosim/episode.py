@@ -17,13 +17,13 @@ from robosim.coverage import Coverage
 from robosim.fused import FusedConfig
 from robosim.goals import GoalName, GoalPolicy, make_policy
 from robosim.hearing import Heard, Listener
-from robosim.interrupt import noted_interrupt
 from robosim.moment import Moment
 from robosim.navigation import ControllerName, make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.stopwatch import Stopwatch
+from robosim.support.interrupt import noted_interrupt
+from robosim.support.stopwatch import Stopwatch
 from robosim.tasks import Task
 from slam.actions import Action
 from slam.exploration import ExplorerName

@@ -23,12 +23,12 @@ from rich.console import Console
 from safetensors.numpy import save
 
 from robosim.collect import CollectConfig, home_building
-from robosim.files import whole_file, write_json
 from robosim.grid_walk import GridWalk
 from robosim.plots import save_figure
-from robosim.progress import tracked
 from robosim.reach import reach
 from robosim.simulator import SimulatorConfig
+from robosim.support.files import whole_file, write_json
+from robosim.support.progress import tracked
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer

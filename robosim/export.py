@@ -19,7 +19,7 @@ import numpy as np
 import trimesh
 
 from robosim.building import KINDS, Building
-from robosim.files import whole_file
+from robosim.support.files import whole_file
 
 #: Colour of each kind of face (red, green, blue, opacity), in the order of `KINDS`.
 KIND_COLOURS = np.array(

@@ -30,9 +30,7 @@ import pyarrow.parquet as pq
 from rich.console import Console
 
 from robosim.building import make_building
-from robosim.files import plain, write_json
 from robosim.floorplan import FloorPlan, MapError
-from robosim.interrupt import noted_interrupt
 from robosim.link_formats import deepmimo_folder, write_deepmimo_scene, write_transmitters
 from robosim.link_progress import LinkProgress, link_progress
 from robosim.link_units import (
@@ -45,10 +43,12 @@ from robosim.link_units import (
     stream,
     unit_path,
 )
-from robosim.progress import tracked
 from robosim.radio_scene import RadioScene
 from robosim.receivers import receiver_grid
 from robosim.senders import random_senders
+from robosim.support.files import plain, write_json
+from robosim.support.interrupt import noted_interrupt
+from robosim.support.progress import tracked
 from wireless.link_records import COLUMNS
 from wireless.paths import LinkState
 from wireless.run_folder import alone, claim

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.files import whole_file
 from robosim.radio_scene import RadioScene
 from robosim.receivers import ReceiverGrid
+from robosim.support.files import whole_file
 from wireless.deepmimo_scenario import scenario_name, write_matrices, write_scenario
 from wireless.estimated_csv import write_estimated_csv
 from wireless.estimates import PathEstimates

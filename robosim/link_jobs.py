@@ -23,8 +23,8 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 
-from robosim.files import whole_file
 from robosim.made_links import read_homes
+from robosim.support.files import whole_file
 from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.training import Epoch, Recipe, train
 

@@ -18,7 +18,7 @@ transmitter in unseen homes `generated` is right at 97.5 % of the places alone, 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robosim.assets import shipped_weights
+from robosim.support.assets import shipped_weights
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier

@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
-from robosim.files import write_json
 from robosim.link_jobs import Job, links_of, run_jobs
 from robosim.link_state_plots import plot_curves, plot_scores
 from robosim.link_ways import score_ways, train_ways
 from robosim.made_links import make_homes
+from robosim.support.files import write_json
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, read_links

@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building import BuildingConfig
-from robosim.files import whole_file
 from robosim.floorplan import FloorPlan
 from robosim.link_formats import deepmimo_folder, write_csv, write_deepmimo_paths
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import ReceiverGrid, receiver_grid
+from robosim.support.files import whole_file
 from wireless.codebook import terminal_named
 from wireless.estimates import PathEstimates
 from wireless.estimation import PathEstimator, estimator_named

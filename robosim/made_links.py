@@ -21,10 +21,10 @@ from rich.console import Console
 from robosim.bench.label_links import TRACER, published_paths
 from robosim.bench.label_walls import published_mesh
 from robosim.building import make_building
-from robosim.files import whole_file
 from robosim.generate import GeneratorConfig, generate_plan
-from robosim.progress import tracked
 from robosim.receivers import receiver_grid
+from robosim.support.files import whole_file
+from robosim.support.progress import tracked
 from wireless.estimation_public import PublicReceiver
 from wireless.linkstate.tokens import make_tokens
 from wireless.mmwrobotnav import link_states

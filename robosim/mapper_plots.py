@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from robosim.files import whole_file
+from robosim.support.files import whole_file
 
 matplotlib.use("Agg")
 

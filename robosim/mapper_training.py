@@ -16,8 +16,8 @@ from rich.console import Console
 from rich.progress import Progress
 
 from robosim.collect import CollectConfig, collect
-from robosim.files import write_json
 from robosim.mapper_plots import plot_curve
+from robosim.support.files import write_json
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN
 from slam.mapper.features import Features
 from slam.mapper.network import parameters

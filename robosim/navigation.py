@@ -7,8 +7,8 @@ hull, and the mean error of its odometry for each action, which a calibration ru
 from pathlib import Path
 from typing import Literal, NamedTuple
 
-from robosim.assets import shipped_network
 from robosim.simulator import SimulatorConfig
+from robosim.support.assets import shipped_network
 from slam.actions import Action
 from slam.choosing import load_chooser
 from slam.control import ControlConfig, Controller

@@ -9,7 +9,7 @@
 - ``.npy``: NumPy array; needs the resolution (`robosim.formats.plan_array`);
 - ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.formats.mesh_slice`).
 
-A bare name is a plan that comes with the package (`robosim.assets`). `write_ros` and `write_png` write.
+A bare name is a plan that comes with the package (`robosim.support.assets`). `write_ros` and `write_png` write.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 
-from robosim.assets import shipped_plans
 from robosim.floorplan import FloorPlan, MapError
 from robosim.formats import mesh_slice
 from robosim.formats.houseexpo import read_houseexpo
@@ -27,6 +26,7 @@ from robosim.formats.mmwrobotnav import read_mmwrobotnav
 from robosim.formats.plan_array import plan_from_array, read_npy
 from robosim.formats.plan_image import read_image_plan, write_png
 from robosim.formats.ros_map import read_ros, write_ros
+from robosim.support.assets import shipped_plans
 
 __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros"]
 

@@ -12,9 +12,9 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from robosim.building import Building
-from robosim.files import whole_file
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
+from robosim.support.files import whole_file
 from robosim.tasks import ARRIVAL_M
 from slam.grid import MapEstimate
 

@@ -15,8 +15,8 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.files import write_json
 from robosim.mapper_training import read_shard, split_homes
+from robosim.support.files import write_json
 from slam.mapper.features import Features
 from slam.mapper.network import parameters
 from slam.mapper.pose_network import INPUTS

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from robosim.files import whole_file
 from robosim.hearing import Heard
 from robosim.radio import RadioLink
+from robosim.support.files import whole_file
 from robosim.tasks import ARRIVAL_M, Task
 from robosim.world import Motion
 from slam.poses import wrap

@@ -7,8 +7,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.decision_log import read_decisions
-from robosim.files import whole_file
 from robosim.picture import Picture
+from robosim.support.files import whole_file
 from robosim.video import VideoWriter
 
 _COLUMNS = 3

@@ -13,7 +13,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from robosim.building import Building, make_building
 from robosim.decision_log import DECISIONS, DecisionWriter
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.files import write_json
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.picture import Picture, building_rings
 from robosim.planfiles import write_ros
@@ -22,7 +21,8 @@ from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
 from robosim.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
-from robosim.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.support.files import write_json
+from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import Task, make_task
 from robosim.video import VideoWriter
 from slam.grid import MapEstimate

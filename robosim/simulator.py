@@ -20,7 +20,7 @@ from robosim.radio import RadioLink, RadioLinkConfig
 from robosim.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
 from robosim.rendering.shading import shaded_mesh
 from robosim.robot import RobotConfig
-from robosim.stopwatch import Stopwatch
+from robosim.support.stopwatch import Stopwatch
 from robosim.target import target_mesh
 from robosim.tasks import Task
 from robosim.world import Motion, World

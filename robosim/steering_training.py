@@ -22,12 +22,12 @@ from rich.console import Console
 from safetensors.numpy import save
 
 from robosim.collect import CollectConfig, home_building
-from robosim.files import whole_file, write_json
 from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
-from robosim.progress import tracked
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
+from robosim.support.files import whole_file, write_json
+from robosim.support.progress import tracked
 from robosim.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
 from slam.control import ControlConfig, Controller

@@ -16,7 +16,6 @@ import numpy as np
 from jaxtyping import Float, Int
 from rich.console import Console
 
-from robosim.files import whole_file, write_json
 from robosim.floorplan import FloorPlan
 from robosim.link_formats import (
     deepmimo_folder,
@@ -29,6 +28,7 @@ from robosim.link_progress import link_progress
 from robosim.radio_plots import choose_link, plot_grid, plot_rays
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import ReceiverGrid, receiver_grid
+from robosim.support.files import whole_file, write_json
 from wireless.dataset import read_transmitter, trace_grid
 from wireless.deepmimo_scenario import scenario_name
 from wireless.paths import LinkState, Paths

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
-from robosim.assets import shipped_weights
 from robosim.gallery import Picture
 from robosim.link_state_plots import plot_confusions, plot_curves
+from robosim.support.assets import shipped_weights
 from wireless.linkstate.training import Epoch
 
 #: Row-normalised diagonal published for outage, LOS, first and higher order. Reference: arXiv 2110.14789.

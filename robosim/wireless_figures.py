@@ -18,7 +18,6 @@ from jaxtyping import Shaped, UInt8
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from robosim.assets import shipped_weights
 from robosim.bench.estimation import PUBLISHED, on_plan, pooled, trace_links
 from robosim.bench.estimation_report import draw_shares
 from robosim.building import BuildingConfig
@@ -27,10 +26,11 @@ from robosim.gallery import Picture, write_index
 from robosim.link_pictures import choose_telling, link_figure
 from robosim.link_state import read_classifier
 from robosim.plots import save_figure
-from robosim.progress import tracked
 from robosim.radio_plots import draw_state
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import receiver_grid
+from robosim.support.assets import shipped_weights
+from robosim.support.progress import tracked
 from robosim.training_figures import draw_training
 from wireless.antenna_figures import arrays_figure
 from wireless.codebook import terminal_named

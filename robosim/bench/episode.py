@@ -27,12 +27,12 @@ from robosim.evaluation.episodes import Head, Job, make_jobs, read_head, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import check_manifest, code_digest
 from robosim.evaluation.scores import Estimate, bootstrap
-from robosim.files import whole_file, write_json
 from robosim.goals import GoalName
 from robosim.plots import save_figure
-from robosim.progress import tracked
 from robosim.radio import RadioLinkConfig
-from robosim.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.support.files import whole_file, write_json
+from robosim.support.progress import tracked
+from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 
 #: The settings that all others are compared with.
 DEFAULT = "default"

@@ -31,11 +31,11 @@ from rich.console import Console, Group
 from robosim.bench.estimation_report import plot, tables
 from robosim.bench.resolution import strongest_sum_rad
 from robosim.building import BuildingConfig
-from robosim.files import write_json
 from robosim.floorplan import FloorPlan
-from robosim.progress import tracked
 from robosim.radio_scene import RadioConfig, RadioScene
 from robosim.receivers import receiver_grid
+from robosim.support.files import write_json
+from robosim.support.progress import tracked
 from wireless.blocks import available_cores
 from wireless.bounds import arrival_bound_rad, window_share
 from wireless.codebook import terminal_named

@@ -27,13 +27,13 @@ from rich.table import Table
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.files import write_json
 from robosim.odometry import NoiseModel
 from robosim.planfiles import find_plans, read_plan
 from robosim.plots import draw_walls, plan_axes, save_figure
 from robosim.reach import reach
 from robosim.simulator import Physics, SimulatorConfig
-from robosim.stopwatch import LOOP_STAGES
+from robosim.support.files import write_json
+from robosim.support.stopwatch import LOOP_STAGES
 from robosim.tasks import make_task
 from slam.exploration import ExplorerName
 

@@ -19,7 +19,7 @@ from rich.table import Table
 import wireless
 from robosim.bench import label_adjacent, label_links, label_maps, label_walls
 from robosim.bench.label_links import TRACER, Links, compare, confusion
-from robosim.files import whole_file, write_json
+from robosim.support.files import whole_file, write_json
 from wireless.mmwrobotnav import DataError, find_measurements, read_measurements
 from wireless.paths import LinkState
 

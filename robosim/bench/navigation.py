@@ -18,10 +18,10 @@ from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import check_manifest, code_digest
 from robosim.evaluation.sweep import sweep
-from robosim.files import write_json
 from robosim.goals import GoalName
 from robosim.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
+from robosim.support.files import write_json
 from slam.exploration import ExplorerName
 
 

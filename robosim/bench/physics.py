@@ -19,11 +19,11 @@ import shapely
 from rich.table import Table
 
 from robosim.building import Building
-from robosim.files import write_json
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
 from robosim.plots import save_figure
 from robosim.robot import RobotConfig
+from robosim.support.files import write_json
 from robosim.world import PhysicsConfig, World
 from slam.actions import Action
 from slam.poses import between

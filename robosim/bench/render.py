@@ -18,15 +18,15 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from robosim.assets import shipped_plans
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
 from robosim.bench.true_depth import DepthJudge, plain_depth
 from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose
-from robosim.files import whole_file, write_json
 from robosim.planfiles import read_plan
 from robosim.rendering.shading import shaded_mesh
+from robosim.support.assets import shipped_plans
+from robosim.support.files import whole_file, write_json
 
 #: The camera that the others are compared with: the one of each kind of picture.
 OURS = {"rgb+depth": "pyrender", "depth": "pyrender-depth"}

@@ -21,9 +21,9 @@ from robosim.bench.slam_plan import EVERY, TELLERS, TOLD_AT, SlamSettings, measu
 from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
 from robosim.building import make_building
 from robosim.evaluation.sweep import in_parallel, told_units
-from robosim.files import write_json
 from robosim.planfiles import find_plans, read_plan
-from robosim.stopwatch import LOOP_STAGES
+from robosim.support.files import write_json
+from robosim.support.stopwatch import LOOP_STAGES
 from slam.mapper.scores import PatchScores
 
 

@@ -33,14 +33,14 @@ from robosim.bench.pose_tracks import (
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.files import whole_file, write_json
 from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Physics, SimulatorConfig
-from robosim.stopwatch import LOOP_STAGES
+from robosim.support.files import whole_file, write_json
+from robosim.support.stopwatch import LOOP_STAGES
 from robosim.tasks import Task, make_task
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action

@@ -23,12 +23,12 @@ from robosim.camera import CameraConfig, camera_pose, make_camera
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, run_episode
 from robosim.evaluation.sweep import in_parallel, told_units
-from robosim.files import write_json
 from robosim.navigation import make_navigator
 from robosim.planfiles import read_plan
 from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.rendering.shading import shaded_mesh
+from robosim.support.files import write_json
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead, egocentric_map

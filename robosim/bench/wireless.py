@@ -29,9 +29,9 @@ from rich.table import Table
 
 from robosim.bench import sight
 from robosim.building import Building, BuildingConfig, make_building
-from robosim.files import whole_file, write_json
 from robosim.floorplan import FloorPlan
-from robosim.progress import tracked
+from robosim.support.files import whole_file, write_json
+from robosim.support.progress import tracked
 from wireless.blocks import available_cores
 from wireless.paths import Paths
 from wireless.raytrace import Tracer, TracerConfig

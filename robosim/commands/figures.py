@@ -24,7 +24,7 @@ def plans(
     from robosim.generate import GeneratorConfig, generate_plan
     from robosim.generator.planstats import plot_comparison
     from robosim.planfiles import find_plans, read_plan
-    from robosim.progress import tracked
+    from robosim.support.progress import tracked
 
     if count < 1:
         raise ValueError(f"count is {count}, expected at least one plan to compare with.")

@@ -83,7 +83,7 @@ def generate(
     """
     from robosim.generate import GeneratorConfig, generate_plan
     from robosim.planfiles import write_ros
-    from robosim.progress import tracked
+    from robosim.support.progress import tracked
 
     if count < 1:
         raise ValueError(f"count is {count}, expected at least one plan.")

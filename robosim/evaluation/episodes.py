@@ -25,12 +25,12 @@ from robosim.ablations import PolicyName, configured
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
-from robosim.files import plain
 from robosim.floorplan import MapError
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
-from robosim.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.support.files import plain
+from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import Task, make_task
 from slam.grid import MapEstimate
 

@@ -23,7 +23,7 @@ from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, wr
 from robosim.evaluation.sweep import in_parallel, sweep
 from robosim.goals import SEEKERS
 from robosim.planfiles import find_plans
-from robosim.progress import tracked
+from robosim.support.progress import tracked
 
 
 def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:

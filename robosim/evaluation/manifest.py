@@ -16,11 +16,11 @@ from typing import Any
 import robosim
 import slam
 import wireless
-from robosim.assets import assets_dir
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
-from robosim.files import plain, write_json
 from robosim.planfiles import read_plan
+from robosim.support.assets import assets_dir
+from robosim.support.files import plain, write_json
 
 _PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robosim.evaluation.scores import Estimate, Summary
-from robosim.files import whole_file
+from robosim.support.files import whole_file
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto; padding: 0 1em }

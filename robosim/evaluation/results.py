@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.assets import shipped_plans
 from robosim.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
@@ -27,9 +26,10 @@ from robosim.evaluation.episodes import Job, read_episode, scene
 from robosim.evaluation.report import FailedEpisode, Page, write_report
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure, in_parallel
-from robosim.files import plain, whole_file, write_json
 from robosim.plots import save_figure
-from robosim.progress import tracked
+from robosim.support.assets import shipped_plans
+from robosim.support.files import plain, whole_file, write_json
+from robosim.support.progress import tracked
 
 #: Episodes without arrival that the page shows with their pictures; all are listed.
 _PICTURES = 60

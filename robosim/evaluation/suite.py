@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from robosim.assets import shipped_plans
-from robosim.files import whole_file
 from robosim.reach import Reach
+from robosim.support.assets import shipped_plans
+from robosim.support.files import whole_file
 from robosim.tasks import make_task
 
 #: Decimals that places are kept with: 0.1 mm and 0.01 degrees.

@@ -26,7 +26,7 @@ from rich.progress import (
 )
 
 from robosim.evaluation.episodes import Job, run_job
-from robosim.files import whole_file
+from robosim.support.files import whole_file
 
 
 @dataclass(frozen=True)

@@ -17,10 +17,10 @@ import numpy as np
 from jaxtyping import Bool, UInt8, UInt16, UInt32
 from PIL import Image, UnidentifiedImageError
 
-from robosim.files import whole_file
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.formats.pgm import decode_pgm, encode_pgm, is_pgm
 from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.support.files import whole_file
 
 #: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
 GREY = np.array([254, 0, 205], np.uint8)

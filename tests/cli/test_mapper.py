@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from robosim.assets import shipped_network
 from robosim.cli import main
+from robosim.support.assets import shipped_network
 
 
 def test_from_frames_to_an_episode(tmp_path, capsys):

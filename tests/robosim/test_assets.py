@@ -1,19 +1,18 @@
 """Shipped plans: found in a source tree and in an installed package."""
 
-import importlib.machinery
-
 import numpy as np
 import pytest
 
-from robosim import assets, planfiles
+from robosim import planfiles
 from robosim.floorplan import FloorPlan, MapError
 from robosim.planfiles import read_plan, write_ros
+from robosim.support import assets
 
 
 @pytest.fixture
 def shipped(tmp_path, monkeypatch):
     """A package folder with two shipped plans and nothing else."""
-    monkeypatch.setattr(assets, "__file__", str(tmp_path / "robosim" / "assets.py"))
+    monkeypatch.setattr(assets, "__file__", str(tmp_path / "robosim" / "support" / "assets.py"))
     for name in ("flat", "office"):
         plan = FloorPlan(occupancy=np.zeros((2, 3), np.uint8), resolution_m=0.05, name=name)
         write_ros(plan, tmp_path / "assets" / "plans" / f"{name}.yaml")
@@ -31,18 +30,6 @@ def test_plans_lie_inside_an_installed_package(shipped):
     (shipped / "assets").rename(inside)
     assert assets.assets_dir() == inside
     assert list(assets.shipped_plans()) == ["flat", "office"]
-
-
-def test_the_folder_does_not_hide_the_module_of_the_same_name(tmp_path):
-    """In a wheel robosim/assets.py and robosim/assets/ lie side by side; the import must find the module."""
-    (tmp_path / "assets").mkdir()
-    (tmp_path / "assets.py").write_text("")
-    finder = importlib.machinery.FileFinder(
-        str(tmp_path), (importlib.machinery.SourceFileLoader, importlib.machinery.SOURCE_SUFFIXES)
-    )
-    spec = finder.find_spec("assets")
-    assert spec is not None
-    assert spec.origin == str(tmp_path / "assets.py")
 
 
 def test_a_bare_name_reads_a_shipped_plan(shipped, monkeypatch):

@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from robosim.interrupt import noted_interrupt
+from robosim.support.interrupt import noted_interrupt
 
 
 def test_the_first_is_noted_and_the_second_raises():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robosim.assets import shipped_weights
 from robosim.link_state import read_classifier
+from robosim.support.assets import shipped_weights
 
 
 def test_what_is_shipped():

@@ -7,8 +7,8 @@ import pytest
 from evo.core import metrics, sync
 from evo.tools import file_interface
 
-from robosim.files import whole_file, write_json
 from robosim.record import EpisodeLog
+from robosim.support.files import whole_file, write_json
 from robosim.tasks import Task
 from robosim.world import Motion
 

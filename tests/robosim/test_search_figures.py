@@ -18,8 +18,8 @@ from robosim.evaluation.search_figures import (
     longest_stay,
 )
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
-from robosim.files import plain
 from robosim.planfiles import write_ros
+from robosim.support.files import plain
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.assets import shipped_network
 from robosim.building import make_building
 from robosim.collect import CollectConfig, collect, collect_home, home_building
 from robosim.depth_noise import DepthNoise
@@ -14,6 +13,7 @@ from robosim.planfiles import read_plan
 from robosim.pose_training import read_pairs
 from robosim.reach import reach
 from robosim.simulator import SimulatorConfig
+from robosim.support.assets import shipped_network
 from robosim.tasks import make_task
 from slam.mapper.pose_training import pose_scores
 from slam.mapper.training import Recipe, classical_scores, validate

@@ -3,12 +3,12 @@
 import numpy as np
 from safetensors.numpy import load_file
 
-from robosim.assets import shipped_network
 from robosim.building import make_building
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.explorer_training import ExplorerRecipe, mean_coverage
 from robosim.planfiles import read_plan
 from robosim.reach import reach
+from robosim.support.assets import shipped_network
 from robosim.tasks import make_task
 
 

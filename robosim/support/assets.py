@@ -5,7 +5,7 @@ from pathlib import Path
 
 def assets_dir() -> Path:
     """Folder of the shipped files: inside the package once installed, beside it in a source tree."""
-    package = Path(__file__).resolve().parent
+    package = Path(__file__).resolve().parents[1]
     installed = package / "assets"
     return installed if installed.is_dir() else package.parent / "assets"
 

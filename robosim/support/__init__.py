@@ -1,0 +1,1 @@
+"""What every command stands on: files written whole, progress, interrupts, stopwatches, shipped assets."""
