@@ -8,6 +8,7 @@ For use inside of `robosim.support.reading.reading`, which adds the file's name 
 
 import json
 import math
+import re
 from collections.abc import Callable
 from typing import Any, NoReturn
 
@@ -18,6 +19,7 @@ MOST_JSON, MOST_YAML = 16_000_000, 600_000
 #: Lists and dictionaries within each other.
 MOST_DEEP = 40
 MOST_DIGITS = 40
+_TOO_LONG = re.compile(rb"(?<![0-9.])[0-9]{%d}" % (MOST_DIGITS + 1))
 #: Values of a YAML file, those that aliases stand for counted each time.
 _MOST_VALUES = 150_000
 
@@ -32,9 +34,10 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
     Raises:
         ValueError: In a few words, of whatever is wrong with it.
     """
+    if _TOO_LONG.search(content):
+        raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
     constant, real = (None, None) if numbers == "any" else (_no_number, _real)
-    text = content.decode("utf-8-sig")
-    value = json.loads(text, parse_constant=constant, parse_int=_whole, parse_float=real)
+    value = json.loads(content.decode("utf-8-sig"), parse_constant=constant, parse_float=real)
     _check_depth(value)
     return value
 
@@ -89,12 +92,6 @@ def _check_depth(value: Any) -> None:
 
 def _no_number(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number of JSON")
-
-
-def _whole(digits: str) -> int:
-    if len(digits) > MOST_DIGITS:
-        raise ValueError(f"a whole number of {len(digits)} digits")
-    return int(digits)
 
 
 def _real(digits: str) -> float:
