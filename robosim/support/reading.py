@@ -19,6 +19,7 @@ from typing import BinaryIO
 MOST_BYTES = 200_000_000
 #: Letters of a path, of what a library says, and of a whole message.
 _PATH, _REASON, _MESSAGE = 400, 300, 2000
+_COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would stand beside our one line.
 _TALKATIVE = ("trimesh", "PIL")
 _KINDS = (
@@ -41,7 +42,7 @@ class FileError(ValueError):
 def reading(
     path: str | Path,
     what: str,
-    remedy: str = "Copy or export it again.",
+    remedy: str = _COPY,
     *,
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,
@@ -59,11 +60,20 @@ def reading(
         FileError: Of the given kind, for any failure inside and for all that is no such file. A check inside may
             raise a ValueError of a few words, which become the reason. What names a file already passes.
     """
+    number = _opened(Path(path), shown(path), what, remedy, most_bytes, kind)
+    with open(number, "rb") as file, naming(path, what, remedy, kind=kind):
+        yield file
+
+
+@contextmanager
+def naming(
+    path: str | Path, what: str, remedy: str = _COPY, *, kind: type[FileError] = FileError
+) -> Iterator[None]:
+    """What `reading` does with errors, for content that is taken apart after its file was closed."""
     path, name = Path(path), shown(path)
-    number = _opened(path, name, what, remedy, most_bytes, kind)
-    with open(number, "rb") as file, _quiet():
+    with _quiet():
         try:
-            yield file
+            yield
         except FileError as error:
             message = str(error) if name in str(error) else f"{name}: {error}"
             if error.file is None and (type(error) is not kind or message != str(error) or "\n" in message):
@@ -80,7 +90,7 @@ def reading(
 def read_bytes(
     path: str | Path,
     what: str,
-    remedy: str = "Copy or export it again.",
+    remedy: str = _COPY,
     *,
     most_bytes: int = MOST_BYTES,
     kind: type[FileError] = FileError,

@@ -10,9 +10,12 @@ import json
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NoReturn
 
 import yaml
+
+from robosim.support.reading import reading
 
 #: Files above have other contents than ours [bytes]. YAML is read by Python, 100 kB a second.
 MOST_JSON, MOST_YAML = 16_000_000, 600_000
@@ -40,6 +43,16 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
     value = json.loads(content.decode("utf-8-sig"), parse_constant=constant, parse_float=real)
     _check_depth(value)
     return value
+
+
+def read_json(path: str | Path, what: str, remedy: str = "Copy or export it again.") -> Any:
+    """What a JSON file says.
+
+    Raises:
+        FileError: If it is damaged, or no regular file.
+    """
+    with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
+        return parse_json(file.read())
 
 
 def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:

@@ -12,7 +12,7 @@ from robosim.support.arrays_in import Array, parse_npy, read_npz
 
 EXPECTED = {
     "pose": Array("f", "n 3", 1e6),
-    "count": Array("iu", "n"),
+    "count": Array("i u", "n"),
     "text": Array("U", "n"),
     "scale": Array("f", ""),
 }
