@@ -35,13 +35,26 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import Reach, reach
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array
 from robosim.support.files import whole_file, write_json
+from robosim.support.text_in import read_json
 from robosim.tasks import make_task
 from robosim.true_patch import TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead
 from slam.grid import MapEstimate
 
+#: Arrays of a shard, as above.
+SHARD = {
+    "depth": Array("u2", "n h w"),
+    "rgb": Array("u1", "n h w 3"),
+    "action": Array("i1", "n"),
+    "odometry": Array("f", "n 3", FAR),
+    "pose": Array("f", "n 3", FAR),
+    "estimate": Array("f", "n 3", FAR),
+    "belief": Array("u1", "n 64 64"),
+    "truth": Array("u1", "n 3 64 8"),
+}
 #: Parts of a walk that may end in one place without a step taken, before the home is given up.
 _RESTARTS = 20
 
@@ -107,7 +120,7 @@ def _check_same(config: CollectConfig, out: Path) -> None:
     kind: dict[str, Any] = {key: value for key, value in asdict(config).items() if key != "homes"}
     note = out / "collected.json"
     if note.exists():
-        there = json.loads(note.read_text(encoding="utf-8"))
+        there = read_json(note, "the settings of collected frames", "Choose another folder.")
         if there != json.loads(json.dumps(kind)):
             raise ValueError(
                 f"{out} holds frames that were collected with other settings ({note}). Choose another folder."

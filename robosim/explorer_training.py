@@ -29,6 +29,7 @@ from robosim.reach import reach
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import whole_file, write_json
 from robosim.support.progress import tracked
+from robosim.support.reading import FileError, reading
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
@@ -198,16 +199,15 @@ def _learn(
     checkpoint = out / "checkpoint.pt"
     state: dict[str, Any] = {"round": 0, "curve": [], "best": None, "score": -np.inf}
     if checkpoint.exists():
-        kept = torch.load(checkpoint, weights_only=True)
-        if kept["recipe"] != repr(recipe):
-            raise ValueError(
-                f"{checkpoint} belongs to another recipe. Choose another folder, or the same options."
-            )
-        optimiser.load_state_dict(kept["optimiser"])
-        state = kept["state"]
-        with torch.no_grad():
-            for name, value in weights.items():
-                value.copy_(kept["weights"][name])
+        with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
+            kept = torch.load(file, weights_only=True)
+            if kept["recipe"] != repr(recipe):
+                raise FileError("belongs to another recipe. Choose another folder, or the same options.")
+            optimiser.load_state_dict(kept["optimiser"])
+            state = _checked(kept["state"], recipe, weights)
+            with torch.no_grad():
+                for name, value in weights.items():
+                    value.copy_(kept["weights"][name])
 
     def now() -> Weights:
         return {name: value.detach().numpy().copy() for name, value in weights.items()}
@@ -226,6 +226,19 @@ def _learn(
             _keep(checkpoint, weights, optimiser, recipe, state)
     _validate(state, now(), recipe, parallel)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
+
+
+def _checked(
+    state: dict[str, Any], recipe: ExplorerRecipe, weights: dict[str, torch.Tensor]
+) -> dict[str, Any]:
+    """What a checkpoint says of the training so far, if it is such a thing."""
+    best, curve, rounds = state["best"], state["curve"], state["round"]
+    good = isinstance(rounds, int) and 0 <= rounds <= recipe.rounds and isinstance(state["score"], float)
+    good &= isinstance(curve, list) and all(isinstance(row.get("round"), int) for row in curve)
+    good &= best is None or {k: v.shape for k, v in best.items()} == {k: v.shape for k, v in weights.items()}
+    if not good:
+        raise ValueError("its state is none of a training")
+    return state
 
 
 def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, parallel: Any) -> None:

@@ -26,8 +26,10 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.files import whole_file, write_json
 from robosim.support.progress import tracked
+from robosim.support.reading import reading
 from robosim.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
 from slam.control import ControlConfig, Controller
@@ -190,8 +192,13 @@ def train_steering(
                     told = [np.concatenate(part) for part in zip(*seen, strict=True)]
                 with whole_file(kept) as file:
                     np.savez_compressed(file, senses=told[0], advised=told[1])
-            with np.load(kept) as round_:
-                new_senses, new_advised = round_["senses"], round_["advised"]
+            with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
+                round_ = read_npz(
+                    file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")}
+                )
+                if not np.isin(round_["advised"], list(Action)).all():
+                    raise ValueError("an advice is no action")
+            new_senses, new_advised = round_["senses"], round_["advised"]
             if n:
                 pupil = LearnedController(weights, ControlConfig())
                 agreed = float(np.mean(np.argmax(pupil.scores(new_senses), axis=1) == new_advised))

@@ -8,7 +8,6 @@ Each episode is kept in a file of its own, so that a run which was killed goes o
 Reference: Chaplot et al., ICLR 2020 (coverage at 1000 steps); Efron, Annals of Statistics 7(1), 1979.
 """
 
-import json
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -34,6 +33,7 @@ from robosim.reach import reach
 from robosim.simulator import Physics, SimulatorConfig
 from robosim.support.files import write_json
 from robosim.support.stopwatch import LOOP_STAGES
+from robosim.support.text_in import read_json
 from robosim.tasks import make_task
 from slam.exploration import ExplorerName
 
@@ -117,7 +117,7 @@ def _episode(
     told = {"plan": plan.name, "explorer": explorer, **asdict(settings)}
     file = out / "episodes" / f"{plan.name}-{explorer}.json"
     if file.exists():
-        row: dict[str, Any] = json.loads(file.read_text())
+        row = read_json(file, "results of a plan", "Delete it to measure again.")
         if all(row.get(key) == value for key, value in told.items()):
             return row
     config = settings.episode(explorer, plan.name)
@@ -134,8 +134,7 @@ def _episode(
         "decisions_per_s": log.steps / loop_s,
     }
     write_json(file, row)
-    stored: dict[str, Any] = json.loads(file.read_text())
-    return stored
+    return read_json(file, "results of a plan")
 
 
 def held(coverage: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:

@@ -13,7 +13,6 @@ and at every frame the true pose with each way to know it (`robosim.bench.pose_t
 in the shadow of the classical one there, and takes the poses of that one: what it adds is the map.
 """
 
-import json
 import zlib
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -41,6 +40,7 @@ from robosim.record import EpisodeLog
 from robosim.simulator import Physics, SimulatorConfig
 from robosim.support.files import whole_file, write_json
 from robosim.support.stopwatch import LOOP_STAGES
+from robosim.support.text_in import read_json
 from robosim.tasks import Task, make_task
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
@@ -119,7 +119,7 @@ def measure_plan(path: str | Path, settings: SlamSettings, out: Path) -> dict[st
     plan = read_plan(path)
     file = Path(out) / "plans" / f"{plan.name}.json"
     if file.exists():
-        kept: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        kept = read_json(file, "results of a plan", "Delete it to measure again.", keys=("settings",))
         if kept["settings"] == asdict(settings):
             return kept
     building = make_building(plan)
@@ -143,8 +143,7 @@ def measure_plan(path: str | Path, settings: SlamSettings, out: Path) -> dict[st
     }
     _keep_maps(file.with_suffix(".npz"), estimate, log)
     write_json(file, row)
-    stored: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return stored
+    return read_json(file, "results of a plan")
 
 
 def _walk(log: EpisodeLog) -> dict[str, Any]:

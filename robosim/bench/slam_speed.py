@@ -29,6 +29,7 @@ from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.rendering.shading import shaded_mesh
 from robosim.support.files import write_json
+from robosim.support.text_in import read_json
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead, egocentric_map
@@ -124,7 +125,7 @@ def _of_plan(
     told = json.loads(json.dumps({"speed": asdict(speed), "settings": asdict(settings)}))
     file = out / "speed" / f"{plan.name}.json"
     if file.exists():
-        kept = json.loads(file.read_text(encoding="utf-8"))
+        kept = read_json(file, "speeds of mappers", "Delete it to measure again.", keys=("told", "rows"))
         if kept["told"] == told:
             rows: list[dict[str, Any]] = kept["rows"]
             return rows

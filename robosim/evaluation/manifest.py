@@ -8,6 +8,7 @@ each episode: results of a mixture are told, not refused, since most changes of 
 import hashlib
 import importlib.metadata
 import json
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -21,6 +22,8 @@ from robosim.evaluation.suite import Suite
 from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain, write_json
+from robosim.support.reading import read_bytes, reading
+from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
 _PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
 
@@ -36,8 +39,9 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
     for varied in ("goal", "seed"):
         episode.pop(varied)
     for name, value in _flat(episode).items():
-        if isinstance(value, str) and value.endswith(".safetensors") and Path(value).is_file():
-            episode[f"{name} content"] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
+        if isinstance(value, str) and value.endswith(".safetensors"):
+            content = read_bytes(value, "weights of a network")
+            episode[f"{name} content"] = hashlib.sha256(content).hexdigest()[:16]
     new = {
         "seed": suite.seed,
         "plans": {name: read_plan(file).digest() for name, file in suite.plans.items()},
@@ -46,7 +50,7 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
         "episode": episode,
     }
     path = Path(out) / "manifest.json"
-    old = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else new
+    old = read_manifest(out) if os.path.lexists(path) else new
     before, now = _flat(old), _flat(new)
     # Plans and tasks may be added, or not be asked for this time; an option can be in one only by other code.
     both = [
@@ -65,6 +69,21 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
     for kind in ("plans", "tasks"):
         new[kind] = {**old[kind], **new[kind]}
     write_json(path, new)
+
+
+def read_manifest(out: Path) -> dict[str, Any]:
+    """What the folder of an evaluation was made of.
+
+    Raises:
+        FileError: If its manifest is missing or damaged.
+    """
+    path = Path(out) / "manifest.json"
+    remedy = "Choose another --out, or delete the folder to run all of it anew."
+    with reading(path, "the manifest of an evaluation", remedy, most_bytes=MOST_JSON) as file:
+        manifest = check_object(parse_json(file.read()), ("plans", "tasks", "episode"))
+        for kind in ("plans", "tasks", "episode"):
+            check_object(manifest[kind])
+        return manifest
 
 
 def code_digest() -> str:

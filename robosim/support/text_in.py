@@ -45,14 +45,22 @@ def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
     return value
 
 
-def read_json(path: str | Path, what: str, remedy: str = "Copy or export it again.") -> Any:
-    """What a JSON file says.
+def read_json(
+    path: str | Path, what: str, remedy: str = "Copy or export it again.", *, keys: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """What a JSON file with keys and values says.
+
+    Args:
+        path: The file.
+        what: What it should hold, with its article.
+        remedy: What to do about a damaged one.
+        keys: Those that it must have.
 
     Raises:
         FileError: If it is damaged, or no regular file.
     """
     with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
-        return parse_json(file.read())
+        return check_object(parse_json(file.read()), keys)
 
 
 def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
