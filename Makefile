@@ -13,7 +13,7 @@ OUT ?= out/demo
 APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
 BIN := $(VENV)/bin
 
-.PHONY: demo test install system clean
+.PHONY: demo test fuzz install system clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -23,6 +23,11 @@ test: $(VENV)/.test-installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n auto
+
+# Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.
+# An hour or so; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.
+fuzz: $(VENV)/.test-installed
+	$(BIN)/python -m tests.fuzz.run $(FUZZ)
 
 install: $(VENV)/.installed
 

@@ -16,7 +16,8 @@ from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
 from robosim.fused import FusedConfig
 from robosim.goals import GoalName, GoalPolicy, make_policy
-from robosim.hearing import Heard, Listener
+from robosim.hearing import TRUE_STATES, Heard, Listener
+from robosim.link_state import read_classifier
 from robosim.moment import Moment
 from robosim.navigation import ControllerName, make_navigator
 from robosim.reach import Reach
@@ -78,6 +79,20 @@ class Decision:
     goal: Float[np.ndarray, "2"]
     plan: Plan
     action: Action
+
+
+def check_weights(config: EpisodeConfig) -> None:
+    """Read the weights that an episode asks for, so that a bad file is found before the work begins.
+
+    Raises:
+        ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
+    """
+    make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
+    if config.link_states != TRUE_STATES and "peak" in read_classifier(config.link_states).inputs:
+        raise ValueError(
+            f"link_states is {config.link_states!r}, a classifier that needs heights of peaks, which are not measured "
+            "here. Take one without, such as generated."
+        )
 
 
 def run_episode(

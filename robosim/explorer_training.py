@@ -30,6 +30,7 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.files import whole_file, write_json
 from robosim.support.progress import tracked
 from robosim.support.reading import FileError, reading
+from slam.checkpoints import load_checkpoint, restore_optimiser
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
@@ -199,15 +200,7 @@ def _learn(
     checkpoint = out / "checkpoint.pt"
     state: dict[str, Any] = {"round": 0, "curve": [], "best": None, "score": -np.inf}
     if checkpoint.exists():
-        with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
-            kept = torch.load(file, weights_only=True)
-            if kept["recipe"] != repr(recipe):
-                raise FileError("belongs to another recipe. Choose another folder, or the same options.")
-            optimiser.load_state_dict(kept["optimiser"])
-            state = _checked(kept["state"], recipe, weights)
-            with torch.no_grad():
-                for name, value in weights.items():
-                    value.copy_(kept["weights"][name])
+        state = resume(checkpoint, recipe, weights, optimiser)
 
     def now() -> Weights:
         return {name: value.detach().numpy().copy() for name, value in weights.items()}
@@ -226,6 +219,28 @@ def _learn(
             _keep(checkpoint, weights, optimiser, recipe, state)
     _validate(state, now(), recipe, parallel)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
+
+
+def resume(
+    checkpoint: Path,
+    recipe: ExplorerRecipe,
+    weights: dict[str, torch.Tensor],
+    optimiser: torch.optim.Optimizer,
+) -> dict[str, Any]:
+    """Put weights and optimiser into the state of a checkpoint; how far the training had come.
+
+    Raises:
+        FileError: If it is damaged, or of another recipe.
+    """
+    with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
+        kept = load_checkpoint(file)
+        if kept["recipe"] != repr(recipe):
+            raise FileError("belongs to another recipe. Choose another folder, or the same options.")
+        restore_optimiser(optimiser, kept["optimiser"])
+        with torch.no_grad():
+            for name, value in weights.items():
+                value.copy_(kept["weights"][name])
+        return _checked(kept["state"], recipe, weights)
 
 
 def _checked(

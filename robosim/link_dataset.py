@@ -26,7 +26,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 from rich.console import Console
 
 from robosim.building import make_building
@@ -49,7 +48,7 @@ from robosim.senders import random_senders
 from robosim.support.files import plain, write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.progress import tracked
-from wireless.link_records import COLUMNS
+from wireless.link_records import COLUMNS, read_columns
 from wireless.paths import LinkState
 from wireless.run_folder import alone, claim
 
@@ -210,7 +209,7 @@ def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, 
     for site in sites:
         for tx in range(len(site.senders)):
             path = unit_path(out, site.plan.name, tx)
-            state = pq.read_table(path, columns=["link_state"])["link_state"].to_numpy()
+            state = read_columns(path, ["link_state"])["link_state"]
             counts = np.bincount(state, minlength=len(LinkState))
             units.append(
                 {
@@ -249,8 +248,7 @@ def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifes
         if "deepmimo" in config.formats:
             reached = np.zeros(site.n_rx, bool)
             for tx in range(len(site.senders)):
-                column = pq.read_table(unit_path(out, name, tx), columns=["n_paths"])["n_paths"]
-                reached |= column.to_numpy() > 0
+                reached |= read_columns(unit_path(out, name, tx), ["n_paths"])["n_paths"] > 0
             scene = RadioScene(site.plan, config.radio)
             write_deepmimo_scene(
                 deepmimo_folder(out, name), scene, len(site.senders), site.n_rx, int(reached.sum())

@@ -7,7 +7,7 @@ that was finished, and give the same weights for any number of processes.
 import csv
 import multiprocessing
 from concurrent.futures import Future, ProcessPoolExecutor, wait
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -25,6 +25,7 @@ from rich.progress import (
 
 from robosim.made_links import read_homes
 from robosim.support.files import whole_file
+from robosim.support.reading import reading
 from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.training import Epoch, Recipe, train
 
@@ -107,8 +108,11 @@ def _curve(job: Job) -> Path:
 def _read_curve(job: Job) -> list[dict[str, Any]]:
     if not _curve(job).exists():
         return []
-    with open(_curve(job), newline="") as file:
-        return list(csv.DictReader(file))
+    with reading(_curve(job), "a table of epochs", "Delete the folder to train anew.") as file:
+        rows = list(csv.DictReader(file.read().decode("utf-8").splitlines()))
+        if any(set(row) != {each.name for each in fields(Epoch)} for row in rows):
+            raise ValueError("other columns")
+        return rows
 
 
 def _write_curve(job: Job, rows: list[dict[str, Any]]) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robosim.support.assets import shipped_weights
+from robosim.support.reading import shown
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
@@ -36,6 +37,6 @@ def read_classifier(name: str | Path) -> "LinkStateClassifier":
     path = shipped.get(str(name), Path(name))
     if path.suffix != ".safetensors":
         raise ValueError(
-            f"classifier is {str(name)!r}, expected a .safetensors file or one of {', '.join(shipped)}."
+            f"classifier is {shown(str(name))!r}, expected a .safetensors file or one of {', '.join(shipped)}."
         )
     return load_classifier(path)

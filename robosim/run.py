@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from robosim.building import Building, make_building
 from robosim.decision_log import DECISIONS, DecisionWriter
-from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.picture import Picture, building_rings
 from robosim.planfiles import write_ros
@@ -60,10 +60,11 @@ def record_episode(
 
     Raises:
         MapError: If the task cannot be done in the plan.
-        ValueError: If a Rerun recording is asked for and Rerun is not installed.
+        ValueError: If weights cannot be read, or a Rerun recording is asked for and Rerun is not installed.
     """
     if rerun:
         rerun_sdk()
+    check_weights(config)
     out = Path(out)
     console = console or Console(quiet=True)
     watch = Stopwatch()

@@ -158,6 +158,22 @@ def learn(
     return {name: value.detach().numpy() for name, value in weights.items()}
 
 
+def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, "n"]]:
+    """What was sensed in the drives of a round, and the actions advised.
+
+    Raises:
+        FileError: If the file is damaged.
+    """
+    with reading(path, "decisions of a round", "Delete it to drive again.") as file:
+        arrays = read_npz(file, _ROUND)
+        if not np.isin(arrays["advised"], list(Action)).all():
+            raise ValueError("an advice is no action")
+        return arrays["senses"], arrays["advised"]
+
+
+_ROUND = {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")}
+
+
 def train_steering(
     out: Path, recipe: SteeringRecipe, *, workers: int, console: Console, about: str = ""
 ) -> dict[str, Any]:
@@ -192,13 +208,7 @@ def train_steering(
                     told = [np.concatenate(part) for part in zip(*seen, strict=True)]
                 with whole_file(kept) as file:
                     np.savez_compressed(file, senses=told[0], advised=told[1])
-            with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
-                round_ = read_npz(
-                    file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")}
-                )
-                if not np.isin(round_["advised"], list(Action)).all():
-                    raise ValueError("an advice is no action")
-            new_senses, new_advised = round_["senses"], round_["advised"]
+            new_senses, new_advised = read_round(kept)
             if n:
                 pupil = LearnedController(weights, ControlConfig())
                 agreed = float(np.mean(np.argmax(pupil.scores(new_senses), axis=1) == new_advised))

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32
-from safetensors import SafetensorError
-from safetensors.numpy import load_file
+from safetensors.numpy import load
+
+from slam.reading import reading
 
 Weights = Mapping[str, Float32[np.ndarray, "..."]]
 
@@ -16,18 +17,18 @@ def read_weights(path: Path, like: Weights, what: str) -> Weights:
 
     Args:
         path: The file.
-        like: Weights of the names and shapes expected.
+        like: Weights of the names, shapes and kinds expected.
         what: What they are of, as `robosim train` calls it.
 
     Raises:
-        ValueError: If the file is missing, damaged, or of something else.
+        FileError: If the file is missing, damaged, or of something else.
     """
-    try:
-        weights = load_file(path)
-        if {name: w.shape for name, w in weights.items()} != {name: w.shape for name, w in like.items()}:
-            raise ValueError("other names or shapes")
-    except (OSError, SafetensorError, ValueError) as error:
-        raise ValueError(
-            f"{path} holds no weights of {what} ({error}). Train them anew with `robosim train {what}`."
-        ) from error
-    return weights
+    with reading(path, f"weights of {what}", f"Train them anew with `robosim train {what}`.") as file:
+        weights: Weights = load(file.read())
+        if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
+            k: (w.shape, w.dtype) for k, w in like.items()
+        }:
+            raise ValueError("other names, shapes or kinds of numbers")
+        if wrong := [name for name, values in weights.items() if not np.isfinite(values).all()]:
+            raise ValueError(f"{wrong[0]} has values that are no numbers")
+        return weights

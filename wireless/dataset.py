@@ -89,9 +89,9 @@ def read_transmitter(path: str | PathLike[str], tx: int) -> Paths:
         tx: Number of the transmitter.
 
     Raises:
-        ValueError: If the file is not one of radio paths.
+        DataError: If the file is not one of radio paths, or damaged.
     """
-    return Paths.from_table(pq.read_table(path, filters=[("tx", "=", tx)]), str(path))
+    return Paths.read_parquet(path, tx)
 
 
 def mesh_digest(

@@ -18,22 +18,28 @@ isotropic antennas: enough to sound the links again (`read_rays`). Left out: poi
 polarisation (`wireless.paths.Paths.write_parquet` has them).
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Float, Int, UInt8
 
+from wireless.columns import FAR, check_within, lists, parquet_table, values
 from wireless.estimates import PathEstimates
-from wireless.paths import Paths
+from wireless.paths import LinkState, Paths
+from wireless.reading import reading
 from wireless.sounding import Rays
 
 #: Estimates of a link.
 N_ESTIMATES = 5
 _PLACES = range(1, N_ESTIMATES + 1)
 _FLOATS = pa.list_(pa.float32())
+_WHAT, _REMEDY = "links of a data set", "Make it anew with `robosim dataset`."
 
 #: Columns: type, unit and meaning.
 COLUMNS: dict[str, tuple[pa.DataType, str, str]] = {
@@ -124,7 +130,7 @@ def link_table(
     some = paths.select(paths.tx == tx)
     found = some.count()[tx]
     n = len(found)
-    values: dict[str, np.ndarray | pa.Array] = {
+    filled: dict[str, np.ndarray | pa.Array] = {
         "plan": pa.DictionaryArray.from_arrays(pa.array(np.zeros(n, np.int32)), pa.array([plan])),
         "tx": np.full(n, tx + 1),
         "rx": np.arange(n),
@@ -137,8 +143,8 @@ def link_table(
         "n_estimates": estimates.count,
     }
     for i, axis in enumerate("xyz"):
-        values[f"tx_{axis}_m"] = np.full(n, paths.tx_position[tx, i])
-        values[f"rx_{axis}_m"] = paths.rx_position[:, i]
+        filled[f"tx_{axis}_m"] = np.full(n, paths.tx_position[tx, i])
+        filled[f"rx_{axis}_m"] = paths.rx_position[:, i]
     there = np.arange(N_ESTIMATES) < estimates.count[:, None]
     for name, of_paths in (
         ("aoa_az_rad", estimates.aoa_rad),
@@ -147,12 +153,12 @@ def link_table(
         ("delay_s", estimates.delay_s),
     ):
         for k in _PLACES:
-            values[f"{name}_{k}"] = np.where(there, of_paths, np.nan)[:, k - 1]
+            filled[f"{name}_{k}"] = np.where(there, of_paths, np.nan)[:, k - 1]
     starts = pa.array(np.concatenate([[0], np.cumsum(found)]).astype(np.int32))
     lists = {name: pa.ListArray.from_arrays(starts, pa.array(v)) for name, v in _true_paths(some).items()}
     return pa.table(
         [
-            pa.array(values[name] if name in values else lists[name]).cast(COLUMNS[name][0])
+            pa.array(filled[name] if name in filled else lists[name]).cast(COLUMNS[name][0])
             for name in COLUMNS
         ],
         schema=_schema(),
@@ -168,61 +174,96 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
     """What `write_links` wrote, without the true paths.
 
     Raises:
-        ValueError: If the file is not one of links.
+        DataError: If the file is not one of links, or damaged.
     """
     names = [name for name in COLUMNS if not name.startswith("path_")]
-    column = _read(path, names)
+    with reading(Path(path), _WHAT, _REMEDY) as file:
+        table = _table(file, names)
+        column = {name: values(table, name, COLUMNS[name][0]) for name in names}
+        check_within(column["link_state"], "link_state", 0, max(LinkState))
+        check_within(column["n_estimates"], "n_estimates", 0, N_ESTIMATES)
+        check_within(column["rx_heading_rad"], "rx_heading_rad", -FAR, FAR)
+        there = np.arange(N_ESTIMATES) < column["n_estimates"][:, None]
 
-    def side_by_side(names: list[str]) -> np.ndarray:
-        return np.column_stack([column[name] for name in names])
+        def side_by_side(names: list[str]) -> np.ndarray:
+            return np.column_stack([column[name] for name in names])
 
-    def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
-        values = side_by_side([f"{name}_{k}" for k in _PLACES]).astype(float)
-        return np.where(np.arange(N_ESTIMATES) < column["n_estimates"][:, None], values, missing)
+        def position(who: str) -> Float[np.ndarray, "n 3"]:
+            found = side_by_side([f"{who}_{axis}_m" for axis in "xyz"])
+            check_within(found, f"{who} position", -FAR, FAR)
+            return found
 
-    return LinkRecords(
-        plan=str(column["plan"][0]),
-        number=int(column["tx"][0]),
-        tx_position=side_by_side([f"tx_{axis}_m" for axis in "xyz"])[0],
-        rx_position=side_by_side([f"rx_{axis}_m" for axis in "xyz"]),
-        rx_cell=side_by_side(["rx_row", "rx_column"]).astype(np.int64),
-        rx_heading=column["rx_heading_rad"].astype(float),
-        state=column["link_state"],
-        n_paths=column["n_paths"],
-        estimates=PathEstimates(
-            aoa_rad=estimated("aoa_az_rad", 0.0),
-            aod_rad=estimated("aod_az_rad", 0.0),
-            snr_db=estimated("snr_db", -np.inf),
-            delay_s=estimated("delay_s", 0.0),
-            count=column["n_estimates"].astype(np.int64),
-        ),
-    )
+        def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
+            found = side_by_side([f"{name}_{k}" for k in _PLACES]).astype(float)
+            check_within(np.where(there, found, 0.0), name, -FAR, FAR)
+            return np.where(there, found, missing)
+
+        return LinkRecords(
+            plan=str(column["plan"][0]),
+            number=int(column["tx"][0]),
+            tx_position=position("tx")[0],
+            rx_position=position("rx"),
+            rx_cell=side_by_side(["rx_row", "rx_column"]).astype(np.int64),
+            rx_heading=column["rx_heading_rad"].astype(float),
+            state=column["link_state"],
+            n_paths=column["n_paths"],
+            estimates=PathEstimates(
+                aoa_rad=estimated("aoa_az_rad", 0.0),
+                aod_rad=estimated("aod_az_rad", 0.0),
+                snr_db=estimated("snr_db", -np.inf),
+                delay_s=estimated("delay_s", 0.0),
+                count=column["n_estimates"].astype(np.int64),
+            ),
+        )
+
+
+def read_columns(path: str | PathLike[str], names: Sequence[str]) -> dict[str, np.ndarray]:
+    """Some of the columns of numbers of a file of links.
+
+    Raises:
+        DataError: If the file is not one of links, or damaged.
+    """
+    with reading(Path(path), _WHAT, _REMEDY) as file:
+        table = _table(file, names)
+        return {name: values(table, name, COLUMNS[name][0]) for name in names}
 
 
 def read_rays(path: str | PathLike[str]) -> Rays:
     """The true paths of a file of links, ready to be sounded again.
 
     Raises:
-        ValueError: If the file is not one of links.
+        DataError: If the file is not one of links, or damaged.
     """
     names = ("gain_db", "phase_rad", "delay_s", "aoa_az_rad", "aoa_el_rad", "aod_az_rad", "aod_el_rad")
-    column = _read(path, ["n_paths", *(f"path_{name}" for name in names)])
-    count = column["n_paths"].astype(np.int64)
-    there = np.arange(max(1, count.max(initial=0))) < count[:, None]
+    with reading(Path(path), _WHAT, _REMEDY) as file:
+        table = _table(file, ["n_paths", *(f"path_{name}" for name in names)])
+        count = values(table, "n_paths", COLUMNS["n_paths"][0]).astype(np.int64)
+        there = np.arange(max(1, count.max(initial=0))) < count[:, None]
 
-    def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n most"]:
-        values = np.full(there.shape, missing)
-        values[there] = np.concatenate([*column[f"path_{name}"], np.zeros(0)])
-        return values
+        def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n most"]:
+            entries, lengths = lists(table, f"path_{name}", _FLOATS)
+            if not np.array_equal(lengths, count):
+                raise ValueError(f"path_{name} has other numbers of paths than n_paths says")
+            check_within(entries, f"path_{name}", -FAR, FAR)
+            found = np.full(there.shape, missing)
+            found[there] = entries
+            return found
 
-    return Rays(
-        gain=10 ** (padded("gain_db", -np.inf) / 20) * np.exp(1j * padded("phase_rad")),
-        delay_s=padded("delay_s"),
-        aoa_az=padded("aoa_az_rad"),
-        aoa_el=padded("aoa_el_rad"),
-        aod_az=padded("aod_az_rad"),
-        aod_el=padded("aod_el_rad"),
-    )
+        return Rays(
+            gain=10 ** (padded("gain_db", -np.inf) / 20) * np.exp(1j * padded("phase_rad")),
+            delay_s=padded("delay_s"),
+            aoa_az=padded("aoa_az_rad"),
+            aoa_el=padded("aoa_el_rad"),
+            aod_az=padded("aod_az_rad"),
+            aod_el=padded("aod_el_rad"),
+        )
+
+
+def _table(file: BinaryIO, names: Sequence[str]) -> pa.Table:
+    table = parquet_table(file, names)
+    if not len(table):
+        raise ValueError("it has no rows")
+    return table
 
 
 def _true_paths(paths: Paths) -> dict[str, np.ndarray]:
@@ -250,18 +291,3 @@ def _schema() -> pa.Schema:
             for name, (kind, unit, meaning) in COLUMNS.items()
         ]
     )
-
-
-def _read(path: str | PathLike[str], names: list[str]) -> dict[str, np.ndarray]:
-    """Columns of a file of links.
-
-    Raises:
-        ValueError: If one is missing, or there are no rows.
-    """
-    there = pq.read_schema(path).names
-    if missing := [name for name in names if name not in there]:
-        raise ValueError(f"{path} holds no links: column {missing[0]} is missing. Columns: {there}.")
-    table = pq.read_table(path, columns=names)
-    if not len(table):
-        raise ValueError(f"{path} holds no links: it has no rows.")
-    return {name: table[name].to_numpy() for name in names}

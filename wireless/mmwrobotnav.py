@@ -21,14 +21,21 @@ import pyarrow as pa
 import pyarrow.csv as csv
 from jaxtyping import Float, Int, UInt8
 
+from wireless.columns import numbers
 from wireless.paths import Interaction, LinkState, Paths
+from wireless.reading import DataError, reading
+
+__all__ = [
+    "DataError",
+    "Measurements",
+    "find_measurements",
+    "link_states",
+    "read_measurements",
+    "read_tx_positions",
+]
 
 #: Estimated paths of a link.
 N_ESTIMATES = 5
-
-
-class DataError(ValueError):
-    """Published data that cannot be read."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -104,8 +111,8 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
         return np.column_stack([table[name] for name in names])
 
     state = table["linkState"]
-    if not np.isin(state, (0, 1, 2, 3)).all():
-        row = int(np.argmin(np.isin(state, (0, 1, 2, 3))))
+    if not np.isin(state, list(LinkState)).all():
+        row = int(np.argmin(np.isin(state, list(LinkState))))
         raise DataError(f"{path}: linkState of row {row + 1} is {state[row]:g}, expected 0, 1, 2 or 3.")
     return Measurements(
         building=building,
@@ -151,26 +158,9 @@ def link_states(paths: Paths) -> UInt8[np.ndarray, "n_tx n_rx"]:
 
 
 def _read(path: Path, names: list[str]) -> dict[str, Float[np.ndarray, "n"]]:
-    """Columns of a file as numbers."""
-    try:
-        table = csv.read_csv(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be read ({error.strerror or error}).") from error
-    except pa.ArrowInvalid as error:
-        raise DataError(f"{path}: no table of comma-separated values ({error}).") from error
-    if missing := [name for name in names if name not in table.column_names]:
-        raise DataError(f"{path}: column {missing[0]} is missing. Is this a file of mmwRobotNav?")
-    columns = {}
-    for name in names:
-        try:
-            values = table[name].cast(pa.float64()).to_numpy()
-        except pa.ArrowInvalid as error:
-            raise DataError(f"{path}: column {name} has values that are no numbers ({error}).") from error
-        finite = np.isfinite(values)
-        if not finite.all():
-            row = int(np.argmin(finite))
-            raise DataError(f"{path}: column {name} has no finite number in row {row + 1}.")
-        columns[name] = values
-    if not len(table):
-        raise DataError(f"{path}: no rows below the header.")
-    return columns
+    """Columns of a file as finite numbers."""
+    with reading(path, "a table of mmwRobotNav", "Copy it again.") as file:
+        table = csv.read_csv(pa.PythonFile(file, mode="r"))
+        if not len(table):
+            raise ValueError("no rows below the header")
+        return {name: numbers(table, name, pa.float64()) for name in names}

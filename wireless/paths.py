@@ -13,11 +13,20 @@ there are none.
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
+
+from wireless.columns import FAR, check_within, lists, numbers, parquet_table
+from wireless.reading import reading
+
+#: What the metadata of a table of paths say.
+_SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
+#: A file holds the paths of many links [bytes].
+_MOST_BYTES = 100_000_000_000
 
 
 class LinkState(IntEnum):
@@ -163,52 +172,68 @@ class Paths:
         pq.write_table(self.to_table(), path, compression="zstd")
 
     @classmethod
-    def read_parquet(cls, path: str | PathLike[str]) -> "Paths":
-        """What `write_parquet` wrote.
+    def read_parquet(cls, path: str | PathLike[str], tx: int | None = None) -> "Paths":
+        """What `write_parquet` wrote, or the paths of one of the transmitters, without reading the others.
 
         Raises:
-            ValueError: If the file is not one of radio paths.
+            DataError: If the file is not one of radio paths, or damaged.
         """
-        return cls.from_table(pq.read_table(path), str(path))
+        with reading(Path(path), "radio paths", "Trace them again.", most_bytes=_MOST_BYTES) as file:
+            return cls.from_table(parquet_table(file, filters=None if tx is None else [("tx", "=", tx)]))
 
     @classmethod
-    def from_table(cls, table: pa.Table, source: str = "The table") -> "Paths":
+    def from_table(cls, table: pa.Table) -> "Paths":
         """What `to_table` made, or some of its rows.
 
         Args:
             table: Rows with all columns, and the metadata.
-            source: Where it is from, for the message.
 
         Raises:
             ValueError: If the table is not one of radio paths.
         """
         scene = table.schema.metadata or {}
-        if b"frequency_hz" not in scene:
-            raise ValueError(
-                f"{source} holds no radio paths: its metadata lack frequency_hz. Columns: {table.column_names}."
-            )
-        column = {name: table[name].combine_chunks() for name in table.column_names}
+        if missing := [key for key in _SCENE if key.encode() not in scene]:
+            raise ValueError(f"no radio paths: its metadata lack {missing[0]}; columns: {table.column_names}")
+        tx_position, rx_position = (_positions(scene, who) for who in ("tx", "rx"))
         gain = np.empty((len(table), 2, 2), complex)
         for p, at_rx in enumerate(("theta", "phi")):
             for q, at_tx in enumerate(("theta", "phi")):
-                gain[:, p, q] = column[f"gain_{at_rx}_{at_tx}_re"].to_numpy()
-                gain[:, p, q] += 1j * column[f"gain_{at_rx}_{at_tx}_im"].to_numpy()
+                gain[:, p, q] = numbers(table, f"gain_{at_rx}_{at_tx}_re", pa.float64())
+                gain[:, p, q] += 1j * numbers(table, f"gain_{at_rx}_{at_tx}_im", pa.float64())
         plain = {
-            name: column[name + ("_rad" if name[0] == "a" else "")].to_numpy()
-            for name in ("tx", "rx", "power", "delay_s", "aoa_az", "aoa_el", "aod_az", "aod_el", "order")
+            name: numbers(table, name + ("_rad" if name[0] == "a" else ""), pa.float64())
+            for name in ("power", "delay_s", "aoa_az", "aoa_el", "aod_az", "aod_el")
         }
         width = table.schema.field("interaction").type.list_size
-        lists = {name: column[name].flatten().to_numpy() for name in ("interaction", "thing", "point_m")}
-        return cls(
-            tx_position=np.frombuffer(scene[b"tx_position_m"]).reshape(-1, 3),
-            rx_position=np.frombuffer(scene[b"rx_position_m"]).reshape(-1, 3),
+        paths = cls(
+            tx_position=tx_position,
+            rx_position=rx_position,
             frequency_hz=float(scene[b"frequency_hz"]),
+            tx=numbers(table, "tx", pa.int64(), 0, len(tx_position) - 1),
+            rx=numbers(table, "rx", pa.int64(), 0, len(rx_position) - 1),
             gain=gain,
-            interaction=lists["interaction"].reshape(-1, width),
-            thing=lists["thing"].reshape(-1, width),
-            point=lists["point_m"].reshape(-1, width, 3),
+            order=numbers(table, "order", pa.uint8(), 0, width),
+            interaction=_matrix(table, "interaction", pa.uint8(), width),
+            thing=_matrix(table, "thing", pa.int64(), width),
+            point=_matrix(table, "point_m", pa.float64(), 3 * width).reshape(-1, width, 3),
             **plain,
         )
+        if not 0 < paths.frequency_hz < np.inf or (np.diff(paths.link) < 0).any():
+            raise ValueError("paths are out of order, or their frequency is none")
+        check_within(paths.interaction, "interaction", 0, max(Interaction))
+        return paths
+
+
+def _positions(scene: dict[bytes, bytes], who: str) -> Float[np.ndarray, "n 3"]:
+    found = np.frombuffer(scene[f"{who}_position_m".encode()]).reshape(-1, 3)
+    check_within(found, f"{who}_position_m", -FAR, FAR)
+    return found
+
+
+def _matrix(table: pa.Table, name: str, kind: pa.DataType, width: int) -> np.ndarray:
+    """A column of lists of equal length."""
+    entries, _ = lists(table, name, pa.list_(kind, width))
+    return entries.reshape(-1, width)
 
 
 def _lists(values: np.ndarray, width: int) -> pa.Array:

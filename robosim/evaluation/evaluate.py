@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.ablations import POLICIES, PolicyName
-from robosim.episode import EpisodeConfig
+from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import check_manifest, code_digest
 from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
@@ -103,9 +103,12 @@ def evaluate(
         options: What is typed after `robosim episode` for the same configuration.
 
     Raises:
-        ValueError: If the folder holds episodes of another configuration.
+        ValueError: If the folder holds episodes of another configuration, weights cannot be read, or a task lies
+            outside of its plan.
         MapError: If a plan cannot be read.
     """
+    check_weights(config)
+    suite.check_places()
     check_manifest(out, suite, config)
     write_suite(suite, out / "suite.yaml")
     everyone: tuple[PolicyName, ...] = (

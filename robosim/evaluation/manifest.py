@@ -9,6 +9,7 @@ import hashlib
 import importlib.metadata
 import json
 import os
+import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -22,9 +23,11 @@ from robosim.evaluation.suite import Suite
 from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain, write_json
-from robosim.support.reading import read_bytes, reading
+from robosim.support.reading import FileError, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
+_SHORT = reprlib.Repr()
+_SHORT.maxstring = _SHORT.maxother = 200
 _PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
 
 
@@ -62,9 +65,9 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
     if different:
         key = different[0]
         more = f", and {len(different) - 1} more" if len(different) > 1 else ""
-        raise ValueError(
-            f"{out}: holds episodes with {key} = {before.get(key)!r}, this run has {now.get(key)!r}{more}. "
-            "Choose another --out, or give the same options and plans."
+        raise FileError(
+            f"{shown(path)}: the folder holds episodes with {key} = {_SHORT.repr(before.get(key))}, this run has "
+            f"{_SHORT.repr(now.get(key))}{more}. Choose another --out, or give the same options and plans."
         )
     for kind in ("plans", "tasks"):
         new[kind] = {**old[kind], **new[kind]}

@@ -19,7 +19,7 @@ import reprlib
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +28,11 @@ import yaml
 
 from robosim.evaluation.rows import is_number
 from robosim.floorplan import FARTHEST_M
+from robosim.planfiles import read_plan
 from robosim.reach import Reach
 from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file
-from robosim.support.reading import FileError, expanded, read_bytes, reading
+from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, check_object, parse_json, parse_yaml
 from robosim.tasks import make_task
 
@@ -73,6 +74,27 @@ class Suite:
     """Ordered by plan."""
     seed: int = 0
     """What the tasks and all noise are drawn from."""
+    file: Path | None = field(default=None, compare=False)
+    """What it was read from."""
+
+    def check_places(self) -> None:
+        """Refuse tasks that begin or end outside of their plan, before any of them is run.
+
+        Raises:
+            ValueError: If one does; the message names the suite's file and the task.
+            MapError: If a plan cannot be read.
+        """
+        plans = {name: read_plan(file) for name, file in self.plans.items()}
+        for task in self.tasks:
+            plan = plans[task.plan]
+            for what, place in (("start", task.start[:2]), ("target", task.target)):
+                cell = plan.to_cells(np.array(place))
+                if not ((cell >= 0) & (cell <= plan.shape[::-1])).all():
+                    source = "" if self.file is None else f"{shown(self.file)}: "
+                    raise FileError(
+                        f"{source}task {task.number} of {task.plan}: {what} is ({place[0]:g}, {place[1]:g}) m, "
+                        "outside of the plan. Choose a place on its floor."
+                    )
 
 
 def draw_tasks(plan: str, reach: Reach, count: int, seed: int) -> list[SuiteTask]:
@@ -134,10 +156,10 @@ def read_suite(path: str | Path) -> Suite:
     is_json = path.suffix.lower() == ".json"
     with reading(path, _WHAT, _REMEDY, most_bytes=MOST_JSON if is_json else MOST_YAML) as file:
         content = check_object((parse_json if is_json else parse_yaml)(file.read()))
-        return _suite(content, path.parent)
+        return _suite(content, path)
 
 
-def _suite(content: Mapping[str, Any], folder: Path) -> Suite:
+def _suite(content: Mapping[str, Any], path: Path) -> Suite:
     if not isinstance(content.get("tasks"), list):
         raise FileError("no list of tasks. A suite has `seed`, `plans` and `tasks`.")
     listed, seed = content.get("plans"), content.get("seed", 0)
@@ -148,7 +170,10 @@ def _suite(content: Mapping[str, Any], folder: Path) -> Suite:
     for name in map(str, listed):
         if not is_plan_name(name):
             raise FileError(f"plan {_short(name)} names files too; use letters, digits, - and _.")
-    plans = {str(name): _plan_file(folder, str(file)) for name, file in listed.items()}
+    plans = {str(name): _plan_file(path.parent, str(file)) for name, file in listed.items()}
+    for name, file in plans.items():
+        if not file.is_file():
+            raise FileError(f"plan {_short(name)} is {shown(file)}, where there is no file.")
     counts: Counter[str] = Counter()
     tasks = []
     for index, entry in enumerate(content["tasks"]):
@@ -158,7 +183,8 @@ def _suite(content: Mapping[str, Any], folder: Path) -> Suite:
     if not tasks:
         raise FileError("the list of tasks is empty.")
     order = {name: place for place, name in enumerate(plans)}
-    return Suite(plans=plans, tasks=tuple(sorted(tasks, key=lambda t: (order[t.plan], t.number))), seed=seed)
+    ordered = tuple(sorted(tasks, key=lambda t: (order[t.plan], t.number)))
+    return Suite(plans=plans, tasks=ordered, seed=seed, file=path)
 
 
 def is_plan_name(name: str) -> bool:

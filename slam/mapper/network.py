@@ -18,6 +18,8 @@ from slam.mapper.features import N_CHANNELS
 
 #: Index of each logit.
 OBSTACLE, SEEN = 0, 1
+#: Scales that a patch of 64 cells can have, and channels of one.
+MOST_SCALES, WIDEST = 7, 512
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,8 +32,15 @@ class NetworkConfig:
     """Channels of the input."""
 
     def __post_init__(self) -> None:
-        if not self.widths or min(self.widths) < 1:
-            raise ValueError(f"widths = {self.widths}, expected at least one positive number of channels.")
+        widths, inputs = self.widths, self.inputs
+        if not 1 <= len(widths) <= MOST_SCALES or not all(
+            isinstance(w, int) and 1 <= w <= WIDEST for w in widths
+        ):
+            raise ValueError(
+                f"widths = {widths}, expected one to {MOST_SCALES} numbers of 1 to {WIDEST} channels."
+            )
+        if not isinstance(inputs, int) or not 1 <= inputs <= WIDEST:
+            raise ValueError(f"inputs = {inputs}, expected 1 to {WIDEST} channels.")
 
 
 class MapNetwork(nn.Module):

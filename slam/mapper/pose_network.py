@@ -18,6 +18,8 @@ from torch import Tensor, nn
 INPUTS = 5
 #: What counts as 1 in the network's answers: x, y [m], yaw [rad].
 UNIT = (0.05, 0.05, 0.04)
+#: Channels of a scale, and weights of the layer that sees the whole patch.
+WIDEST, MOST_WEIGHTS = 512, 20_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,10 +32,12 @@ class PoseNetworkConfig:
     """Width of the layer that sees the whole patch."""
 
     def __post_init__(self) -> None:
-        if not self.widths or min(self.widths) < 1 or len(self.widths) > 6:
-            raise ValueError(f"widths = {self.widths}, expected one to six positive numbers of channels.")
-        if self.hidden < 1:
-            raise ValueError(f"hidden = {self.hidden}, expected at least 1.")
+        widths, hidden = self.widths, self.hidden
+        if not 1 <= len(widths) <= 6 or not all(isinstance(w, int) and 1 <= w <= WIDEST for w in widths):
+            raise ValueError(f"widths = {widths}, expected one to six numbers of 1 to {WIDEST} channels.")
+        most = MOST_WEIGHTS // (widths[-1] * (64 >> len(widths)) ** 2)
+        if not isinstance(hidden, int) or not 1 <= hidden <= most:
+            raise ValueError(f"hidden = {hidden}, expected 1 to {most} with widths {widths}.")
 
 
 class PoseNetwork(nn.Module):

@@ -19,9 +19,11 @@ import torch
 from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
+from slam.checkpoints import load_checkpoint, restore_optimiser
 from slam.mapper.features import BELIEF, PLACE_LEFT
 from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
+from slam.reading import FileError, reading
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,14 +107,7 @@ def train(
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
     if checkpoint.exists():
-        kept = torch.load(checkpoint, weights_only=True)
-        if kept["recipe"] != repr(recipe):
-            raise ValueError(
-                f"{checkpoint} belongs to another recipe. Choose another folder, or the same options."
-            )
-        network.load_state_dict(kept["network"])
-        optimiser.load_state_dict(kept["optimiser"])
-        state = kept["state"]
+        state = resume(checkpoint, recipe, network, optimiser)
     while state["step"] < recipe.steps:
         step = state["step"]
         for group in optimiser.param_groups:
@@ -133,6 +128,36 @@ def train(
         on_step(state["step"])
     network.load_state_dict(state["best"])
     return network.eval(), state["curve"]
+
+
+def resume(
+    checkpoint: Path, recipe: Recipe, network: MapNetwork, optimiser: torch.optim.Optimizer
+) -> dict[str, Any]:
+    """Put network and optimiser into the state of a checkpoint; how far the training had come.
+
+    Raises:
+        FileError: If it is damaged, or of another recipe.
+    """
+    with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
+        kept = load_checkpoint(file)
+        if kept["recipe"] != repr(recipe):
+            raise FileError(
+                f"{checkpoint} belongs to another recipe. Choose another folder, or the same options."
+            )
+        network.load_state_dict(kept["network"])
+        restore_optimiser(optimiser, kept["optimiser"])
+        return _checked(kept["state"], recipe, network)
+
+
+def _checked(state: dict[str, Any], recipe: Recipe, network: MapNetwork) -> dict[str, Any]:
+    """How far a training had come, if a checkpoint says that."""
+    step, curve, best, learnt = (state[key] for key in ("step", "curve", "best", "learnt"))
+    good = isinstance(step, int) and 0 <= step <= recipe.steps and isinstance(learnt, float)
+    good = good and isinstance(curve, list) and all(isinstance(row["loss"], float) for row in curve)
+    shapes = {name: value.shape for name, value in network.state_dict().items()}
+    if not good or {name: value.shape for name, value in best.items()} != shapes:
+        raise ValueError("it says of no training how far it had come")
+    return state
 
 
 def _keep(

@@ -6,14 +6,16 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.torch import load, save
 from torch import nn
 
 from slam.mapper.network import MapNetwork, NetworkConfig
 from slam.mapper.pose_network import PoseNetwork, PoseNetworkConfig
+from slam.reading import reading
 
 Network = TypeVar("Network", bound=nn.Module)
+#: A card is a page of text [bytes].
+_MOST_CARD = 5_000_000
 
 
 def save_mapper(network: MapNetwork, card: dict[str, Any], path: Path) -> None:
@@ -40,7 +42,7 @@ def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
     """A network from its weights, ready for use, and its card, which lies beside them.
 
     Raises:
-        ValueError: If a file is missing or damaged, or they do not fit each other.
+        FileError: If a file is missing or damaged, or they do not fit each other.
     """
     return _load(
         path,
@@ -53,7 +55,7 @@ def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
     """A network of the pose from its weights; see `load_mapper`.
 
     Raises:
-        ValueError: If a file is missing or damaged, or they do not fit each other.
+        FileError: If a file is missing or damaged, or they do not fit each other.
     """
     return _load(
         path,
@@ -65,13 +67,19 @@ def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
 def _load(
     path: Path, what: str, network_of: Callable[[dict[str, Any]], Network]
 ) -> tuple[Network, dict[str, Any]]:
-    try:
-        card = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        network = network_of(card)
-        network.load_state_dict(load_file(path))
-    except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
-        raise ValueError(
-            f"{path} and its card {path.with_suffix('.json').name} are no weights of a {what} ({error}). "
-            f"Train them anew with `robosim train {what}`."
-        ) from error
+    remedy = f"Train it anew with `robosim train {what}`."
+    card_path = path.with_suffix(".json")
+    with reading(path, f"weights of a {what} that {card_path.name} describes", remedy) as file:
+        with reading(card_path, f"the card of a {what}", remedy, most_bytes=_MOST_CARD) as card_file:
+            card: dict[str, Any] = json.loads(card_file.read())
+            network = network_of(card)
+        weights = load(file.read())
+        expected = network.state_dict()
+        if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
+            k: (w.shape, w.dtype) for k, w in expected.items()
+        }:
+            raise ValueError("other names, shapes or kinds of numbers")
+        if wrong := [name for name, values in weights.items() if not values.isfinite().all()]:
+            raise ValueError(f"{wrong[0]} has values that are no numbers")
+        network.load_state_dict(weights)
     return network.eval(), card

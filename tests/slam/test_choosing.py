@@ -61,7 +61,7 @@ def test_a_wrong_file_is_told(content, tmp_path):
     if content is not None:
         save_file(content, path)
     with pytest.raises(
-        ValueError, match=r"explorer\.safetensors holds no weights .*`robosim train explorer`"
+        ValueError, match=r"explorer\.safetensors: not readable as weights .*`robosim train explorer`"
     ):
         load_chooser(path)
 

@@ -170,5 +170,5 @@ def test_weights_come_back(tmp_path):
         assert torch.equal(loaded(x), network(x))
     assert card["about"] == "a test"
     (tmp_path / "m.safetensors").write_bytes(b"nothing")
-    with pytest.raises(ValueError, match="no weights of a mapper"):
+    with pytest.raises(ValueError, match="not readable as weights of a mapper"):
         load_mapper(tmp_path / "m.safetensors")

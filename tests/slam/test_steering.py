@@ -69,6 +69,6 @@ def test_a_wrong_file_is_told(tmp_path):
     path = tmp_path / "steering.safetensors"
     save_file({"a": np.zeros(2, np.float32)}, path)
     with pytest.raises(
-        ValueError, match=r"steering\.safetensors holds no weights .*`robosim train steering`"
+        ValueError, match=r"steering\.safetensors: not readable as weights .*`robosim train steering`"
     ):
         load_steering(path, ControlConfig())

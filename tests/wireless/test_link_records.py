@@ -91,5 +91,7 @@ def test_the_reader_of_published_files_reads_ours(paths, estimates, tmp_path):
 def test_other_files_are_named(tmp_path, paths):
     paths.write_parquet(tmp_path / "paths.parquet")
     for reader in (read_links, read_rays):
-        with pytest.raises(ValueError, match=r"paths\.parquet holds no links: column \w+ is missing"):
+        with pytest.raises(
+            ValueError, match=r"paths\.parquet: not readable as links of a data set .column \w+ is missing"
+        ):
             reader(tmp_path / "paths.parquet")

@@ -58,8 +58,8 @@ def test_a_file_is_read_as_it_is_written(data):
     ("old", "new", "message"),
     [
         ("linkState", "state", "column linkState is missing"),
-        ("1.65,-2.45", "wall,-2.45", "column rxPos_1 has values that are no numbers"),
-        ("1.65,-2.45", "nan,-2.45", "column rxPos_1 has no finite number in row 2"),
+        ("1.65,-2.45", "wall,-2.45", "column rxPos_1 is string, expected double"),
+        ("1.65,-2.45", "nan,-2.45", "column rxPos_1 is empty in row 2"),
         (",3,4,0,", ",3,4,5,", "linkState of row 2 is 5"),
     ],
 )
@@ -78,7 +78,7 @@ def test_what_is_missing_is_named(data, tmp_path):
         find_measurements(data / "Attic")
     with pytest.raises(DataError, match="transmitter 3 asked for, but 2"):
         read_measurements(data, "Attic", 3)
-    with pytest.raises(DataError, match=r"Attic_Tx_1_beam_search\.csv: cannot be read"):
+    with pytest.raises(DataError, match=r"Attic_Tx_1_beam_search\.csv: not readable as a table"):
         read_measurements(data, "Attic", 1)
     empty = tmp_path / "empty.csv"
     empty.write_text(",x,y,z\n")

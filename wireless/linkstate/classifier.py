@@ -9,24 +9,28 @@ the card: data, seeds, recipe, scores.
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import torch
 from jaxtyping import Float, Float32
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save
+from safetensors.torch import load, save
 from torch import nn
 
 from wireless.linkstate.calibration import scaled
 from wireless.linkstate.networks import N_STATES, NETWORKS
-from wireless.linkstate.tokens import found, make_tokens
+from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
+from wireless.reading import reading
 from wireless.run_folder import whole
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096
+#: A card is a few pages of text [bytes]; temperatures are about 1.
+_MOST_CARD, _HOTTEST = 5_000_000, 1e6
+
+Network = TypeVar("Network", bound=nn.Module)
 
 
 class LinkStateClassifier:
@@ -151,21 +155,23 @@ def load_classifier(path: Path) -> LinkStateClassifier:
     """A classifier from its weights; the card lies beside them.
 
     Raises:
-        ValueError: If a file is missing or damaged, or they do not fit each other.
+        DataError: If a file is missing or damaged, or they do not fit each other.
     """
-    card_path = path.with_suffix(".json")
-    try:
-        card = json.loads(card_path.read_text(encoding="utf-8"))
-        weights = load_file(path)
-        networks = []
-        for i in range(card["networks"]):
-            network = NETWORKS[card["model"]](tuple(card["inputs"]), **card["options"])
-            network.load_state_dict(_part(weights, str(i)))
-            networks.append(network)
-        way = None
-        if card["way_width"] is not None:
-            way = WayNetwork(card["inputs"], width=card["way_width"])
-            way.load_state_dict(_part(weights, "way"))
+    remedy, card_path = "Train one by `robosim train link-state`.", path.with_suffix(".json")
+    what = f"the classifier of link states that {card_path.name} describes"
+    with reading(path, what, remedy) as file:
+        with reading(
+            card_path, "the card of a classifier of link states", remedy, most_bytes=_MOST_CARD
+        ) as card_file:
+            card = _checked(json.loads(card_file.read()))
+        weights = load(file.read())
+        networks = [
+            _filled(NETWORKS[card["model"]](tuple(card["inputs"]), **card["options"]), weights, str(i))
+            for i in range(card["networks"])
+        ]
+        width, way = card["way_width"], None
+        if width is not None:
+            way = _filled(WayNetwork(card["inputs"], width=width), weights, "way")
         return LinkStateClassifier(
             networks,
             model=card["model"],
@@ -176,13 +182,40 @@ def load_classifier(path: Path) -> LinkStateClassifier:
             way=way,
             card=card,
         )
-    except (OSError, KeyError, TypeError, RuntimeError, SafetensorError, json.JSONDecodeError) as error:
-        raise ValueError(
-            f"{path}: no classifier of link states with its card {card_path.name} ({error}). Train one by "
-            f"`robosim train link-state`."
-        ) from error
 
 
-def _part(weights: dict[str, torch.Tensor], name: str) -> dict[str, torch.Tensor]:
-    """Those of one network."""
-    return {key.split(".", 1)[1]: value for key, value in weights.items() if key.startswith(f"{name}.")}
+def _checked(card: dict[str, Any]) -> dict[str, Any]:
+    """A card, if networks can be made by it, of a size that is worth the memory."""
+    options, width, states = card["options"], card["way_width"], card["states"]
+    limits = {"width": (1, 512), "rounds": (1, 16)}
+    good = {
+        "model": card["model"] in NETWORKS,
+        "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
+        "networks": _is_whole(card["networks"], 1, 100),
+        "way_width": width is None or _is_whole(width, 1, 512),
+        "options": set(options) <= {*limits, "dropout"}
+        and all(_is_whole(options[name], *limits[name]) for name in limits if name in options),
+        "states": 0 < len(states) == len(set(states)) and set(states) <= set(LinkState),
+        "temperature": 0 < float(card["temperature"]) < _HOTTEST,
+    }
+    for name, fine in good.items():
+        if not fine:
+            raise ValueError(f"{name} is {card[name]}")
+    return card
+
+
+def _is_whole(value: Any, least: int, most: int) -> bool:
+    return isinstance(value, int) and least <= value <= most
+
+
+def _filled(network: Network, weights: dict[str, torch.Tensor], name: str) -> Network:
+    """A network with its part of the weights."""
+    own = {key.split(".", 1)[1]: value for key, value in weights.items() if key.startswith(f"{name}.")}
+    if {k: (w.shape, w.dtype) for k, w in own.items()} != {
+        k: (w.shape, w.dtype) for k, w in network.state_dict().items()
+    }:
+        raise ValueError(f"network {name} has other names, shapes or kinds of weights")
+    if wrong := [key for key, value in own.items() if not value.isfinite().all()]:
+        raise ValueError(f"{wrong[0]} of network {name} has values that are no numbers")
+    network.load_state_dict(own)
+    return network

@@ -15,6 +15,9 @@ from jaxtyping import Bool, Float32, Int, UInt8
 from wireless.link_records import read_links as read_records
 from wireless.linkstate.tokens import COLUMNS, make_tokens
 from wireless.mmwrobotnav import find_measurements, read_measurements
+from wireless.reading import reading
+
+_MOST_MANIFEST = 50_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -99,17 +102,16 @@ def _public(data: Path) -> list[_Unit]:
 
 
 def _data_set(data: Path) -> list[_Unit]:
-    try:
-        files = [data / unit["file"] for unit in json.loads((data / "manifest.json").read_text())["units"]]
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise ValueError(
-            f"{data / 'manifest.json'}: not the manifest of a data set of links ({error})."
-        ) from error
-    if not files:
-        raise ValueError(f"{data / 'manifest.json'}: lists no links.")
+    path = data / "manifest.json"
+    with reading(
+        path, "the manifest of a data set of links", "Make it anew.", most_bytes=_MOST_MANIFEST
+    ) as file:
+        files = [data / unit["file"] for unit in json.loads(file.read())["units"]]
+        if not files:
+            raise ValueError("it lists no links")
     units = []
-    for file in files:
-        links = read_records(file)
+    for unit in files:
+        links = read_records(unit)
         paths = links.estimates
         tokens = make_tokens(paths.aoa_rad, paths.snr_db, aod_rad=paths.aod_rad, delay_s=paths.delay_s)
         position = links.rx_position[:, :2].astype(np.float32)

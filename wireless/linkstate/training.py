@@ -17,9 +17,11 @@ import torch
 from jaxtyping import Float32, Int
 from torch import Tensor, nn
 
+from wireless.linkstate.checkpoints import load_checkpoint, restore_optimiser
 from wireless.linkstate.networks import NETWORKS
 from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+from wireless.reading import DataError, reading
 from wireless.run_folder import whole
 
 #: Gradients longer than this are shortened to it.
@@ -246,21 +248,21 @@ class _Run:
 
     def load(self, path: Path) -> None:
         """Go on from what was written."""
-        try:
-            kept = torch.load(path, weights_only=True)
+        with reading(path, "a checkpoint", "Delete it to start again.") as file:
+            kept = load_checkpoint(file)
             signature = kept["for"]
-        except Exception as error:  # torch.load raises whatever the damaged bytes lead it to
-            raise ValueError(f"{path}: damaged checkpoint ({error}). Delete it to start again.") from error
-        if differing := [name for name, value in self._signature().items() if signature.get(name) != value]:
-            name = differing[0]
-            raise ValueError(
-                f"{path}: checkpoint of another training: {name} {signature.get(name)} there, "
-                f"{self._signature()[name]} now. Choose another folder."
-            )
-        self.network.load_state_dict(kept["network"])
-        self.averaged.load_state_dict(kept["averaged"])
-        self.optimiser.load_state_dict(kept["optimiser"])
-        self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
+            if differing := [key for key, value in self._signature().items() if signature.get(key) != value]:
+                name = differing[0]
+                raise DataError(
+                    f"{path}: checkpoint of another training: {name} {signature.get(name)} there, "
+                    f"{self._signature()[name]} now. Choose another folder."
+                )
+            self.network.load_state_dict(kept["network"])
+            self.averaged.load_state_dict(kept["averaged"])
+            restore_optimiser(self.optimiser, kept["optimiser"])
+            self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
+            if [epoch.epoch for epoch in self.epochs] != list(range(1, len(self.epochs) + 1)):
+                raise ValueError("its epochs are not those of a training")
 
     def _signature(self) -> dict[str, Any]:
         """What a checkpoint belongs to."""

@@ -1,0 +1,84 @@
+"""Damage done to a copy of a good file, by a seed: bits and lengths, fields and types, numbers and nesting.
+
+`damage` picks a way that fits the file: any file can be cut, flipped, swapped, or be something else than a file;
+formats with fields have these changed by their own rules, check sums set right, so that damage gets past the first
+door.
+"""
+
+import os
+import random
+from pathlib import Path
+
+from tests.fuzz.arrays import chunk, npy_array, npy_header, npz_array, npz_header, npz_member, npz_picture
+from tests.fuzz.bytes import BYTES, Way, corner, flipped, number
+from tests.fuzz.tables import cell, column_of_table, metadata_of_table, pickled, state
+from tests.fuzz.trees import aliases, glb_tree, json_tree, safetensors_header, tag, tensor_values, yaml_tree
+
+
+def damage(path: Path, others: list[Path], rng: random.Random) -> str:
+    """Damage a file in place; what was done, in a word.
+
+    Args:
+        path: The file.
+        others: Other files, whose content may be put into it.
+        rng: What everything is drawn from.
+    """
+    draw = rng.random()
+    if draw < 0.06:
+        return _no_file(path, rng)
+    if draw < 0.10:
+        path.write_bytes(rng.choice(others).read_bytes())
+        return "swapped"
+    content = path.read_bytes()
+    ways = {**BYTES, **_of_format(path.suffix.lower(), content)}
+    own = [name for name in ways if name not in BYTES]
+    name = rng.choice(own if own and rng.random() < 0.6 else list(ways))
+    try:
+        damaged = ways[name](content, rng)
+        for _ in range(rng.choice([0, 0, 0, 0, 1, 2])):
+            damaged = ways[name](damaged, rng)
+    except Exception:  # what is damaged already may be beyond its format's own rules
+        name, damaged = "flipped", flipped(content, rng)
+    path.write_bytes(damaged)
+    return name
+
+
+def _no_file(path: Path, rng: random.Random) -> str:
+    path.unlink()
+    kind = rng.choice(
+        ["missing", "folder", "pipe", "loop", "dangling", "zero", "full", "random", "huge", "empty", "deep"]
+    )
+    if kind == "folder":
+        path.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "huge":
+        with path.open("wb") as file:
+            file.truncate(1 << rng.choice([31, 33, 40]))
+    elif kind == "empty":
+        path.touch()
+    elif kind == "deep":
+        (path / "inside").mkdir(parents=True)
+    elif kind != "missing":
+        target = {"loop": path.name, "dangling": "nowhere"}.get(kind, f"/dev/{kind}")
+        path.symlink_to(target)
+    return kind
+
+
+def _of_format(suffix: str, content: bytes) -> dict[str, Way]:
+    ways: dict[str, dict[str, Way]] = {
+        ".json": {"tree": json_tree, "text-number": number},
+        ".gltf": {"tree": json_tree},
+        ".yaml": {"tree": yaml_tree, "tag": tag, "alias": aliases, "text-number": number},
+        ".npz": {"array": npz_array, "member": npz_member, "header": npz_header, "picture": npz_picture},
+        ".npy": {"array": npy_array, "header": npy_header},
+        ".parquet": {"column": column_of_table, "metadata": metadata_of_table},
+        ".safetensors": {"header": safetensors_header, "values": tensor_values},
+        ".csv": {"cell": cell, "cells": cell, "text-number": number},
+        ".out": {"cell": cell, "text-number": number},
+        ".glb": {"tree": glb_tree},
+        ".png": {"chunk": chunk},
+        ".stl": {"corner": corner},
+        ".pt": {"member": npz_member, "state": state, "pickle": pickled},
+    }
+    return ways.get(suffix, {"text-number": number} if content[:200].isascii() else {})

@@ -1,0 +1,383 @@
+"""Good files of every kind that robosim reads, small ones, made by what writes them; the fuzzer damages copies.
+
+A seed is a folder, since many readers look at several files: a map and its image, weights and their card, all of an
+evaluation. Where there are real maps and measurements in ../shared, some of them are seeds too.
+"""
+
+import json
+import shutil
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+from PIL import Image
+
+from robosim.bench.label_links import Links
+from robosim.building import make_building
+from robosim.decision_log import DECISIONS, DecisionWriter
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.episodes import Head, _to_bytes
+from robosim.evaluation.suite import Suite, SuiteTask, write_suite
+from robosim.explorer_training import ExplorerRecipe
+from robosim.explorer_training import _keep as keep_explorer
+from robosim.export import export_mesh
+from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.formats.pgm import encode_pgm
+from robosim.formats.plan_image import GREY
+from robosim.link_formats import write_transmitters
+from robosim.planfiles import write_png, write_ros
+from robosim.record import EpisodeLog, Link
+from robosim.snapshot import Arrivals, Layer, Snapshot
+from robosim.support.assets import assets_dir, shipped_network
+from robosim.support.files import plain, write_json
+from robosim.tasks import Task
+from slam.choosing import initial_weights
+from slam.grid import GridFrame, MapEstimate
+from slam.mapper.network import MapNetwork, NetworkConfig
+from slam.mapper.training import Recipe as MapperRecipe
+from slam.mapper.training import _keep as keep_mapper
+from slam.steering import INPUTS
+from tests.robosim import kept
+from tests.robosim.plans import two_rooms
+from wireless.estimated_csv import write_estimated_csv
+from wireless.estimates import PathEstimates
+from wireless.link_records import link_table, write_links
+from wireless.linkstate.training import Recipe as LinkStateRecipe
+from wireless.linkstate.training import _Run
+from wireless.paths import LinkState, Paths
+
+SHARED = Path(__file__).resolve().parents[3] / "shared"
+TARGET, POLICIES = (5.0, 2.0), ("oracle", "snr", "los-or-first")
+
+
+def make_seeds(folder: Path) -> list[str]:
+    """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
+    for make in (
+        ros_maps, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
+        checkpoints, arrays,
+    ):  # fmt: skip
+        make(folder)
+    if not SHARED.is_dir():
+        return ["no seeds of real maps and measurements: there is no ../shared"]
+    real(folder)
+    return []
+
+
+def _into(folder: Path, name: str) -> Path:
+    (folder / name).mkdir(parents=True, exist_ok=True)
+    return folder / name
+
+
+def small_plan() -> FloorPlan:
+    """A room of 3 m by 2 m with a wall in it."""
+    cells = np.full((40, 60), FREE, np.uint8)
+    cells[:, :2] = cells[:2] = cells[20:, 30:33] = OCCUPIED
+    return FloorPlan(occupancy=cells, resolution_m=0.05, origin=(-1.0, 2.0, 0.3), name="small")
+
+
+def ros_maps(folder: Path) -> None:
+    """A map and its image, both ways; one with everything that a map can say."""
+    write_ros(small_plan(), _into(folder, "ros-pgm") / "map.yaml")
+    write_ros(small_plan(), _into(folder, "ros-png") / "map.yaml", image="png")
+    rich = _into(folder, "ros-rich") / "map.yaml"
+    write_ros(small_plan(), rich)
+    text = rich.read_text().replace("trinary", "scale").replace("negate: 0", "negate: 1")
+    rich.write_text(text + "wall_line: cell_centre\neroded_m: 0.1\nname: rich\n")
+
+
+def images(folder: Path) -> None:
+    """Images of every format and depth."""
+    grey = GREY[small_plan().occupancy]
+    colour = np.dstack([grey, grey, grey, np.full_like(grey, 255)])
+    home = _into(folder, "images")
+    write_png(small_plan(), home / "grey.png")
+    (home / "raw.pgm").write_bytes(encode_pgm(grey))
+    rows = b"\n".join(b" ".join(b"%d" % v for v in row) for row in grey)
+    (home / "text.pgm").write_bytes(b"P2\n# comment\n60 40\n255\n" + rows)
+    (home / "deep.pgm").write_bytes(b"P5 60 40 65535 " + (grey.astype(">u2") * 257).tobytes())
+    for name, pixels in {
+        "colour.png": colour, "palette.gif": grey, "a.bmp": grey, "a.tif": grey, "a.jpg": grey, "a.webp": colour,
+        "a.ppm": colour[..., :3], "deep.png": grey.astype(np.uint16) * 257, "one.pbm": grey > 100,
+    }.items():  # fmt: skip
+        Image.fromarray(pixels).save(home / name)
+    Image.fromarray(colour).save(home / "packed.tiff", compression="tiff_lzw")
+    import cv2
+
+    cv2.imwrite(str(home / "deep-colour.png"), colour.astype(np.uint16) * 257)
+
+
+def plans(folder: Path) -> None:
+    """A top-down grid, a house, arrays."""
+    home = _into(folder, "plans")
+    cells = (small_plan().occupancy == FREE).astype(int)
+    (home / "grid.out").write_text("\n".join(",".join(map(str, row)) for row in cells))
+    np.savetxt(home / "saved.out", cells, delimiter=",")
+    house = {
+        "id": "a",
+        "verts": [[0, 0], [2.5, 0], [2.5, 1], [1.2, 1.4], [0, 1.5]],
+        "room_category": {"Hall": [[0, 0, 1, 1]]},
+    }
+    (home / "house.json").write_text(json.dumps(house))
+    np.save(home / "probability.npy", 1.0 - cells)
+    np.save(home / "states.npy", small_plan().occupancy)
+    np.save(home / "truth.npy", cells == 0)
+
+
+def meshes(folder: Path) -> None:
+    """A building in every format of meshes; glTF with its data beside it and within."""
+    home, building = _into(folder, "meshes"), make_building(small_plan())
+    for suffix in (".glb", ".ply", ".obj", ".stl"):
+        export_mesh(building, home / f"a{suffix}")
+    mesh = trimesh.load_mesh(home / "a.stl")
+    (home / "a.off").write_text(mesh.export(file_type="off"))
+    (home / "text.ply").write_bytes(mesh.export(file_type="ply", encoding="ascii"))
+    (home / "text.stl").write_text(mesh.export(file_type="stl_ascii"))
+    box = trimesh.load(home / "a.glb")
+    for name, content in box.export(file_type="gltf", merge_buffers=True).items():
+        path = _into(folder, "gltf") / name.replace("model", "a")
+        path.write_bytes(content)
+
+
+def weights(folder: Path) -> None:
+    """Those that come with the package."""
+    for name in ("mapper", "pose", "explorer", "steering"):
+        home = _into(folder, f"weights-{name}")
+        for suffix in (".safetensors", ".json"):
+            shutil.copyfile(shipped_network(name).with_suffix(suffix), home / f"a{suffix}")
+    for suffix in (".safetensors", ".json"):
+        source = assets_dir() / "weights" / f"link-state-generated{suffix}"
+        shutil.copyfile(source, _into(folder, "weights-link-state") / f"a{suffix}")
+
+
+def _estimate(shape=(12, 16)) -> MapEstimate:
+    rng = np.random.default_rng(0)
+    return MapEstimate(
+        frame=GridFrame(origin_xy=(0.0, 0.0), shape=shape),
+        obstacle_probability=rng.choice(np.float32([0.1, 0.5, 0.9]), shape),
+        explored=rng.random(shape) < 0.5,
+        blocked=rng.random(shape) < 0.02,
+        pose=np.zeros(3),
+    )
+
+
+def decisions(folder: Path) -> None:
+    """The log of an episode of five decisions, whose map grows, with radio and belief."""
+    rng = np.random.default_rng(1)
+    writer = DecisionWriter(
+        [np.array([[0.0, 0], [6, 0], [6, 3], [0, 3]]), np.array([[2.0, 1], [3, 1], [3, 2]])], np.array(TARGET)
+    )
+    for i in range(5):
+        frame = GridFrame(origin_xy=(-0.05 * i, 0.0), shape=(20, 20 + 2 * i))
+        belief = Layer(
+            GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.2, shape=(7, 9)),
+            rng.integers(0, 64, (7, 9), np.uint8),
+        )
+        writer.add(
+            Snapshot(
+                rgb=rng.integers(0, 256, (16, 16, 3), np.uint8),
+                depth_mm=rng.integers(0, 9000, (16, 16), np.uint16),
+                pose=np.array([1.0 + 0.1 * i, 1.0, 0.1]),
+                estimate=np.array([1.0 + 0.1 * i, 1.01, 0.1]),
+                built=Layer(frame, rng.integers(0, 4, frame.shape, np.uint8)),
+                goal=np.array(TARGET),
+                path=rng.uniform(0, 3, (i, 2)),
+                arrivals=None
+                if i == 2
+                else Arrivals(rng.uniform(-3, 3, 2), np.array([30.0, 10.0]), LinkState.LOS),
+                belief=None if i < 2 else belief,
+                text=f"small step {i}",
+            )
+        )
+    writer.save(_into(folder, "decisions") / DECISIONS)
+
+
+def _episode(task: int, policy: str, steps: int) -> bytes:
+    log = EpisodeLog(Task(np.array([1.0, 0.6, 0.0]), np.array(TARGET), 3.0))
+    for at in np.linspace([1.0, 0.6], TARGET, steps + 1):
+        log.see(np.array([*at, 0.5]), np.array([*at, 0.51]), 0.5)
+    if policy != "oracle":
+        log.links = [Link(LinkState.HIGHER_ORDER, LinkState.FIRST_ORDER, 20.0, 0.1)] * steps
+    row = kept.row("pair", task, policy, TARGET, steps=steps)
+    goals = np.array(log.poses)[:-1, :2] + (0.6, 0.0)
+    return _to_bytes(Head(row, {"wall": 1.0, "decisions_per_s": 9.0}, "0123"), log, goals, _estimate())
+
+
+def evaluation(folder: Path) -> None:
+    """All that `robosim evaluate` leaves to go on from, and the suite."""
+    home = _into(folder, "evaluation")
+    write_ros(two_rooms(0.8), home / "plans" / "pair.yaml")
+    tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(2))
+    suite = Suite(plans={"pair": home / "plans" / "pair.yaml"}, tasks=tasks, seed=3)
+    write_suite(suite, home / "suite.yaml")
+    write_suite(suite, home / "suite.json")
+    episode = plain(asdict(EpisodeConfig()))
+    listed = {f"pair/{i}": [1.0, 0.6, 0.0, *TARGET] for i in range(2)}
+    from robosim.planfiles import read_plan
+
+    digest = read_plan(home / "plans" / "pair.yaml").digest()
+    for varied in ("goal", "seed"):
+        episode.pop(varied)
+    manifest = {"seed": 3, "plans": {"pair": digest}, "tasks": listed, "config_hash": "0", "episode": episode}
+    write_json(home / "manifest.json", manifest)
+    for task in range(2):
+        for policy in POLICIES:
+            path = home / "episodes" / "pair" / f"{task:03d}-{policy}-0.npz"
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(_episode(task, policy, 20 + 9 * POLICIES.index(policy)))
+
+
+def shards(folder: Path) -> None:
+    """Collected frames of three homes, and what says how they were collected."""
+    home, rng, n = _into(folder, "shards"), np.random.default_rng(2), 3
+    for i in range(3):
+        np.savez_compressed(
+            home / f"home-{i:05d}.npz",
+            depth=rng.integers(0, 4000, (n, 32, 32), np.uint16),
+            rgb=rng.integers(0, 256, (n, 32, 32, 3), np.uint8),
+            action=np.array([-1, 0, 1], np.int8),
+            odometry=rng.normal(size=(n, 3)).astype(np.float32),
+            pose=rng.normal(size=(n, 3)),
+            estimate=rng.normal(size=(n, 3)),
+            belief=rng.integers(0, 256, (n, 64, 64), np.uint8),
+            truth=rng.integers(0, 256, (n, 3, 64, 8), np.uint8),
+        )
+    write_json(home / "collected.json", {"steps": n, "seed": 0})
+
+
+def _paths() -> Paths:
+    """Two transmitters, three receivers, up to two paths each."""
+    tx, rx = np.array([0, 0, 0, 1, 1]), np.array([0, 0, 2, 1, 1])
+    n, rng = len(tx), np.random.default_rng(3)
+    kind = np.array([[0, 0], [1, 0], [2, 1], [0, 0], [1, 1]], np.uint8)
+    order = (kind > 0).sum(axis=1).astype(np.uint8)
+    gain = 1e-4 * rng.normal(size=(n, 2, 2)) * np.exp(1j)
+    return Paths(
+        tx_position=np.array([[1.0, 1, 1.5], [4, 2, 1.5]]), rx_position=rng.uniform(0, 3, (3, 3)),
+        frequency_hz=28e9, tx=tx, rx=rx, gain=gain, power=np.abs(gain[:, 0, 0]) ** 2,
+        delay_s=rng.uniform(1e-9, 9e-9, n), aoa_az=rng.uniform(-3, 3, n), aoa_el=rng.uniform(-1, 1, n),
+        aod_az=rng.uniform(-3, 3, n), aod_el=rng.uniform(-1, 1, n), order=order, interaction=kind,
+        thing=np.where(kind > 0, 4, -1), point=np.where(kind[..., None] > 0, 1.0, np.nan).repeat(3, axis=2),
+    )  # fmt: skip
+
+
+def _estimates() -> PathEstimates:
+    there, rng = np.arange(5) < np.array([2, 0, 5])[:, None], np.random.default_rng(4)
+    angles = np.where(there, rng.uniform(-3, 3, (3, 5)), 0.0)
+    snr = np.where(there, -np.sort(rng.uniform(-60, 20, (3, 5)), axis=1), -np.inf)
+    return PathEstimates(
+        aoa_rad=angles, aod_rad=angles, snr_db=snr, delay_s=1e-9 * angles, count=there.sum(axis=1)
+    )
+
+
+def links(folder: Path) -> None:
+    """A data set of two transmitters, and radio paths."""
+    home, cell = _into(folder, "dataset"), np.array([[0, 4], [1, 2], [3, 1]])
+    (home / "links").mkdir()
+    names = [f"links/pair_Tx_{tx + 1}.parquet" for tx in range(2)]
+    for tx, name in enumerate(names):
+        write_links(home / name, link_table(_paths(), tx, _estimates(), cell, plan="pair"))
+    write_json(
+        home / "manifest.json", {"rows": 6, "units": [{"plan": "pair", "file": name} for name in names]}
+    )
+    _paths().write_parquet(_into(folder, "paths") / "paths.parquet")
+
+
+def measurements(folder: Path) -> None:
+    """Two transmitters as published."""
+    home, cell = _into(folder, "measurements/pair"), np.array([[0, 4], [1, 2], [3, 1]])
+    write_transmitters(home, "pair", _paths().tx_position)
+    for tx in (1, 2):
+        path = home / f"pair_Tx_{tx}_beam_search.csv"
+        write_estimated_csv(
+            path, _estimates(), _paths().rx_position, np.array([1, 0, 3], np.uint8), cell, (4, 6)
+        )
+
+
+def training(folder: Path) -> None:
+    """A run of `robosim train link-state`: its result and a table of epochs."""
+    home = _into(folder, "training")
+    confusion = np.diag([4, 3, 2, 1]).tolist()
+    write_json(
+        home / "result.json",
+        {
+            "recipe": {"inputs": ["aoa", "aod", "snr"]},
+            "validation": {"fold0": {"confusion": confusion}, "mean_accuracy": 0.5},
+        },
+    )
+    (home / "jobs").mkdir()
+    rows = "".join(f"{e},{1 / e},{1 - 0.5 / e},{0.5 / e}\n" for e in range(1, 4))
+    (home / "jobs" / "fold0-0.csv").write_text(f"epoch,loss,accuracy,watched_loss\n{rows}")
+
+
+MAPPER_RECIPE = MapperRecipe(network=NetworkConfig(widths=(4, 8)), steps=4, batch=2, every=2)
+EXPLORER_RECIPE = ExplorerRecipe(rounds=2, homes=1, decisions=4, held_out=1)
+LINK_RECIPE = LinkStateRecipe(inputs=("aoa", "aod", "snr"), epochs=2, batch=8, width=4)
+
+
+def link_run() -> _Run:
+    """The beginning of a training, as the checkpoint below was made of."""
+    rng = np.random.default_rng(5)
+    tokens = torch.from_numpy(rng.normal(size=(16, 5, 5)).astype(np.float32))
+    return _Run(tokens, torch.from_numpy(rng.integers(1, 4, 16)), LINK_RECIPE)
+
+
+def checkpoints(folder: Path) -> None:
+    """Trainings that were interrupted."""
+    home = _into(folder, "checkpoints")
+    network = MapNetwork(MAPPER_RECIPE.network)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=MAPPER_RECIPE.rate, weight_decay=MAPPER_RECIPE.decay
+    )
+    network(torch.zeros(1, 7, 64, 64)).sum().backward()
+    optimiser.step()
+    state = {"step": 2, "curve": [{"step": 2.0, "loss": 1.0}], "best": network.state_dict(), "learnt": 0.0}
+    keep_mapper(home / "mapper.pt", network, optimiser, MAPPER_RECIPE, state)
+    first = initial_weights(np.random.default_rng(0))
+    tensors = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
+    adam = torch.optim.Adam(tensors.values(), lr=EXPLORER_RECIPE.ppo.rate)
+    sum(value.sum() for value in tensors.values()).backward()
+    adam.step()
+    best = {name: value.detach() for name, value in tensors.items()}
+    state = {"round": 1, "curve": [{"round": 0}, {"round": 1, "coverage": 0.5}], "best": best, "score": 0.4}
+    keep_explorer(home / "explorer.pt", tensors, adam, EXPLORER_RECIPE, state)
+    run = link_run()
+    run.step_epoch(None)
+    run.save(home / "link-state.pt")
+
+
+def arrays(folder: Path) -> None:
+    """Arrays that runs leave for themselves."""
+    home, rng = _into(folder, "arrays"), np.random.default_rng(6)
+    states = np.array([1, 2, 3], np.uint8)
+    off = rng.random(3)
+    Links(
+        published=states, computed=states, clear=states > 1, strongest_off=off, cluster_off=off, any_off=off
+    ).save(home / "labels.npz")
+    np.savez(
+        home / "home-1000220.npz",
+        tokens=rng.normal(size=(4, 5, 5)).astype(np.float32),
+        state=np.array([1, 2, 3, 1], np.uint8),
+    )
+    np.savez_compressed(
+        home / "round-1.npz",
+        senses=rng.normal(size=(4, INPUTS)).astype(np.float32),
+        advised=np.array([0, 1, 2, 0]),
+    )
+    write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
+
+
+def real(folder: Path) -> None:
+    """Maps and measurements that may not be shipped."""
+    home = _into(folder, "real-ros")
+    for name in ("turtlebot3.yaml", "turtlebot3.pgm"):
+        shutil.copyfile(SHARED / "maps" / "ros" / name, home / name)
+    home = _into(folder, "real-grid")
+    grids = sorted((SHARED / "maps" / "gibson").glob("*/*.out"), key=lambda path: path.stat().st_size)
+    shutil.copyfile(grids[0], home / grids[0].name)
+    source = next(path for path in sorted((SHARED / "data" / "mmwrobotnav").iterdir()) if path.is_dir())
+    home = _into(folder, f"real-measurements/{source.name}")
+    for name in (f"{source.name}_tx_pos.csv", f"{source.name}_Tx_1_beam_search.csv"):
+        lines = (source / name).read_text().splitlines()[:40]
+        (home / name).write_text("\n".join(lines) + "\n")

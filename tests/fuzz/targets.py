@@ -1,0 +1,301 @@
+"""Every reader of robosim, and the commands that stand on them: what is damaged for each, and how it is called."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import torch
+
+from robosim.bench.label_links import Links
+from robosim.cli import main
+from robosim.collect import CollectConfig, _check_same
+from robosim.decision_log import read_decisions
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.episodes import read_episode, read_head
+from robosim.evaluation.manifest import check_manifest, read_manifest
+from robosim.evaluation.scores import score, summarise
+from robosim.evaluation.suite import is_suite, read_suite
+from robosim.explorer_training import resume as resume_explorer
+from robosim.link_state import read_classifier
+from robosim.made_links import read_homes
+from robosim.mapper_training import read_frames
+from robosim.planfiles import find_plans, read_plan
+from robosim.pose_training import read_pairs
+from robosim.steering_training import read_round
+from robosim.support.text_in import read_json
+from robosim.training_figures import confusion_of, read_card, read_epochs
+from slam.choosing import initial_weights, load_chooser
+from slam.control import ControlConfig
+from slam.mapper.network import MapNetwork
+from slam.mapper.training import resume as resume_mapper
+from slam.mapper.weights import load_mapper, load_pose
+from slam.steering import load_steering
+from tests.fuzz.seeds import EXPLORER_RECIPE, MAPPER_RECIPE, link_run
+from wireless.dataset import read_transmitter
+from wireless.link_records import read_columns, read_rays
+from wireless.link_records import read_links as read_records
+from wireless.linkstate.data import read_links
+from wireless.mmwrobotnav import read_tx_positions
+from wireless.paths import Paths
+
+SCALELESS = (".png", ".pgm", ".gif", ".bmp", ".tif", ".tiff", ".jpg", ".webp", ".ppm", ".pbm", ".npy")
+
+
+@dataclass(frozen=True)
+class Target:
+    """A reader or a command."""
+
+    seed: str
+    """Folder of the seed."""
+    files: str
+    """Which of its files are damaged, as a glob pattern."""
+    call: Callable[[Path, Path], Any]
+    """Reads; is given the folder and the damaged file."""
+    weight: float = 1.0
+    """Share of the cases."""
+    is_command: bool = False
+    """Whether it goes through the command line, which tells by exit status and standard error."""
+
+
+class EnoughError(Exception):
+    """All has been read; what a command would go on to do is not tried here."""
+
+
+def _stop(*args: Any, **kwargs: Any) -> Any:
+    raise EnoughError
+
+
+@contextmanager
+def _only_reading(*names: str) -> Iterator[None]:
+    """Functions that begin the work end it."""
+    patches = [patch(name, _stop) for name in names]
+    for each in patches:
+        each.start()
+    try:
+        yield
+    except EnoughError:
+        pass
+    finally:
+        for each in patches:
+            each.stop()
+
+
+def _plan(folder: Path, file: Path) -> None:
+    read_plan(file, resolution_m=0.05 if file.suffix in SCALELESS else None)
+
+
+def _ros(folder: Path, file: Path) -> None:
+    read_plan(next(iter(sorted(folder.glob("*.yaml"))), folder / "map.yaml"))
+
+
+def _found_plans(folder: Path, file: Path) -> None:
+    """What is damaged is passed over in a folder, or said to be."""
+    for plan in find_plans([folder]):
+        read_plan(plan)
+
+
+def _log(folder: Path, file: Path) -> None:
+    log = read_decisions(folder)
+    for _ in log.snapshots():
+        pass
+
+
+def _episode(folder: Path, file: Path) -> None:
+    episode = read_episode(file)
+    assert episode.head == read_head(file)
+    summarise(score([{**episode.head.row, "policy": "oracle"}]))
+
+
+def _suite(folder: Path, file: Path) -> None:
+    is_suite(file)
+    read_suite(file)
+
+
+def _manifest(folder: Path, file: Path) -> None:
+    read_manifest(folder)
+    check_manifest(folder, read_suite(folder / "suite.json"), EpisodeConfig())
+
+
+def _shard(folder: Path, file: Path) -> None:
+    read_frames([file])
+    read_pairs([file])
+
+
+def _collected(folder: Path, file: Path) -> None:
+    _check_same(CollectConfig(steps=3), folder)
+
+
+def _records(folder: Path, file: Path) -> None:
+    read_records(file)
+    read_rays(file)
+    read_columns(file, ["link_state", "n_paths"])
+
+
+def _paths(folder: Path, file: Path) -> None:
+    paths = Paths.read_parquet(file)
+    read_transmitter(file, 1)
+    paths.link_state(), paths.digits
+
+
+def _run(folder: Path, file: Path) -> None:
+    card = read_card(folder / "result.json")
+    confusion_of(card)
+    read_epochs(folder)
+
+
+def _mapper_checkpoint(folder: Path, file: Path) -> None:
+    network = MapNetwork(MAPPER_RECIPE.network)
+    optimiser = torch.optim.AdamW(
+        network.parameters(), lr=MAPPER_RECIPE.rate, weight_decay=MAPPER_RECIPE.decay
+    )
+    resume_mapper(file, MAPPER_RECIPE, network, optimiser)
+    network(torch.zeros(1, 7, 64, 64)).sum().backward()
+    optimiser.step()
+
+
+def _explorer_checkpoint(folder: Path, file: Path) -> None:
+    first = initial_weights(np.random.default_rng(0))
+    weights = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
+    optimiser = torch.optim.Adam(weights.values(), lr=EXPLORER_RECIPE.ppo.rate)
+    resume_explorer(file, EXPLORER_RECIPE, weights, optimiser)
+    sum(value.sum() for value in weights.values()).backward()  # type: ignore[union-attr]
+    optimiser.step()
+
+
+def _link_checkpoint(folder: Path, file: Path) -> None:
+    run = link_run()
+    run.load(file)
+    run.step_epoch(None)
+
+
+def _homes(folder: Path, file: Path) -> None:
+    read_homes(1, folder)
+
+
+def _replay(folder: Path, file: Path) -> None:
+    main(["replay", str(folder), "--out", str(folder / "out"), "--frames", "2"])
+
+
+def _evaluate(folder: Path, file: Path) -> None:
+    with _only_reading("robosim.evaluation.evaluate.sweep"):
+        suite, out = str(folder / "suite.yaml"), str(folder)
+        main(["evaluate", suite, "--policies", "snr", "los-or-first", "--workers", "1", "--out", out])
+
+
+def _evaluate_finished(folder: Path, file: Path) -> None:
+    """All episodes are there, and their rows are scored."""
+    with (
+        _only_reading("robosim.evaluation.evaluate.write_results"),
+        patch("robosim.evaluation.evaluate.sweep", lambda *a, **k: []),
+    ):
+        suite, out = str(folder / "suite.yaml"), str(folder)
+        main(["evaluate", suite, "--policies", "snr", "los-or-first", "--workers", "1", "--out", out])
+
+
+def _search(folder: Path, file: Path) -> None:
+    with patch("robosim.evaluation.search_figures.save_figure", lambda figure, path: figure.clear()):
+        main(["figures", "search", str(folder), "--out", str(folder / "out")])
+
+
+def _train_mapper(folder: Path, file: Path) -> None:
+    with _only_reading("robosim.mapper_training.train"):
+        main(["train", "mapper", "--data", str(folder), "--out", str(folder / "out")])
+
+
+def _train_link_state(folder: Path, file: Path) -> None:
+    with (
+        _only_reading("robosim.link_training.make_homes"),
+        patch("robosim.link_training.links_of", read_links),
+    ):
+        main(
+            [
+                "train",
+                "link-state",
+                "--data",
+                str(folder),
+                "--folds",
+                "0",
+                "--of",
+                "1",
+                "--test",
+                str(folder),
+                "--out",
+                str(folder / "out"),
+            ]
+        )
+
+
+def _command_plan(folder: Path, file: Path) -> None:
+    words = ["--resolution", "0.05"] if file.suffix in SCALELESS else []
+    with _only_reading("robosim.building.make_building"):
+        main(["plan", str(file), *words, "--out", str(folder / "out")])
+
+
+def _command_episode(folder: Path, file: Path) -> None:
+    """The weights are looked at before anything else is."""
+    option = "--link-states" if "link-state" in folder.name else "--mapper"
+    with _only_reading("robosim.run.make_building"):
+        main(
+            [
+                "episode",
+                "flat",
+                option,
+                str(folder / "a.safetensors"),
+                "--no-video",
+                "--out",
+                str(folder / "out"),
+            ]
+        )
+
+
+TARGETS: dict[str, Target] = {
+    "ros map": Target("ros-pgm", "map.*", _ros),
+    "ros map with png": Target("ros-png", "map.*", _ros),
+    "ros map in full": Target("ros-rich", "map.*", _ros),
+    "real ros map": Target("real-ros", "*", _ros),
+    "image": Target("images", "*", _plan, 3),
+    "grid, house, array": Target("plans", "*", _plan, 3),
+    "real grid": Target("real-grid", "*", _plan, 0.5),
+    "plans of a folder": Target("plans", "*", _found_plans, 0.3),
+    "mesh": Target("meshes", "*", _plan, 3),
+    "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf")),
+    "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
+    "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
+    "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
+    "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
+    "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
+    "log": Target("decisions", "*", _log, 3),
+    "suite": Target("evaluation", "suite.*", _suite, 2),
+    "manifest": Target("evaluation", "manifest.json", _manifest),
+    "episode": Target("evaluation", "episodes/pair/*", _episode, 2),
+    "shard": Target("shards", "home-*", _shard),
+    "collected": Target("shards", "collected.json", _collected, 0.3),
+    "links": Target("dataset", "links/*", _records, 2),
+    "data set": Target("dataset", "manifest.json", lambda folder, file: read_links(folder), 0.5),
+    "paths": Target("paths", "*", _paths, 2),
+    "measurements": Target("measurements", "pair/*", lambda folder, file: read_links(folder), 2),
+    "real measurements": Target("real-measurements", "*/*", lambda folder, file: read_links(folder), 0.5),
+    "transmitters": Target("measurements", "pair/*_tx_pos.csv", lambda folder, file: read_tx_positions(file), 0.3),
+    "training run": Target("training", "**/*.*", _run),
+    "checkpoint of a mapper": Target("checkpoints", "mapper.pt", _mapper_checkpoint, 0.7),
+    "checkpoint of an explorer": Target("checkpoints", "explorer.pt", _explorer_checkpoint, 0.7),
+    "checkpoint of a classifier": Target("checkpoints", "link-state.pt", _link_checkpoint, 0.7),
+    "labels": Target("arrays", "labels.npz", lambda folder, file: Links.load(file), 0.3),
+    "homes": Target("arrays", "home-*", _homes, 0.3),
+    "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
+    "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
+    "robosim replay": Target("decisions", "*", _replay, 0.7, True),
+    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True),
+    "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
+    "robosim figures search": Target("evaluation", "**/*.*", _search, 0.4, True),
+    "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),
+    "robosim train link-state": Target("dataset", "**/*.*", _train_link_state, 0.5, True),
+    "robosim train link-state, published": Target("measurements", "pair/*", _train_link_state, 0.5, True),
+    "robosim plan": Target("plans", "*", _command_plan, 0.5, True),
+    "robosim episode --mapper": Target("weights-mapper", "*", _command_episode, 0.4, True),
+    "robosim episode --link-states": Target("weights-link-state", "*", _command_episode, 0.4, True),
+}  # fmt: skip
