@@ -21,7 +21,7 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.floorplan import FARTHEST_M, MapError
-from robosim.support.reading import read_bytes
+from robosim.support.reading import read_bytes, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
 Triangles = Float[np.ndarray, "n 3 3"]
@@ -61,8 +61,8 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
     if suffix == ".off":  # text in any encoding; only its comments can be of another one
         content = content.decode("utf-8", errors="replace").encode()
     if suffix in (".gltf", ".glb"):
-        _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
-        resolver = _Beside(path.parent)
+        buffers = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
+        resolver = _Beside(path, buffers)
     scene = trimesh.load_scene(
         io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
     )
@@ -83,8 +83,9 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
 class _Beside(Mapping[str, bytes]):
     """Files that a glTF file names: plain ones in its folder or below, each read when asked for."""
 
-    def __init__(self, folder: Path):
-        self._folder, self._left = folder, MOST_BYTES
+    def __init__(self, file: Path, lengths: Mapping[str, int]):
+        """Those beside a file, which have so many bytes at least."""
+        self._file, self._lengths, self._left = file, lengths, MOST_BYTES
 
     def __len__(self) -> int:
         return 0
@@ -96,8 +97,12 @@ class _Beside(Mapping[str, bytes]):
         inside = PurePosixPath(unquote(name))
         if inside.is_absolute() or ".." in inside.parts:
             raise ValueError(f"it names {name[:80]!r}, expected a file in its own folder")
-        what = "a buffer of the glTF file beside it"
-        content = read_bytes(self._folder / inside, what, most_bytes=self._left, kind=MapError)
+        path, what = self._file.parent / inside, f"data of {self._file.name}"
+        content = read_bytes(path, what, most_bytes=self._left, kind=MapError)
+        if len(content) < (length := self._lengths.get(name, 0)):
+            raise MapError(
+                f"{shown(path)}: {len(content)} bytes, but {self._file.name} says {length}. Copy it again."
+            )
         self._left -= len(content)
         return content
 
@@ -118,8 +123,12 @@ def _json_of_glb(content: bytes) -> bytes:
     return content[20 : 20 + length]
 
 
-def _check_gltf(text: bytes, n_bytes: int) -> None:
-    """Refuse a scene that declares far more than the file and those beside it can hold."""
+def _check_gltf(text: bytes, n_bytes: int) -> dict[str, int]:
+    """Refuse a scene that declares far more than the file and those beside it can hold.
+
+    Returns:
+        The names of files beside it, and how many bytes they must have.
+    """
     if len(text) > MOST_JSON and b"base64," not in text:
         raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
     tree = check_object(parse_json(text))
@@ -142,6 +151,9 @@ def _check_gltf(text: bytes, n_bytes: int) -> None:
     if max(views, accessors) > min(most, 2 * MOST_BYTES):
         raise ValueError(f"it declares {max(views, accessors)} bytes of data, far more than there can be")
     _check_nodes(_listed(tree, "nodes"), _listed(tree, "meshes"))
+    return {
+        one["uri"]: one["byteLength"] for one in _listed(tree, "buffers") if isinstance(one.get("uri"), str)
+    }
 
 
 def _check_nodes(nodes: list[dict[str, Any]], meshes: list[dict[str, Any]]) -> None:

@@ -19,7 +19,7 @@ from PIL import Image
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.formats.pgm import decode_pgm, encode_pgm, is_pgm
 from robosim.support.files import whole_file
-from robosim.support.images_in import opened_image
+from robosim.support.images_in import opened_image, silenced
 from robosim.support.reading import reading
 
 #: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
@@ -80,7 +80,8 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
     see_through = "transparency" in image.info or image.mode in ("LA", "PA", "La", "RGBa", "RGBA")
     if image.format == "PNG" and image.mode in ("RGB", "RGBA") and content[24] == 16:
         # Pillow keeps 8 of the 16 bits of a colour PNG.
-        deep = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        with silenced():
+            deep = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
         if deep is None:
             raise ValueError("its pixels are damaged")
         return _from_channels(np.asarray(deep), 65535)

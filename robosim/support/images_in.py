@@ -4,6 +4,8 @@ For use inside of `robosim.support.reading.reading`, which adds the file's name 
 """
 
 import io
+import os
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -23,13 +25,28 @@ def opened_image(
         ValueError: If it is none, or too large.
         Exception: Whatever damaged content makes its decoder raise.
     """
-    try:
-        image = Image.open(io.BytesIO(content), formats=formats)
-    except UnidentifiedImageError as error:
-        raise ValueError(f"of unknown format, expected {', '.join(formats)}") from error
-    with image:
+    with silenced():
+        try:
+            image = Image.open(io.BytesIO(content), formats=formats)
+        except UnidentifiedImageError as error:
+            raise ValueError(f"of unknown format, expected {', '.join(formats)}") from error
         width, height = image.size
         if not 0 < width * height <= most_pixels:
             raise ValueError(f"{width} x {height} pixels, expected at most {most_pixels:.2g} in all")
         image.load()
+    with image:
         yield image
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Nothing on standard error from decoders in C, which tell there what they also tell by what they return."""
+    sys.stderr.flush()
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)

@@ -16,6 +16,7 @@ from PIL import Image
 
 from robosim.bench.label_links import Links
 from robosim.building import make_building
+from robosim.collect import CollectConfig
 from robosim.decision_log import DECISIONS, DecisionWriter
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Head, _to_bytes
@@ -228,6 +229,10 @@ def evaluation(folder: Path) -> None:
             path.write_bytes(_episode(task, policy, 20 + 9 * POLICIES.index(policy)))
 
 
+#: How the frames are said to be collected.
+COLLECTED = CollectConfig(steps=3)
+
+
 def shards(folder: Path) -> None:
     """Collected frames of three homes, and what says how they were collected."""
     home, rng, n = _into(folder, "shards"), np.random.default_rng(2), 3
@@ -243,7 +248,8 @@ def shards(folder: Path) -> None:
             belief=rng.integers(0, 256, (n, 64, 64), np.uint8),
             truth=rng.integers(0, 256, (n, 3, 64, 8), np.uint8),
         )
-    write_json(home / "collected.json", {"steps": n, "seed": 0})
+    kind = {key: value for key, value in asdict(COLLECTED).items() if key != "homes"}
+    write_json(home / "collected.json", kind)
 
 
 def _paths() -> Paths:

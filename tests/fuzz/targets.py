@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
+import matplotlib.pyplot as plt
 import numpy as np
 import torch
 
 from robosim.bench.label_links import Links
 from robosim.cli import main
-from robosim.collect import CollectConfig, _check_same
+from robosim.collect import _check_same
 from robosim.decision_log import read_decisions
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import read_episode, read_head
@@ -34,7 +35,7 @@ from slam.mapper.network import MapNetwork
 from slam.mapper.training import resume as resume_mapper
 from slam.mapper.weights import load_mapper, load_pose
 from slam.steering import load_steering
-from tests.fuzz.seeds import EXPLORER_RECIPE, MAPPER_RECIPE, link_run
+from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, MAPPER_RECIPE, link_run
 from wireless.dataset import read_transmitter
 from wireless.link_records import read_columns, read_rays
 from wireless.link_records import read_links as read_records
@@ -59,6 +60,8 @@ class Target:
     """Share of the cases."""
     is_command: bool = False
     """Whether it goes through the command line, which tells by exit status and standard error."""
+    names: str = ""
+    """What a refusal may name instead of the damaged file: the file that was asked for."""
 
 
 class EnoughError(Exception):
@@ -126,7 +129,7 @@ def _shard(folder: Path, file: Path) -> None:
 
 
 def _collected(folder: Path, file: Path) -> None:
-    _check_same(CollectConfig(steps=3), folder)
+    _check_same(COLLECTED, folder)
 
 
 def _records(folder: Path, file: Path) -> None:
@@ -197,7 +200,7 @@ def _evaluate_finished(folder: Path, file: Path) -> None:
 
 
 def _search(folder: Path, file: Path) -> None:
-    with patch("robosim.evaluation.search_figures.save_figure", lambda figure, path: figure.clear()):
+    with patch("robosim.evaluation.search_figures.save_figure", lambda figure, path: plt.close(figure)):
         main(["figures", "search", str(folder), "--out", str(folder / "out")])
 
 
@@ -235,9 +238,16 @@ def _command_plan(folder: Path, file: Path) -> None:
         main(["plan", str(file), *words, "--out", str(folder / "out")])
 
 
-def _command_episode(folder: Path, file: Path) -> None:
+def _episode_with_mapper(folder: Path, file: Path) -> None:
     """The weights are looked at before anything else is."""
-    option = "--link-states" if "link-state" in folder.name else "--mapper"
+    _command_episode(folder, "--mapper")
+
+
+def _episode_with_classifier(folder: Path, file: Path) -> None:
+    _command_episode(folder, "--link-states")
+
+
+def _command_episode(folder: Path, option: str) -> None:
     with _only_reading("robosim.run.make_building"):
         main(
             [
@@ -262,7 +272,7 @@ TARGETS: dict[str, Target] = {
     "real grid": Target("real-grid", "*", _plan, 0.5),
     "plans of a folder": Target("plans", "*", _found_plans, 0.3),
     "mesh": Target("meshes", "*", _plan, 3),
-    "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf")),
+    "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf"), names="a.gltf"),
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
     "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
@@ -289,13 +299,15 @@ TARGETS: dict[str, Target] = {
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robosim replay": Target("decisions", "*", _replay, 0.7, True),
-    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True),
+    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "manifest.json"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim figures search": Target("evaluation", "**/*.*", _search, 0.4, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),
     "robosim train link-state": Target("dataset", "**/*.*", _train_link_state, 0.5, True),
     "robosim train link-state, published": Target("measurements", "pair/*", _train_link_state, 0.5, True),
     "robosim plan": Target("plans", "*", _command_plan, 0.5, True),
-    "robosim episode --mapper": Target("weights-mapper", "*", _command_episode, 0.4, True),
-    "robosim episode --link-states": Target("weights-link-state", "*", _command_episode, 0.4, True),
+    "robosim episode --mapper": Target("weights-mapper", "*", _episode_with_mapper, 0.4, True, "a.safetensors"),
+    "robosim episode --link-states": Target(
+        "weights-link-state", "*", _episode_with_classifier, 0.4, True, "a.safetensors"
+    ),
 }  # fmt: skip

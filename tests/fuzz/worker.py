@@ -6,6 +6,7 @@ names the file. All else is a failure: another kind of error, many lines, no nam
 """
 
 import json
+import logging
 import os
 import random
 import resource
@@ -16,6 +17,8 @@ import time
 import traceback
 from dataclasses import asdict, dataclass
 from pathlib import Path
+
+import matplotlib.pyplot as plt
 
 from tests.fuzz.mutations import damage
 from tests.fuzz.targets import TARGETS, Target
@@ -68,7 +71,9 @@ def run_case(case: Case, target: Target, seeds: Path, work: Path) -> Outcome:
     kind, message, said = _called(target, folder, file)
     seconds, peak_mb = time.perf_counter() - begin, _peak_mb() - before_mb
     if kind == "refused":
-        kind = _judged(message, file, folder)
+        # Of what is not there nobody knows the name.
+        named = "" if way == "missing" else file.name
+        kind = _judged(message, [named, target.names or named], folder)
     if kind in ("read", "refused") and said.strip():
         kind, message = "said more", f"{message}\n{said}"
     for bad, happened in (("slow", seconds > MOST_S), ("memory", peak_mb > MOST_MB)):
@@ -81,6 +86,8 @@ def run_case(case: Case, target: Target, seeds: Path, work: Path) -> Outcome:
 def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
     """Read, refused or traceback; the message; and what else was said on standard error, by whatever language."""
     kind, message, code = "read", "", 0
+    # A command prints warnings, which may not stand beside a refusal; what a reader logs is no concern of its own.
+    logging.disable(logging.NOTSET if target.is_command else logging.CRITICAL)
     with tempfile.TemporaryFile() as heard:
         kept = os.dup(2)
         os.dup2(heard.fileno(), 2)
@@ -99,6 +106,7 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
             kind, message = "traceback", traceback.format_exc()
         finally:
             sys.stderr.flush()
+            plt.close("all")
             os.dup2(kept, 2)
             os.close(kept)
         heard.seek(0)
@@ -106,14 +114,15 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
     if target.is_command and kind != "traceback":
         if code == 2:
             return "refused", said.removesuffix("\n"), ""
-        return ("read" if code == 0 else "traceback"), said if code else "", "" if code else said
+        return ("read", "", "") if code == 0 else ("traceback", said, "")
     return kind, message, said
 
 
-def _judged(message: str, file: Path, folder: Path) -> str:
+def _judged(message: str, names: list[str], folder: Path) -> str:
+    """Whether a refusal is one line, and names the folder and one of the names."""
     if "\n" in message or not message.isprintable():
         return "lines"
-    return "refused" if file.name in message and str(folder) in message else "unnamed"
+    return "refused" if any(name in message for name in names) and str(folder) in message else "unnamed"
 
 
 def _status(name: str) -> float:

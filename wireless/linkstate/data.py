@@ -6,6 +6,7 @@ delays; a link without paths holds zeros there, which `make_tokens` takes as mis
 """
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -87,7 +88,8 @@ def read_links(data: Path) -> Links:
 
 def is_data_set(data: Path) -> bool:
     """Whether a folder is a data set of our own."""
-    return (data / "manifest.json").is_file()
+    # One that cannot be read is said to be, rather than passed over.
+    return os.path.lexists(data / "manifest.json")
 
 
 def _public(data: Path) -> list[_Unit]:
@@ -109,6 +111,8 @@ def _data_set(data: Path) -> list[_Unit]:
         files = [data / unit["file"] for unit in json.loads(file.read())["units"]]
         if not files:
             raise ValueError("it lists no links")
+        if missing := [file for file in files if not file.is_file()]:
+            raise ValueError(f"it lists {missing[0].name}, which is not there")
     units = []
     for unit in files:
         links = read_records(unit)
