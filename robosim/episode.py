@@ -7,6 +7,7 @@ the loop one part of the system. The mapper never sees the true pose, and only t
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
+from signal import SIGINT, SIGTERM
 
 import numpy as np
 from jaxtyping import Float
@@ -90,7 +91,7 @@ def run_episode(
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
 
-    Ctrl-C ends the episode after the step that is under way; what was done until then is returned.
+    Ctrl-C or SIGTERM ends the episode after the step that is under way; what was done until then is returned.
 
     Args:
         building: Where.
@@ -114,7 +115,7 @@ def run_episode(
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
 
-    with closing(simulator), noted_interrupt() as interrupt:
+    with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
         view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
         mapper.reset(task.start)
         action = None
@@ -124,7 +125,7 @@ def run_episode(
             with watch.stage("judging"):
                 coverage.update(simulator.pose, simulator.true_depth)
                 log.see(simulator.pose, estimate.pose, coverage.fraction)
-                log.ended = "interrupted" if interrupt.asked else _verdict(log, policy, config)
+                log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
             if log.ended != "running":
                 break
             with watch.stage("link state"):

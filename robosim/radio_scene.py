@@ -1,5 +1,6 @@
 """A floor plan made ready for radio: its building, the tracer of it, and what places in it are fit."""
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,6 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.receivers import check_height
-from wireless.dataset import mesh_digest
 from wireless.raytrace import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -82,8 +82,12 @@ class RadioScene:
 
     @property
     def digest(self) -> str:
-        """A text that changes with the building."""
-        return mesh_digest(self.building.mesh, self.building.materials, self.face_material)
+        """A text that changes with any vertex, face or material of the building."""
+        seen = hashlib.sha256()
+        for array in (self.building.mesh.vertices, self.building.mesh.faces, self.face_material):
+            seen.update(np.ascontiguousarray(array, float).tobytes())
+        seen.update("|".join(self.building.materials).encode())
+        return seen.hexdigest()[:16]
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
         """Points (x, y) or (x, y, z) [m] as positions.

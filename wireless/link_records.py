@@ -20,6 +20,7 @@ polarisation (`wireless.paths.Paths.write_parquet` has them).
 
 from dataclasses import dataclass
 from os import PathLike
+from typing import IO
 
 import numpy as np
 import pyarrow as pa
@@ -159,8 +160,8 @@ def link_table(
     )
 
 
-def write_links(path: str | PathLike[str], table: pa.Table) -> None:
-    """Write what `link_table` made."""
+def write_links(path: str | PathLike[str] | IO[bytes], table: pa.Table) -> None:
+    """Write what `link_table` made into a file."""
     pq.write_table(table, path, compression="zstd")
 
 

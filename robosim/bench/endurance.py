@@ -21,12 +21,12 @@ from rich.table import Table
 
 from robosim.bench.slam_plan import SlamSettings
 from robosim.building import make_building
-from robosim.evaluation.sweep import told_units
 from robosim.floorplan import FloorPlan
 from robosim.navigation import Navigator, make_navigator
 from robosim.reach import reach
 from robosim.simulator import Simulator
 from robosim.support.files import write_json
+from robosim.support.progress import told_units
 from slam.actions import Action
 from slam.grid import MapEstimate
 

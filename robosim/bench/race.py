@@ -24,6 +24,7 @@ from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
 from robosim.camera import CameraConfig
+from robosim.support.workers import end_with_parent
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.
@@ -95,6 +96,7 @@ class Runner:
 
 def _serve(pipe: Connection, name: str, heat_file: str, config: CameraConfig, warm_up: int) -> None:
     """Take pictures on demand, until the process is ended from outside."""
+    end_with_parent(os.getppid())
     peer = PEERS[name]
     os.environ.pop("LP_NUM_THREADS", None)  # may have been set for this project's own cameras
     os.environ.update(peer.environment)

@@ -22,7 +22,6 @@ from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose, make_camera
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, run_episode
-from robosim.evaluation.sweep import in_parallel, told_units
 from robosim.navigation import make_navigator
 from robosim.planfiles import read_plan
 from robosim.plots import save_figure
@@ -74,8 +73,11 @@ def speeds(
     """
     calls = [(path, speed, settings, Path(out)) for path in plans[: speed.plans]]
     parts: list[list[dict[str, Any]]] = []
-    with told_units(console, "plans for speed", len(calls), 0) as tell:
-        for part in in_parallel(_of_plan, calls, workers):
+    with (
+        Workers(min(workers, len(calls) or 1), what="plans") as pool,
+        told_units(console, "plans for speed", len(calls)) as tell,
+    ):
+        for _, part in pool.run(_of_plan, calls):
             parts.append(part)
             tell("")
     rows = []

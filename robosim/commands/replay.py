@@ -5,6 +5,7 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from robosim.commands.terminal import console, folder_for
+from robosim.support.run_folder import run_folder
 
 
 def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = None) -> None:
@@ -21,7 +22,8 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
 
     if frames < 1:
         raise ValueError(f"frames is {frames}, expected at least one.")
-    files = draw(episode, folder_for(out or episode, "replay"), frames)
+    with run_folder(folder_for(out or episode, "episode"), "episode") as folder:
+        files = draw(episode, folder, frames)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
 
 

@@ -1,7 +1,10 @@
 """What commands share: the terminal they print to, how points are typed, where plans and results lie."""
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -12,9 +15,16 @@ import tyro
 from rich.console import Console
 
 from robosim.floorplan import FloorPlan
+from robosim.support.interrupt import SIGNALLED
+from robosim.support.run_folder import check_folder, run_folder
 
-#: A pipe has no width; tables should not be cut for it.
-console = Console(width=None if sys.stdout.isatty() else 150)
+#: A pipe has no width; tables should not be cut for it. Names from outside are printed as they are, so that nothing in
+#: brackets is taken for markup; what is to be bold says so by its style.
+console = Console(width=None if sys.stdout.isatty() else 150, markup=False)
+
+
+#: More processes than this are a slip of the finger.
+MOST_WORKERS = 1024
 
 
 def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
@@ -71,19 +81,61 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     )
 
 
-def folder_for(out: Path | None, verb: str) -> Path:
-    """The folder asked for, or a new one under runs/ named by the time and the command.
+@dataclass(frozen=True, kw_only=True)
+class WorkOptions:
+    """Who does the work."""
+
+    workers: int | None = None
+    """Processes at once; one on each available core if not given. No result depends on it."""
+    cluster: str | None = None
+    """Address of a dask scheduler whose workers do it instead; needs robosim[cluster]."""
+
+    def __post_init__(self) -> None:
+        if self.workers is not None and not 1 <= self.workers <= MOST_WORKERS:
+            raise ValueError(f"workers is {self.workers}, expected 1 to {MOST_WORKERS} processes.")
+
+    @property
+    def count(self) -> int:
+        """Processes on this machine."""
+        return self.workers or len(os.sched_getaffinity(0))
+
+
+#: One process on each core.
+ALL_CORES = WorkOptions()
+
+
+def folder_for(out: Path | None, command: str) -> Path:
+    """The folder asked for, or a new one under runs/ named by the time and the command. It is not made yet.
+
+    Args:
+        out: What was asked for.
+        command: What will write there, such as "bench render".
 
     Raises:
-        ValueError: If it cannot be made or written to: said before the work rather than after it.
+        FolderError: If it cannot be written to, or holds the results of another command: said before the work
+            rather than after it.
     """
-    folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(
-            f"out is {str(folder)!r}, which cannot be a folder ({error.strerror}). Choose another."
-        ) from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise ValueError(f"out is {str(folder)!r}, a folder that you may not write to. Choose another.")
+    folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{command.replace(' ', '-')}"
+    check_folder(folder, command)
     return folder
+
+
+@contextmanager
+def results_in(out: Path | None, command: str) -> Iterator[Path]:
+    """The same folder, made and claimed as long as the block lasts."""
+    with run_folder(folder_for(out, command), command) as folder:
+        yield folder
+
+
+@contextmanager
+def going_on(folder: Path) -> Iterator[None]:
+    """Say how to go on if the work in the block is interrupted."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as error:
+        if isinstance(error, KeyboardInterrupt) or error.code == SIGNALLED + signal.SIGTERM:
+            console.print(
+                f"Interrupted; what was finished is kept. Go on with the same command and --out {folder}",
+                soft_wrap=True,
+            )
+        raise

@@ -3,7 +3,9 @@
 from pathlib import Path
 from typing import Literal
 
-from robosim.commands.terminal import console, folder_for
+from tyro.conf import OmitArgPrefixes
+
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
 
 
 def link_state(
@@ -20,7 +22,7 @@ def link_state(
     folds: int = 3,
     of: int = 3,
     seed: int = 0,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Train a classifier of link states on public measurements (mmwRobotNav) or a data set, and score it.
@@ -46,14 +48,14 @@ def link_state(
         folds: Folds to hold out, one after the other; 0 trains on all buildings only.
         of: Folds that the buildings are dealt into.
         seed: Seed of the first network.
-        workers: Processes, of one thread each.
+        work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
     if folds < 0 or folds > of:
         raise ValueError(f"folds is {folds}, expected 0 to {of}, the number of folds that there are.")
     if homes is not None and homes < 0:
         raise ValueError(f"homes is {homes}, expected 0 or more.")
-    for name, value in (("workers", workers), ("members", members)):
+    for name, value in (("members", members),):
         if value < 1:
             raise ValueError(f"{name} is {value}, expected at least 1.")
     from dataclasses import replace
@@ -76,20 +78,22 @@ def link_state(
         f"robosim train link-state --data {data.name} --model {model} {flags} --epochs {epochs} "
         f"--members {members} --homes {homes} --folds {folds} --of {of} --seed {seed}"
     )
-    folder = folder_for(out, "train-link-state")
-    card = train_link_state(
-        data,
-        folder,
-        replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
-        test=test,
-        folds=folds,
-        of=of,
-        members=members,
-        homes=homes,
-        workers=workers,
-        command=command,
-        console=console,
-    )
+    folder = folder_for(out, "train link-state")
+    with going_on(folder):
+        card = train_link_state(
+            data,
+            folder,
+            replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+            test=test,
+            folds=folds,
+            of=of,
+            members=members,
+            homes=homes,
+            workers=work.count,
+            cluster=work.cluster,
+            command=command,
+            console=console,
+        )
     console.print(f"Wrote the classifier, its card and pictures in {folder}")
     if test is not None:
         last = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
@@ -135,7 +139,7 @@ def mapper(
     from slam.mapper.network import NetworkConfig
     from slam.mapper.training import Recipe
 
-    folder = folder_for(out, "train-mapper")
+    folder = folder_for(out, "train mapper")
     if smoke:
         steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
     if data is None:
@@ -144,7 +148,8 @@ def mapper(
         network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
     )
     told = f"robosim train mapper --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
-    card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
+    with going_on(folder):
+        card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
         console.print(
             f"{name:>14}: IoU of obstacles seen {score['iou_seen']:.3f}, hidden {score['iou_hidden']:.3f}, of hidden "
@@ -189,7 +194,7 @@ def pose(
     from robosim.pose_training import train_pose_network
     from slam.mapper.pose_training import PoseRecipe
 
-    folder = folder_for(out, "train-pose")
+    folder = folder_for(out, "train pose")
     if smoke:
         steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
     if data is None:

@@ -7,7 +7,6 @@ the other stays longest in one place. Published numbers are marked beside ours; 
 Reference: arXiv 2110.14789.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -269,6 +268,5 @@ def _building_config(results: Path) -> BuildingConfig:
 
 def _episode_config(results: Path) -> dict[str, Any]:
     """How episodes ran, but for policy and seed."""
-    manifest = json.loads((results / "manifest.json").read_text(encoding="utf-8"))
-    episode: dict[str, Any] = manifest["episode"]
+    episode: dict[str, Any] = read_settings(results, "evaluate")["episode"]
     return episode

@@ -11,8 +11,7 @@ instructions for it, and used in float32.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import torch
@@ -22,6 +21,16 @@ from torch import Tensor
 from slam.mapper.features import BELIEF, PLACE_LEFT
 from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
+
+
+class Store(Protocol):
+    """Where the state of a training is kept."""
+
+    def load(self) -> dict[str, Any] | None:
+        """What was saved last, or None."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Keep a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,7 +88,7 @@ def train(
     frames: Frames,
     held_out: Frames,
     recipe: Recipe,
-    checkpoint: Path,
+    checkpoint: Store,
     on_step: Callable[[int], None] = lambda step: None,
 ) -> tuple[MapNetwork, list[dict[str, float]]]:
     """Train a network, or go on training it.
@@ -88,14 +97,14 @@ def train(
         frames: To learn from.
         held_out: To choose the best weights by, from other buildings.
         recipe: How.
-        checkpoint: File of the state, written at each validation, removed by nobody.
-        on_step: Called after each step with its number.
+        checkpoint: Where the state is kept at each validation, and found again.
+        on_step: Called after each step with its number; if it raises, the state is kept too.
 
     Returns:
         The network of least validation loss, ready for use, and the curve: one row a validation.
 
     Raises:
-        ValueError: If there are no frames, or the checkpoint belongs to another recipe.
+        ValueError: If there are no frames.
     """
     if not len(frames) or not len(held_out):
         raise ValueError(f"{len(frames)} frames to learn from and {len(held_out)} held out, expected some.")
@@ -104,15 +113,16 @@ def train(
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
-    if checkpoint.exists():
-        kept = torch.load(checkpoint, weights_only=True)
-        if kept["recipe"] != repr(recipe):
-            raise ValueError(
-                f"{checkpoint} belongs to another recipe. Choose another folder, or the same options."
-            )
+    if kept := checkpoint.load():
         network.load_state_dict(kept["network"])
         optimiser.load_state_dict(kept["optimiser"])
         state = kept["state"]
+
+    def keep() -> None:
+        checkpoint.save(
+            {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "state": state}
+        )
+
     while state["step"] < recipe.steps:
         step = state["step"]
         for group in optimiser.param_groups:
@@ -129,24 +139,14 @@ def train(
             state["learnt"] = 0.0
             if state["best"] is None or row["loss"] <= min(r["loss"] for r in state["curve"]):
                 state["best"] = {name: value.clone() for name, value in network.state_dict().items()}
-            _keep(checkpoint, network, optimiser, recipe, state)
-        on_step(state["step"])
+            keep()
+        try:
+            on_step(state["step"])
+        except BaseException:
+            keep()
+            raise
     network.load_state_dict(state["best"])
     return network.eval(), state["curve"]
-
-
-def _keep(
-    checkpoint: Path,
-    network: MapNetwork,
-    optimiser: torch.optim.Optimizer,
-    recipe: Recipe,
-    state: dict[str, Any],
-) -> None:
-    checkpoint.parent.mkdir(parents=True, exist_ok=True)
-    partial = checkpoint.with_name(f".{checkpoint.name}.partial")
-    kept = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "state": state}
-    torch.save({**kept, "recipe": repr(recipe)}, partial)
-    partial.replace(checkpoint)
 
 
 def _schedule(step: int, steps: int) -> float:

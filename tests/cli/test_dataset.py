@@ -162,7 +162,7 @@ def test_other_settings_are_refused(made, plan_file, fails):
 def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
     """`robosim trace` once wrote its settings over those of the data set, which then could not go on."""
     before = contents(made)
-    assert "holds results of other settings" in fails("trace", plan_file, "--tx", "1,1", "--out", made)
+    assert "holds the results of `robosim dataset`" in fails("trace", plan_file, "--tx", "1,1", "--out", made)
     assert contents(made) == before
 
 
@@ -207,4 +207,6 @@ def test_ctrl_c_says_how_to_go_on(plan_file, tmp_path):
     said, complained = process.communicate(timeout=120)
     assert process.returncode == 130
     assert "Go on with the same command" in said
-    assert complained == ""
+    assert complained == (
+        "Stopping after the transmitters that are being worked on. Press Ctrl-C again to end at once.\n"
+    )

@@ -61,7 +61,7 @@ def test_another_command_does_not_touch_the_folder(traced, plan_file, fails):
     message = fails(*again, "--max-reflections", "1")
     assert "max_reflections 3 there, 1 now" in message
     assert "tolerance_m 0.0 there, 0.1 now" in fails(*again, "--tolerance", "0.1")
-    assert "holds the paths of a grid" in fails(
+    assert "which holds the results of `robosim trace`" in fails(
         "trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced
     )
 
@@ -101,7 +101,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("robosim.trace.trace_grid", interrupted)
+    monkeypatch.setattr("robosim.trace.LinkGrid.trace", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130

@@ -19,7 +19,7 @@ from robosim.evaluation.search_figures import (
 )
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.planfiles import write_ros
-from robosim.support.files import plain
+from robosim.support.files import write_json
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
 
@@ -51,7 +51,9 @@ def results(tmp_path):
     tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(4))
     folder = tmp_path / "results"
     write_suite(Suite(plans={"pair": file}, tasks=tasks), folder / "suite.yaml")
-    (folder / "manifest.json").write_text(json.dumps({"episode": plain(asdict(EpisodeConfig()))}))
+    write_json(
+        folder / "settings.json", {"command": "evaluate", "settings": {"episode": asdict(EpisodeConfig())}}
+    )
     for task in range(4):
         _episode(folder, task, "oracle", 20 + task)
     _episode(folder, 0, "snr", 90, state=LinkState.LOS, waits=70)

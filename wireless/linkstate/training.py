@@ -9,8 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import torch
@@ -20,10 +19,19 @@ from torch import Tensor, nn
 from wireless.linkstate.networks import NETWORKS
 from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
-from wireless.run_folder import whole
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
+
+
+class Store(Protocol):
+    """Where the state of a training is kept."""
+
+    def load(self) -> dict[str, Any] | None:
+        """What was saved last, or None."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Keep a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +123,7 @@ def train(
     recipe: Recipe,
     *,
     watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, "m"]] | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: Store | None = None,
     report: Callable[[Epoch], None] | None = None,
 ) -> tuple[nn.Module, list[Epoch]]:
     """Train a network; links without paths are left out.
@@ -125,14 +133,14 @@ def train(
         state: Their true `LinkState`.
         recipe: How.
         watch: Links to score after each epoch; they change nothing.
-        checkpoint: File to keep the state of training in, and to go on from if it is there.
+        checkpoint: Where the state of training is kept after each epoch, and found again.
         report: Called after each epoch.
 
     Returns:
         The network with averaged weights, in evaluation mode, and all epochs.
 
     Raises:
-        ValueError: If no link has a path, or the checkpoint is damaged or of another recipe or other links.
+        ValueError: If no link has a path, or the checkpoint is of another recipe or other links.
     """
     reached = found(tokens).any(1)
     if not reached.any():
@@ -142,12 +150,12 @@ def train(
     x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
     with one_thread(), torch.random.fork_rng(devices=[]):
         run = _Run(x, y, recipe)
-        if checkpoint and checkpoint.exists():
-            run.load(checkpoint)
+        if kept := checkpoint and checkpoint.load():
+            run.restore(kept)
         while len(run.epochs) < recipe.epochs:
             run.step_epoch(watch)
             if checkpoint:
-                run.save(checkpoint)
+                checkpoint.save(run.state())
             if report:
                 report(run.epochs[-1])
         return run.averaged.eval(), run.epochs
@@ -231,30 +239,23 @@ class _Run:
         loss = nn.functional.cross_entropy(logits[known], torch.searchsorted(self.states, y[known]))
         return right.double().mean().item(), loss.item()
 
-    def save(self, path: Path) -> None:
-        """Write everything, whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        kept = {
+    def state(self) -> dict[str, Any]:
+        """Everything."""
+        return {
             "for": self._signature(),
             "network": self.network.state_dict(),
             "averaged": self.averaged.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "epochs": [asdict(epoch) for epoch in self.epochs],
         }
-        with whole(path) as partial:
-            torch.save(kept, partial)
 
-    def load(self, path: Path) -> None:
-        """Go on from what was written."""
-        try:
-            kept = torch.load(path, weights_only=True)
-            signature = kept["for"]
-        except Exception as error:  # torch.load raises whatever the damaged bytes lead it to
-            raise ValueError(f"{path}: damaged checkpoint ({error}). Delete it to start again.") from error
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Go on from a state."""
+        signature = kept.get("for", {})
         if differing := [name for name, value in self._signature().items() if signature.get(name) != value]:
             name = differing[0]
             raise ValueError(
-                f"{path}: checkpoint of another training: {name} {signature.get(name)} there, "
+                f"checkpoint of another training: {name} {signature.get(name)} there, "
                 f"{self._signature()[name]} now. Choose another folder."
             )
         self.network.load_state_dict(kept["network"])
