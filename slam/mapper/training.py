@@ -11,7 +11,7 @@ instructions for it, and used in float32.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -23,6 +23,7 @@ from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
 
 
+@runtime_checkable
 class Store(Protocol):
     """Where the state of a training is kept."""
 
