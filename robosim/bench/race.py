@@ -24,6 +24,7 @@ from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
 from robosim.camera import CameraConfig
+from robosim.rendering.gl_libraries import missing
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.
@@ -152,8 +153,9 @@ def race(
     heat.save(heat_file)
     runners: list[Runner] = []
     try:
-        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names]
-        answers = {runner.name: runner.ready() for runner in runners}
+        answers: dict[str, Any] = {name: lack for name in names if (lack := _lack(name))}
+        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names if name not in answers]
+        answers |= {runner.name: runner.ready() for runner in runners}
         able = [runner for runner in runners if not isinstance(answers[runner.name], str)]
         times: dict[str, list[tuple[float, float]]] = {runner.name: [] for runner in able}
         for _ in range(turns):
@@ -168,3 +170,9 @@ def race(
         else Result(name, np.array(times[name])[:, 0], np.array(times[name])[:, 1], answers[name])
         for name in names
     ]
+
+
+def _lack(name: str) -> str:
+    """Why a camera has nothing to draw on, if so."""
+    system = PEERS[name].system
+    return missing(system) if system else ""

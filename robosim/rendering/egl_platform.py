@@ -13,27 +13,34 @@ from typing import Any
 import numpy as np
 from jaxtyping import Integer, UInt8
 from OpenGL import EGL, GL
+from OpenGL.error import Error as OpenGLError
 from pyrender.platforms import egl
 
 from robosim.rendering import gl_calls as gl
 from robosim.rendering.gl_calls import GLCalls
+from robosim.rendering.gl_libraries import INSTALL
 from robosim.rendering.gl_platform import read_depth_code
+
+_REMEDY = f"Install Mesa's driver (Debian, Ubuntu: {INSTALL['egl']}), or OSMesa ({INSTALL['osmesa']})."
 
 
 class EGLPlatform(egl.EGLPlatform):
     """A context on an EGL device; one thread may use it at a time."""
 
     def __init__(self, viewport_width: int, viewport_height: int) -> None:
-        device = egl.get_device_by_index(int(os.environ.get("EGL_DEVICE_ID", "0")))
-        super().__init__(viewport_width, viewport_height, device=device)
+        super().__init__(viewport_width, viewport_height, device=_chosen_device())
         self._egl_context: Any = None
 
     def init_context(self) -> None:
         """Create the context and its frame buffer, and make them current."""
-        super().init_context()
+        try:
+            super().init_context()
+        except (AssertionError, OpenGLError) as error:
+            reason = getattr(error, "description", None) or type(error).__name__
+            raise OSError(f"EGL cannot make an OpenGL 4.1 context ({reason}). {_REMEDY}") from error
         self.calls = GLCalls(lambda name: EGL.eglGetProcAddress(name.encode()))
-        self._frame = GL.glGenFramebuffers(1)
-        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self._frame)
+        self.frame = int(GL.glGenFramebuffers(1))
+        GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self.frame)
         for place, kind in (
             (GL.GL_COLOR_ATTACHMENT0, GL.GL_RGBA8),
             (GL.GL_DEPTH_ATTACHMENT, GL.GL_DEPTH_COMPONENT24),
@@ -50,7 +57,7 @@ class EGLPlatform(egl.EGLPlatform):
         """Direct this thread's OpenGL calls to the frame buffer."""
         super().make_current()
         if hasattr(self, "calls"):
-            self.calls.bind_framebuffer(gl.FRAMEBUFFER, self._frame)
+            self.calls.bind_framebuffer(gl.FRAMEBUFFER, self.frame)
 
     def make_uncurrent(self) -> None:
         """Let go of the context, so that another thread can take it."""
@@ -77,3 +84,14 @@ class EGLPlatform(egl.EGLPlatform):
     def read_depth_code(self) -> Integer[np.ndarray, "h w"]:
         """Depth buffer of the frame, 0 to `gl_platform.MAX_DEPTH_CODE`, first row on top."""
         return read_depth_code(self.calls, self.viewport_width, self.viewport_height)
+
+
+def _chosen_device() -> egl.EGLDevice:
+    """The device that EGL_DEVICE_ID counts to, else the first."""
+    number = os.environ.get("EGL_DEVICE_ID", "0")
+    devices = egl.query_devices()
+    if not devices:
+        raise OSError(f"EGL has no device to draw on. {_REMEDY}")
+    if not number.isdecimal() or int(number) >= len(devices):
+        raise OSError(f"EGL_DEVICE_ID is {number!r}, expected a number from 0 to {len(devices) - 1}.")
+    return devices[int(number)]

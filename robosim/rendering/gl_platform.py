@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Integer, UInt8
 
 from robosim.rendering import gl_calls as gl
-from robosim.rendering.gl_binding import load_osmesa
 from robosim.rendering.gl_calls import GLCalls
+from robosim.rendering.gl_libraries import load_osmesa
 
 #: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1
@@ -35,6 +35,9 @@ class OSMesaPlatform:
 
     One thread may use it at a time; frames make it current and then let it go.
     """
+
+    frame = 0
+    """OpenGL's name of the frame buffer that pictures are drawn into."""
 
     def __init__(self, viewport_width: int, viewport_height: int) -> None:
         self.viewport_width = viewport_width
