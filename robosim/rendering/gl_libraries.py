@@ -3,6 +3,7 @@
 PyOpenGL 3.1.0, which pyrender pins, asks ldconfig for its libraries, so that it misses those on LD_LIBRARY_PATH
 (of a Conda environment, say), and for EGL it asks for libGL, which drags in X, where libOpenGL is enough. Here they
 are opened by the names that the dynamic linker knows. `robosim.rendering.pyopengl_systems` hands them to PyOpenGL.
+Imports nothing but the standard library, since `scripts/system_packages.py` uses it before anything is installed.
 """
 
 import ctypes
@@ -14,11 +15,13 @@ GLSystem = Literal["osmesa", "egl"]
 
 #: How tables and messages call the systems; in the order of preference.
 SYSTEM_NAMES: dict[GLSystem, str] = {"osmesa": "OSMesa", "egl": "EGL"}
-#: What to do where a system is not there, or does not draw.
-INSTALL: dict[GLSystem, str] = {
-    "osmesa": "apt-get install libosmesa6",
-    "egl": "apt-get install libegl1 libopengl0 libgl1-mesa-dri",
+#: Debian's and Ubuntu's packages of the systems, with Mesa's driver.
+PACKAGES: dict[GLSystem, tuple[str, ...]] = {
+    "osmesa": ("libosmesa6",),
+    "egl": ("libegl1", "libopengl0", "libgl1-mesa-dri"),
 }
+#: What to do where a system is not there, or does not draw.
+INSTALL = {system: f"apt-get install {' '.join(packages)}" for system, packages in PACKAGES.items()}
 
 _OSMESA = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
 _EGL = ("libEGL.so.1",)
