@@ -13,6 +13,7 @@ FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
+FRESH ?= demo test
 BIN := $(VENV)/bin
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
@@ -52,8 +53,13 @@ $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
 	$(BIN)/python -m pip install --quiet --editable '.[test]'
 	@touch $@ $(VENV)/.installed
 
+# Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.
 fresh:
-	scripts/fresh.sh
+	scripts/fresh-root.sh bookworm make $(FRESH)
+	scripts/fresh-root.sh trixie make $(FRESH)
+	PACKAGES="libegl1 libegl-mesa0 libgl1-mesa-dri" scripts/fresh-root.sh bookworm make $(FRESH)
+	WITHOUT=libosmesa6 scripts/fresh-root.sh bookworm make $(FRESH)
+	AS_USER=1 scripts/fresh-root.sh bookworm make demo
 
 clean:
 	rm -rf $(VENV) out runs

@@ -37,8 +37,7 @@ root=$(mktemp -d "$store/run-$suite-XXXXXX")
 clean() { if [ -n "${KEEP:-}" ]; then echo "Kept $root"; else rm -rf --one-file-system "$root"; fi; }
 trap clean EXIT
 cp -a --reflink=auto "$base/." "$root"
-cp -aL /etc/ssl/certs/. "$root/etc/ssl/certs/"
-for file in /etc/resolv.conf /etc/hosts /etc/pip.conf; do
+for file in /etc/resolv.conf /etc/hosts /etc/pip.conf /etc/ssl/certs/ca-certificates.crt; do
   [ ! -e "$file" ] || cp -L --remove-destination "$file" "$root$file"
 done
 for package in ${WITHOUT:-}; do
@@ -73,7 +72,7 @@ inside() {
   wanted="${PACKAGES:-} ${AS_USER:+sudo}"
   [ -z "${wanted// /}" ] || chroot "$root" env DEBIAN_FRONTEND=noninteractive PATH=/usr/sbin:/usr/bin:/sbin:/bin \
     sh -c "apt-get update -qq && apt-get install -y -qq $wanted" >/dev/null
-  [ -z "${AS_USER:-}" ] || chroot "$root" chown -R newcomer: "$home"
+  [ -z "${AS_USER:-}" ] || chroot "$root" chown -R newcomer: "$home/robosim" "$home/.cache"
   # shellcheck disable=SC2016 # the inner shell's own words
   exec chroot ${AS_USER:+--userspec=newcomer:newcomer} "$root" env -i "${settings[@]}" \
     sh -c 'cd ~/robosim && exec "$@"' sh "$@"
