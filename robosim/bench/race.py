@@ -24,7 +24,7 @@ from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
 from robosim.camera import CameraConfig
-from robosim.rendering.gl_libraries import missing
+from robosim.rendering.gl_libraries import OpenGLError, missing
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.
@@ -153,7 +153,7 @@ def race(
     heat.save(heat_file)
     runners: list[Runner] = []
     try:
-        answers: dict[str, Any] = {name: lack for name in names if (lack := _lack(name))}
+        answers: dict[str, Any] = {name: str(lack) for name in names if (lack := _lack(name))}
         runners = [Runner(name, heat_file, heat.config, warm_up) for name in names if name not in answers]
         answers |= {runner.name: runner.ready() for runner in runners}
         able = [runner for runner in runners if not isinstance(answers[runner.name], str)]
@@ -172,7 +172,7 @@ def race(
     ]
 
 
-def _lack(name: str) -> str:
+def _lack(name: str) -> OpenGLError | None:
     """Why a camera has nothing to draw on, if so."""
     system = PEERS[name].system
-    return missing(system) if system else ""
+    return missing(system) if system else None

@@ -22,7 +22,16 @@ from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain, write_json
 
-_PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
+_PACKAGES = (
+    "robosim",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "torch",
+    "embreex",
+    "pyrender",
+    "opencv-contrib-python-headless",
+)
 
 
 def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:

@@ -13,15 +13,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Integer, UInt8
 from OpenGL import EGL, GL
-from OpenGL.error import Error as OpenGLError
+from OpenGL.error import Error as PyOpenGLError
 from pyrender.platforms import egl
 
 from robosim.rendering import gl_calls as gl
 from robosim.rendering.gl_calls import GLCalls
-from robosim.rendering.gl_libraries import INSTALL
+from robosim.rendering.gl_libraries import INSTALL, OpenGLError
 from robosim.rendering.gl_platform import read_depth_code
 
-_REMEDY = f"Install Mesa's driver (Debian, Ubuntu: {INSTALL['egl']}), or OSMesa ({INSTALL['osmesa']})."
+_REMEDY = f"install Mesa's driver ({INSTALL['egl']}) or OSMesa ({INSTALL['osmesa']})"
 
 
 class EGLPlatform(egl.EGLPlatform):
@@ -35,9 +35,10 @@ class EGLPlatform(egl.EGLPlatform):
         """Create the context and its frame buffer, and make them current."""
         try:
             super().init_context()
-        except (AssertionError, OpenGLError) as error:
-            reason = getattr(error, "description", None) or type(error).__name__
-            raise OSError(f"EGL cannot make an OpenGL 4.1 context ({reason}). {_REMEDY}") from error
+        except (AssertionError, PyOpenGLError) as error:
+            code = getattr(error, "err", None)
+            reason = f"EGL error {int(code):#x}" if code else type(error).__name__
+            raise OpenGLError(f"EGL cannot make an OpenGL 4.1 context ({reason}).", _REMEDY) from error
         self.calls = GLCalls(lambda name: EGL.eglGetProcAddress(name.encode()))
         self.frame = int(GL.glGenFramebuffers(1))
         GL.glBindFramebuffer(GL.GL_FRAMEBUFFER, self.frame)
@@ -51,7 +52,7 @@ class EGLPlatform(egl.EGLPlatform):
             GL.glFramebufferRenderbuffer(GL.GL_FRAMEBUFFER, place, GL.GL_RENDERBUFFER, buffer)
         if GL.glCheckFramebufferStatus(GL.GL_FRAMEBUFFER) != GL.GL_FRAMEBUFFER_COMPLETE:
             size = f"{self.viewport_width} x {self.viewport_height}"
-            raise OSError(f"The EGL device cannot draw into a frame buffer of {size} pixels.")
+            raise OpenGLError(f"The EGL device cannot draw into a frame buffer of {size} pixels.", _REMEDY)
 
     def make_current(self) -> None:
         """Direct this thread's OpenGL calls to the frame buffer."""
@@ -91,7 +92,8 @@ def _chosen_device() -> egl.EGLDevice:
     number = os.environ.get("EGL_DEVICE_ID", "0")
     devices = egl.query_devices()
     if not devices:
-        raise OSError(f"EGL has no device to draw on. {_REMEDY}")
+        raise OpenGLError("EGL has no device to draw on.", _REMEDY)
     if not number.isdecimal() or int(number) >= len(devices):
-        raise OSError(f"EGL_DEVICE_ID is {number!r}, expected a number from 0 to {len(devices) - 1}.")
+        expected = f"expected a number from 0 to {len(devices) - 1}"
+        raise OpenGLError(f"EGL_DEVICE_ID is {number!r}, {expected}.", "unset EGL_DEVICE_ID")
     return devices[int(number)]

@@ -18,10 +18,10 @@ import sys
 from types import ModuleType
 from typing import Any
 
-from robosim.rendering.gl_libraries import SYSTEM_NAMES, GLSystem, missing
+from robosim.rendering.gl_libraries import SYSTEM_NAMES, GLSystem, OpenGLError, missing
 
 _PYOPENGL_NAMES: dict[str, GLSystem] = {"OSMesaPlatform": "osmesa", "EGLPlatform": "egl"}
-_WITHOUT_OPENGL = 'Or draw by ray casting, which needs no OpenGL: backend="embree" (--camera embree).'
+_WITHOUT_OPENGL = 'or draw by ray casting, which needs no OpenGL: backend="embree" (--camera embree)'
 
 
 def bind_opengl(system: GLSystem | None = None) -> GLSystem:
@@ -34,7 +34,7 @@ def bind_opengl(system: GLSystem | None = None) -> GLSystem:
     Raises:
         ValueError: If there is no system of that name.
         RuntimeError: If the process is bound to another one already.
-        OSError: If its libraries are not installed.
+        OpenGLError: If its libraries are not installed; an OSError.
     """
     if system not in (None, *SYSTEM_NAMES):
         raise ValueError(f"OpenGL platform is {system!r}, expected 'osmesa' or 'egl'.")
@@ -44,7 +44,7 @@ def bind_opengl(system: GLSystem | None = None) -> GLSystem:
     if bound is None:
         bound = system or default_system()
         if lack := missing(bound):
-            raise OSError(f"{lack} {_WITHOUT_OPENGL}")
+            raise OpenGLError(lack.trouble, f"{lack.remedy}; {_WITHOUT_OPENGL}")
         os.environ["PYOPENGL_PLATFORM"] = bound
         import OpenGL.platform  # noqa: F401
     elif system not in (None, bound):
@@ -63,13 +63,14 @@ def default_system() -> GLSystem:
     """The system that a process takes which has not been told one.
 
     Raises:
-        OSError: If PYOPENGL_PLATFORM asks for one that is not installed, or none is.
+        OpenGLError: If PYOPENGL_PLATFORM asks for one that is not installed, or none is; an OSError.
     """
     wanted = os.environ.get("PYOPENGL_PLATFORM", "").lower()
     for system in SYSTEM_NAMES:
         if wanted == system:
             if lack := missing(system):
-                raise OSError(f"PYOPENGL_PLATFORM={wanted}, but {lack} Or unset it. {_WITHOUT_OPENGL}")
+                trouble = f"PYOPENGL_PLATFORM={wanted}, but {lack.trouble}"
+                raise OpenGLError(trouble, f"{lack.remedy}; or unset PYOPENGL_PLATFORM; {_WITHOUT_OPENGL}")
             return system
     lacks = []
     for system in SYSTEM_NAMES:
@@ -77,7 +78,8 @@ def default_system() -> GLSystem:
         if not lack:
             return system
         lacks.append(lack)
-    raise OSError(f"{' '.join(lacks)} One of them is enough. {_WITHOUT_OPENGL}")
+    trouble, remedy = " ".join(lack.trouble for lack in lacks), " or ".join(lack.remedy for lack in lacks)
+    raise OpenGLError(trouble, f"{remedy}; {_WITHOUT_OPENGL}")
 
 
 def keep_x_out() -> None:

@@ -29,8 +29,17 @@ _EGL = ("libEGL.so.1",)
 _EGL_OPENGL = ("libOpenGL.so.0", "libGL.so.1")
 
 
-def missing(system: GLSystem) -> str:
-    """What a system lacks on this machine, and how to install it, in one sentence; empty if its libraries are there."""
+class OpenGLError(OSError):
+    """OpenGL cannot be used as this machine is set up."""
+
+    def __init__(self, trouble: str, remedy: str) -> None:
+        """Say what is wrong, and what to do about it."""
+        super().__init__(f"{trouble} To do: {remedy}.")
+        self.trouble, self.remedy = trouble, remedy
+
+
+def missing(system: GLSystem) -> OpenGLError | None:
+    """What a system lacks on this machine, and how to install it; None if its libraries are there."""
     # Local, since the names of one system's functions must not hide those of the other.
     mode = ctypes.RTLD_LOCAL
     try:
@@ -39,9 +48,9 @@ def missing(system: GLSystem) -> str:
         else:
             open_egl(mode)
             open_egl_opengl(mode)
-    except OSError as error:
-        return str(error)
-    return ""
+    except OpenGLError as error:
+        return error
+    return None
 
 
 @functools.cache
@@ -49,7 +58,7 @@ def load_osmesa() -> ctypes.CDLL:
     """The OSMesa library, its functions declared.
 
     Raises:
-        OSError: If there is none; the message says what to install.
+        OpenGLError: If there is none; the message says what to install.
     """
     library = open_osmesa()
     c_int, pointer = ctypes.c_int, ctypes.c_void_p
@@ -70,13 +79,13 @@ def open_osmesa(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
     """The OSMesa library as it comes, a new object at every call.
 
     Raises:
-        OSError: If there is none; the message says what to install.
+        OpenGLError: If there is none; the message says what to install.
     """
     library = _open(_OSMESA, mode)
     if library is None:
-        raise OSError(f"OSMesa is not installed (Debian, Ubuntu: {INSTALL['osmesa']}).")
+        raise OpenGLError("OSMesa is not installed.", INSTALL["osmesa"])
     if not hasattr(library, "OSMesaCreateContextAttribs"):
-        raise OSError("OSMesa is older than Mesa 12. Install a newer Mesa (17 or later).")
+        raise OpenGLError("OSMesa is older than Mesa 12.", "install Mesa 17 or later")
     return library
 
 
@@ -84,11 +93,11 @@ def open_egl(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
     """The EGL library.
 
     Raises:
-        OSError: If there is none; the message says what to install.
+        OpenGLError: If there is none; the message says what to install.
     """
     library = _open(_EGL, mode)
     if library is None:
-        raise OSError(f"EGL is not installed (Debian, Ubuntu: {INSTALL['egl']}).")
+        raise OpenGLError("EGL is not installed.", INSTALL["egl"])
     return library
 
 
@@ -96,11 +105,11 @@ def open_egl_opengl(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
     """The OpenGL functions that are used on EGL.
 
     Raises:
-        OSError: If there is no library of them; the message says what to install.
+        OpenGLError: If there is no library of them; the message says what to install.
     """
     library = _open(_EGL_OPENGL, mode)
     if library is None:
-        raise OSError(f"EGL is there, but not libOpenGL (Debian, Ubuntu: {INSTALL['egl']}).")
+        raise OpenGLError("EGL is there, but not libOpenGL.", INSTALL["egl"])
     return library
 
 

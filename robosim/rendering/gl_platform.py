@@ -15,7 +15,7 @@ from jaxtyping import Integer, UInt8
 
 from robosim.rendering import gl_calls as gl
 from robosim.rendering.gl_calls import GLCalls
-from robosim.rendering.gl_libraries import load_osmesa
+from robosim.rendering.gl_libraries import OpenGLError, load_osmesa
 
 #: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1
@@ -63,7 +63,7 @@ class OSMesaPlatform:
         attributes = [value for pair in wanted for value in pair]
         self._context = self._library.OSMesaCreateContextAttribs((ctypes.c_int * 11)(*attributes, 0), None)
         if not self._context:
-            raise OSError("OSMesa cannot make an OpenGL 3.3 context. Install a newer Mesa (17 or later).")
+            raise OpenGLError("OSMesa cannot make an OpenGL 3.3 context.", "install Mesa 17 or later")
         self.make_current()
         self._library.OSMesaPixelStore(_OSMESA_Y_UP, 0)  # first row on top
         self.calls = GLCalls(lambda name: self._library.OSMesaGetProcAddress(name.encode()))

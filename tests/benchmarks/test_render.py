@@ -16,6 +16,7 @@ from robosim.building import Building, make_building
 from robosim.camera import CameraConfig
 from robosim.floorplan import FloorPlan
 from robosim.rendering.gl_binding import default_system
+from robosim.rendering.gl_libraries import OpenGLError
 from robosim.rendering.shading import shaded_mesh
 
 SMALL = {"sizes": (48,), "warm_up": 3, "turns": 3, "turn_s": 0.02, "n_poses": 2}
@@ -80,20 +81,25 @@ def test_a_camera_that_does_not_work_is_reported(building, tmp_path, monkeypatch
 
 def test_without_opengl_the_rest_is_measured(building, tmp_path, monkeypatch):
     """Where OSMesa and EGL are missing Embree is what others are compared with, and the reasons are told."""
-    lacks = {"osmesa": "OSMesa is not installed.", "egl": "EGL is not installed."}
+    lacks = {
+        "osmesa": OpenGLError("OSMesa is not installed.", "install it"),
+        "egl": OpenGLError("EGL is not installed.", "install it"),
+    }
     for module in (race_module, render):
         monkeypatch.setattr(module, "missing", lacks.get)
     table = render.run(building, out=tmp_path, peers=["pyrender", "stock-egl", "embree"], **SMALL)
     rows = json.loads((tmp_path / "render.json").read_text())["rows"]
     assert {row["camera"]: row["trouble"] for row in rows} == {
-        "robosim, pyrender on OSMesa": lacks["osmesa"],
-        "pyrender on EGL, stock, flat": lacks["egl"],
+        "robosim, pyrender on OSMesa": str(lacks["osmesa"]),
+        "pyrender on EGL, stock, flat": str(lacks["egl"]),
         "robosim, Embree": "",
     }
     assert rows[-1]["ours_faster"] == 1
     assert (tmp_path / "render.png").stat().st_size > 10_000
     assert table.row_count == 1
-    assert "Left out: robosim, pyrender on OSMesa. OSMesa is not installed." in table.caption
+    assert (
+        "Left out: robosim, pyrender on OSMesa. OSMesa is not installed. To do: install it." in table.caption
+    )
 
 
 def test_where_nothing_is_measured_the_reasons_are_the_message(building, tmp_path, monkeypatch):

@@ -30,7 +30,7 @@ def test_the_other_system_passes_the_rendering_tests_too(name, tmp_path):
     """On a machine with OSMesa and EGL: this run takes the first, and a child process the second."""
     (other,) = set(SYSTEM_NAMES) - {default_system()}
     if lack := missing(other):
-        pytest.skip(lack)
+        pytest.skip(str(lack))
     options = ["-q", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "child"), "-k", "not embree"]
     child = subprocess.run(
         [sys.executable, "-m", "pytest", *options, str(ROOT / "tests" / name)],
@@ -70,7 +70,7 @@ def test_pictures_need_nothing_of_a_display(system):
     with it: there, only libGL counts. Libraries that come inside of Python packages do not count.
     """
     if lack := missing(system):
-        pytest.skip(lack)
+        pytest.skip(str(lack))
     command = [sys.executable, "-c", ALL_THAT_DRAWS]
     done = subprocess.run(
         command, env=environment(PYOPENGL_PLATFORM=system), capture_output=True, text=True, timeout=LIMIT_S
