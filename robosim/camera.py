@@ -21,7 +21,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.rendering.gl_binding import GLSystem, bind_opengl
+from robosim.rendering.gl_binding import bind_opengl
+from robosim.rendering.gl_libraries import GLSystem
 
 Backend = Literal["pyrender", "embree"]
 
@@ -138,7 +139,7 @@ def make_camera(
 
     Raises:
         ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
-        OSError: If neither OSMesa nor EGL is installed.
+        OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
         RuntimeError: If OpenGL serves another platform in this process already.
     """
     if backend == "embree":

@@ -24,6 +24,7 @@ from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
 from robosim.camera import CameraConfig
+from robosim.rendering.gl_libraries import OpenGLError, missing
 from robosim.support.workers import end_with_parent
 
 _START_S = 120.0
@@ -154,8 +155,9 @@ def race(
     heat.save(heat_file)
     runners: list[Runner] = []
     try:
-        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names]
-        answers = {runner.name: runner.ready() for runner in runners}
+        answers: dict[str, Any] = {name: str(lack) for name in names if (lack := _lack(name))}
+        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names if name not in answers]
+        answers |= {runner.name: runner.ready() for runner in runners}
         able = [runner for runner in runners if not isinstance(answers[runner.name], str)]
         times: dict[str, list[tuple[float, float]]] = {runner.name: [] for runner in able}
         for _ in range(turns):
@@ -170,3 +172,9 @@ def race(
         else Result(name, np.array(times[name])[:, 0], np.array(times[name])[:, 1], answers[name])
         for name in names
     ]
+
+
+def _lack(name: str) -> OpenGLError | None:
+    """Why a camera has nothing to draw on, if so."""
+    system = PEERS[name].system
+    return missing(system) if system else None

@@ -23,7 +23,16 @@ from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
 
-_PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
+_PACKAGES = (
+    "robosim",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "torch",
+    "embreex",
+    "pyrender",
+    "opencv-contrib-python-headless",
+)
 
 
 def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
