@@ -6,6 +6,7 @@
 # Both make a virtual environment in .venv, and install what is missing of the system's packages: a software renderer
 # (OSMesa; EGL where the distribution has no OSMesa; both for the tests) and python3-venv. That takes root or sudo.
 #
+#   make faults  every command disturbed by signals, lost workers and full disks at random moments; hours
 #   make fresh   both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
 
 VENV ?= .venv
@@ -14,10 +15,11 @@ PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
 FRESH ?= demo test
+MOMENTS ?= 20
 BIN := $(VENV)/bin
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test install python system system-all fresh clean
+.PHONY: demo test faults install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -27,6 +29,9 @@ test: $(VENV)/.test-installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/pytest -n auto
+
+faults: $(VENV)/.test-installed
+	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA
 
 install: $(VENV)/.installed
 
