@@ -72,7 +72,9 @@ def noted_interrupt(
         interrupt.signal = number
         tell(f"Stopping after {waits_for}. Press Ctrl-C again to end at once.")
 
-    before = {number: signal.signal(number, note) for number in signals}
+    # One that is ignored, as in a job that a shell runs in the background, stays ignored.
+    heeded = [number for number in signals if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heeded}
     try:
         yield interrupt
     finally:
