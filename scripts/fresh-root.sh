@@ -12,7 +12,8 @@
 #   AS_USER=1                   run as a user who has sudo; otherwise as root
 #   KEEP=1                      keep the copy, and say where it is
 #   FRESH_ROOTS=DIRECTORY       where systems and pip's downloads are kept, else ~/.cache/fresh-roots
-#   DEBOOTSTRAP_OPTIONS, DEBOOTSTRAP_MIRROR     e.g. --components=main,universe on Ubuntu
+#   DEBOOTSTRAP_OPTIONS, DEBOOTSTRAP_MIRROR     e.g. --components=main,universe on Ubuntu; a mirror, and a script if
+#                               debootstrap has none of that name (gutsy serves all of Ubuntu's)
 #
 # pip is configured in it as it is here: its variables (PIP_...), /etc/pip.conf, a folder in PIP_FIND_LINKS, certificates.
 set -euo pipefail
