@@ -31,8 +31,6 @@ class Command:
     """Material."""
     differ: tuple[str, ...] = field(default=("*.png", "*.html", "timing.parquet", "*.mp4"))
     """Files that may differ from run to run, since times or dates are in them."""
-    daily: bool = True
-    """Whether it is tried in every run of the tests, or in the long one only."""
 
 
 COMMANDS = {
@@ -42,8 +40,8 @@ COMMANDS = {
         keeps=("result.json", "trajectory.tum", "map.yaml", "decisions.npz"),
     ),
     "replay": Command("replay {episode}", goes_on=False, needs=(EPISODE,)),
-    "plan": Command("plan {plan}", goes_on=False, daily=False),
-    "generate": Command("generate --count 3 --seed 4", goes_on=False, daily=False),
+    "plan": Command("plan {plan}", goes_on=False),
+    "generate": Command("generate --count 3 --seed 4", goes_on=False),
     "trace": Command("trace {plan} --tx 1,1 --tx 4,2 --grid 0.3 --workers 2 --no-plots", workers=True),
     "dataset": Command(
         "dataset {plan} --tx-per-plan 4 --grid 0.6 --estimator pca --format mmwrobotnav --format deepmimo --workers 2",
@@ -67,7 +65,6 @@ COMMANDS = {
         "train pose --data {frames} --steps 20 --batch 4 --threads 1",
         goes_on=False,
         needs=(FRAMES,),
-        daily=False,
     ),
     "train explorer": Command(
         "train explorer --rounds 2 --homes 2 --decisions 6 --held-out 1 --workers 2", workers=True
@@ -78,27 +75,19 @@ COMMANDS = {
     "bench navigation": Command(
         "bench navigation {plan} --goals oracle --mapper classical --explorer gain --workers 2",
         workers=True,
-        daily=False,
     ),
     "bench exploration": Command(
         "bench exploration {plan} --explorers nearest --physics kinematic --mapper classical --workers 2",
         workers=True,
-        daily=False,
     ),
-    "bench slam": Command("bench slam {plan} --steps 6 --sizes 64 --workers 2", workers=True, daily=False),
-    "bench labels": Command(
-        "bench labels {labels} {maps} --workers 2", workers=True, needs=(SHARED,), daily=False
-    ),
-    "bench episode": Command(
-        "bench episode {plan} --goal oracle --targets 1 --max-steps 3", goes_on=True, daily=False
-    ),
-    "bench endurance": Command(
-        "bench endurance {plan} --mapper classical --steps 20", goes_on=False, daily=False
-    ),
-    "bench render": Command("bench render --plan {plan} --sizes 32", goes_on=False, daily=False),
-    "bench physics": Command("bench physics --plans {plan}", goes_on=False, daily=False),
-    "bench wireless": Command("bench wireless {plan} --receivers 6 --workers 1", goes_on=False, daily=False),
-    "bench estimation": Command("bench estimation {plan} --links 8 --workers 1", goes_on=False, daily=False),
+    "bench slam": Command("bench slam {plan} --steps 6 --sizes 64 --workers 2", workers=True),
+    "bench labels": Command("bench labels {labels} {maps} --workers 2", workers=True, needs=(SHARED,)),
+    "bench episode": Command("bench episode {plan} --goal oracle --targets 1 --max-steps 3", goes_on=True),
+    "bench endurance": Command("bench endurance {plan} --mapper classical --steps 20", goes_on=False),
+    "bench render": Command("bench render --plan {plan} --sizes 32", goes_on=False),
+    "bench physics": Command("bench physics --plans {plan}", goes_on=False),
+    "bench wireless": Command("bench wireless {plan} --receivers 6 --workers 1", goes_on=False),
+    "bench estimation": Command("bench estimation {plan} --links 8 --workers 1", goes_on=False),
 }
 
 

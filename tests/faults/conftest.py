@@ -1,7 +1,7 @@
 """Running commands and disturbing them.
 
-`pytest tests/faults` tries each command once or twice; `pytest tests/faults --moments 20 --long` tries all of them at
-twenty random moments for each fault, and prints counts.
+`pytest tests/faults` tries each fault on some commands, at one moment, and each of the main commands once at least;
+`make faults` (--long --moments 20) tries all faults on all commands, at twenty random moments each, and prints counts.
 """
 
 import os
@@ -36,12 +36,14 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """One test for each command, or each of those with workers."""
+    """A test for each command that a fault can meet; every day for those that a test names."""
     if "name" in metafunc.fixturenames:
-        chosen = getattr(metafunc.function, "commands", lambda command: True)
+        can_meet = getattr(metafunc.function, "commands", lambda command: True)
+        daily = getattr(metafunc.function, "daily", COMMANDS)
         long = metafunc.config.getoption("--long")
-        names = [name for name, c in COMMANDS.items() if chosen(c) and (long or c.daily)]
-        metafunc.parametrize("name", names)
+        metafunc.parametrize(
+            "name", [name for name, c in COMMANDS.items() if can_meet(c) and (long or name in daily)]
+        )
 
 
 @dataclass

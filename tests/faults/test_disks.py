@@ -68,6 +68,7 @@ def test_a_full_disk(bench, name, moments, disk, tmp_path):
 
 
 test_a_full_disk.commands = lambda command: not command.needs
+test_a_full_disk.daily = ("episode", "dataset")
 
 
 def test_files_that_may_not_grow(bench, name, moments, tmp_path):
@@ -87,6 +88,9 @@ def test_files_that_may_not_grow(bench, name, moments, tmp_path):
         comes_to_the_same(bench, name, folder)
         statuses.append(ended.status)
     print(f"{name}, RLIMIT_FSIZE: {len(statuses)} limits, statuses {sorted(set(statuses))}")
+
+
+test_files_that_may_not_grow.daily = ("replay", "train mapper")
 
 
 def test_a_folder_that_becomes_unwritable(bench, name, moments, disk):
@@ -111,3 +115,6 @@ def test_a_folder_that_becomes_unwritable(bench, name, moments, disk):
             assert os.access(folder, os.R_OK)
         statuses.append(ended.status)
     print(f"{name}, read-only: {len(statuses)} moments, statuses {sorted(set(statuses))}")
+
+
+test_a_folder_that_becomes_unwritable.daily = ("trace", "collect")

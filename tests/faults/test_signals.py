@@ -17,9 +17,7 @@ STATUS = {
 }
 
 
-@pytest.mark.parametrize("number", STATUS, ids=lambda number: number.name)
-def test_at_any_moment(bench, name, number, moments, tmp_path, record_property):
-    """SIGINT to all processes, as from a terminal; SIGTERM and SIGKILL to the one in charge, as from a scheduler."""
+def _at_any_moment(bench, name, number, moments, tmp_path):
     reference = bench.reference(name)
     ended_by = []
     for k, moment in enumerate(moments(name, reference.seconds)):
@@ -40,8 +38,27 @@ def test_at_any_moment(bench, name, number, moments, tmp_path, record_property):
                 assert set(COMMANDS[name].keeps) <= set(there)
         comes_to_the_same(bench, name, folder)
         ended_by.append(ended.status)
-    record_property("statuses", ended_by)
     print(f"{name}, {number.name}: {len(ended_by)} moments, statuses {sorted(set(ended_by))}")
+
+
+def test_ctrl_c_at_any_moment(bench, name, moments, tmp_path):
+    """SIGINT to all processes, as from a terminal."""
+    _at_any_moment(bench, name, signal.SIGINT, moments, tmp_path)
+
+
+def test_sigterm_at_any_moment(bench, name, moments, tmp_path):
+    """SIGTERM to the one in charge, as from a scheduler."""
+    _at_any_moment(bench, name, signal.SIGTERM, moments, tmp_path)
+
+
+def test_sigkill_at_any_moment(bench, name, moments, tmp_path):
+    """SIGKILL of the one in charge."""
+    _at_any_moment(bench, name, signal.SIGKILL, moments, tmp_path)
+
+
+test_ctrl_c_at_any_moment.daily = ("replay", "trace", "dataset", "train mapper")
+test_sigterm_at_any_moment.daily = ("collect", "train explorer", "train link-state")
+test_sigkill_at_any_moment.daily = ("episode", "evaluate", "train steering")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
