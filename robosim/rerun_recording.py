@@ -36,6 +36,7 @@ from robosim.picture import (
     building_rings,
 )
 from robosim.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
+from robosim.support.files import partial_path
 from robosim.tasks import Task
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap

@@ -19,8 +19,8 @@ polarisation (`wireless.paths.Paths.write_parquet` has them).
 """
 
 from dataclasses import dataclass
+from io import BytesIO
 from os import PathLike
-from typing import IO
 
 import numpy as np
 import pyarrow as pa
@@ -160,7 +160,7 @@ def link_table(
     )
 
 
-def write_links(path: str | PathLike[str] | IO[bytes], table: pa.Table) -> None:
+def write_links(path: str | PathLike[str] | BytesIO, table: pa.Table) -> None:
     """Write what `link_table` made into a file."""
     pq.write_table(table, path, compression="zstd")
 

@@ -12,8 +12,8 @@ there are none.
 
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from io import BytesIO
 from os import PathLike
-from typing import IO
 
 import numpy as np
 import pyarrow as pa
@@ -159,7 +159,7 @@ class Paths:
         }
         return pa.table(columns, metadata=scene)
 
-    def write_parquet(self, path: str | PathLike[str] | IO[bytes]) -> None:
+    def write_parquet(self, path: str | PathLike[str] | BytesIO) -> None:
         """Write all columns to a Parquet file, positions and frequency in its metadata."""
         pq.write_table(self.to_table(), path, compression="zstd")
 

@@ -28,6 +28,8 @@ from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.rendering.shading import shaded_mesh
 from robosim.support.files import write_json
+from robosim.support.progress import told_units
+from robosim.support.workers import Workers
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead, egocentric_map

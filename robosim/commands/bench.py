@@ -6,7 +6,15 @@ from typing import Literal
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, read, results_in
+from robosim.commands.terminal import (
+    ALL_CORES,
+    WorkOptions,
+    console,
+    folder_for,
+    going_on,
+    read,
+    results_in,
+)
 
 
 def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path | None = None) -> None:

@@ -30,6 +30,7 @@ from robosim.goals import SEEKERS
 from robosim.picture import STATE_COLOURS
 from robosim.planfiles import read_plan
 from robosim.plots import TARGET, TRUE, draw_walls, save_figure
+from robosim.support.run_folder import read_settings
 from robosim.tasks import ARRIVAL_M
 from wireless.paths import LinkState
 

@@ -122,12 +122,12 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
     """Note command and settings, or find the same ones."""
     now: dict[str, Any] = json.loads(json.dumps(plain(dict(settings or {})), allow_nan=False))
     there = _kept(folder)
-    if settings is not None and _holds_results(folder):
-        if there is None:
-            raise FolderError(
-                f"out is {str(folder)!r}, which holds files, but no readable {SETTINGS} that says of which settings "
-                "they are. Choose a new folder, or an empty one."
-            )
+    if there is None and (folder / SETTINGS).exists():
+        raise FolderError(
+            f"{folder / SETTINGS}: does not say of which command and settings the files beside it are. Choose another "
+            "folder, or empty this one."
+        )
+    if there is not None and settings is not None and _holds_results(folder):
         before = there["settings"]
         if told := _difference(before, now, grows):
             raise FolderError(

@@ -100,7 +100,7 @@ def test_arrays_of_any_element_are_drawn(tmp_path, capsys):
 
 
 def test_out_may_not_be_a_file(plan_file, fails):
-    assert "which cannot be a folder" in fails("plan", plan_file, "--out", plan_file)
+    assert "is no folder. Choose another" in fails("plan", plan_file, "--out", plan_file)
 
 
 def test_an_episode_that_ends_at_once_says_what_it_wrote(plan_file, tmp_path, capsys):

@@ -1,10 +1,11 @@
-"""Disks that are full, files that may not grow, folders that become unwritable: a clear line, nothing that looks done."""
+"""Disks that are full, files that may not grow, folders that become unwritable: a clear line, no half work."""
 
 import os
 import random
 import resource
 import subprocess
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -79,8 +80,8 @@ def test_files_that_may_not_grow(bench, name, moments, tmp_path):
         folder = tmp_path / str(k)
         folder.mkdir()
         words = bench.words(COMMANDS[name], folder)
-        limit = max(1, int(share * largest))
-        ended = run(words, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+        limits = (max(1, int(share * largest)),) * 2
+        ended = run(words, preexec_fn=partial(resource.setrlimit, resource.RLIMIT_FSIZE, limits))
         if ended.status:
             _fails_clearly(ended, folder)
         comes_to_the_same(bench, name, folder)

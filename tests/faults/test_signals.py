@@ -3,6 +3,7 @@
 import os
 import signal
 import time
+from contextlib import suppress
 
 import pytest
 
@@ -27,10 +28,8 @@ def test_at_any_moment(bench, name, number, moments, tmp_path, record_property):
         words, begin = bench.words(COMMANDS[name], folder), time.monotonic()
         with started(words) as process:
             time.sleep(moment)
-            try:
+            with suppress(ProcessLookupError):
                 (os.killpg if number == signal.SIGINT else os.kill)(process.pid, number)
-            except ProcessLookupError:
-                pass
             ended = end_of(process, begin)
         no_crash(ended)
         assert ended.status in STATUS[number], (moment, ended)

@@ -87,9 +87,9 @@ def test_a_finished_folder_is_not_traced_again(links, rx, tmp_path):
 
 
 def test_a_digest_changes_with_the_building(scene):
-    """A door that is a cell wider, another material: each has its own digest."""
+    """A door that is narrower, another material: each has its own digest."""
     others = [
-        RadioScene(two_rooms(0.85), CONFIG),
+        RadioScene(two_rooms(0.6), CONFIG),
         RadioScene(two_rooms(0.8), RadioConfig(building=BuildingConfig(wall_material="concrete"))),
     ]
     assert len({scene.digest, *(other.digest for other in others)}) == 3

@@ -96,13 +96,17 @@ def test_files_of_unknown_settings_are_not_mixed_in(tmp_path):
     """A run that would go on from what it finds must know of which settings that is."""
     _write(tmp_path)
     (tmp_path / "settings.json").write_text("{")
-    with (
-        pytest.raises(FolderError, match=r"no readable settings\.json"),
-        run_folder(tmp_path, "dataset", ONE),
-    ):
+    with pytest.raises(FolderError, match="does not say of which"), run_folder(tmp_path, "dataset", ONE):
         pass
-    with run_folder(tmp_path, "plan"):
-        _write(tmp_path, "plan.txt")
+    assert (tmp_path / "settings.json").read_text() == "{"
+
+
+def test_files_of_a_person_do_not_matter(tmp_path):
+    """The log of a batch job, say, which is there before the command is."""
+    _write(tmp_path, "job.log")
+    with run_folder(tmp_path, "dataset", ONE) as folder:
+        _write(folder)
+    assert read_settings(tmp_path, "dataset") == ONE
 
 
 def test_a_claimed_folder_inside_is_its_own(tmp_path):

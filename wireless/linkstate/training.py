@@ -9,7 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -24,6 +24,7 @@ from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 _CLIP = 1.0
 
 
+@runtime_checkable
 class Store(Protocol):
     """Where the state of a training is kept."""
 
