@@ -28,8 +28,8 @@ def check_number(
     Raises:
         ValueError: If it is none.
     """
-    kind = Integral if whole else Real
-    if isinstance(value, kind) and not isinstance(value, bool) and least <= value <= most:
+    is_number = isinstance(value, Integral if whole else Real) and not isinstance(value, bool)
+    if is_number and least <= value <= most:
         return
     bounds = f"{_plain(least)} to {_plain(most)}"
     expected = f"a whole number from {bounds}" if whole else bounds
@@ -49,7 +49,7 @@ def check_numbers(config: Any, **bounds: tuple[float, float] | tuple[float, floa
     Raises:
         ValueError: If one is not.
     """
-    kinds = {field.name: field.type for field in fields(config)}
+    kinds: dict[str, Any] = {field.name: field.type for field in fields(config)}
     for name, limits in bounds.items():
         value, parts = getattr(config, name), _parts(kinds[name])
         if value is None and NoneType in parts:
