@@ -32,6 +32,7 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import Reach, reach
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.checks import SEED, check_numbers
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
@@ -64,12 +65,7 @@ class CollectConfig:
     """Noise of motion and odometry."""
 
     def __post_init__(self) -> None:
-        if self.homes < 1 or self.steps < 1:
-            raise ValueError(f"homes = {self.homes}, steps = {self.steps}, expected at least 1 of each.")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}, expected a whole number of 0 or more.")
-        if not 0 <= self.navigable <= 1:
-            raise ValueError(f"navigable = {self.navigable}, expected a share from 0 to 1.")
+        check_numbers(self, homes=(1, 100_000), steps=(1, 10_000, "frames"), seed=SEED, navigable=(0, 1))
 
 
 def collect(

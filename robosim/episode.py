@@ -8,6 +8,7 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from signal import SIGINT, SIGTERM
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -17,12 +18,14 @@ from robosim.building import Building, BuildingConfig
 from robosim.coverage import Coverage
 from robosim.fused import FusedConfig
 from robosim.goals import GoalName, GoalPolicy, make_policy
-from robosim.hearing import Heard, Listener
+from robosim.hearing import TRUE_STATES, Heard, Listener
 from robosim.moment import Moment
-from robosim.navigation import ControllerName, make_navigator
+from robosim.navigation import MAPPERS, ControllerName, make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.assets import shipped_weights
+from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.tasks import Task
@@ -59,10 +62,11 @@ class EpisodeConfig:
     """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
-        if self.max_steps < 1:
-            raise ValueError(f"max_steps = {self.max_steps}, expected at least one action.")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}, expected a whole number of 0 or more.")
+        for name, kind in (("goal", GoalName), ("explorer", ExplorerName), ("controller", ControllerName)):
+            check_choice(name, getattr(self, name), get_args(kind))
+        check_network("mapper", self.mapper, MAPPERS)
+        check_network("link_states", self.link_states, (*shipped_weights(), TRUE_STATES))
+        check_numbers(self, seed=SEED, max_steps=STEPS)
 
 
 @dataclass(frozen=True, eq=False)

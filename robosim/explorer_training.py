@@ -26,6 +26,7 @@ from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.simulator import SimulatorConfig
 from robosim.support.checkpoint import Checkpoint
+from robosim.support.checks import SEED, check_numbers
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
@@ -60,9 +61,15 @@ class ExplorerRecipe:
     """How weights are improved."""
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "homes", "decisions", "held_out", "every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_numbers(
+            self,
+            rounds=(1, 100_000),
+            homes=(1, 100_000),
+            decisions=(1, 100_000),
+            held_out=(1, _TEST - _HELD_OUT, "homes"),
+            every=(1, 100_000, "rounds"),
+            seed=SEED,
+        )
 
 
 def walk_home(

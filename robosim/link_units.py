@@ -9,7 +9,7 @@ import io
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -18,8 +18,9 @@ from robosim.building import BuildingConfig
 from robosim.floorplan import FloorPlan
 from robosim.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import ReceiverGrid, receiver_grid
-from wireless.codebook import terminal_named
+from robosim.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.support.checks import SEED, check_choice, check_numbers
+from wireless.codebook import TERMINALS, terminal_named
 from wireless.estimates import PathEstimates
 from wireless.estimation import PathEstimator, estimator_named
 from wireless.estimation_sage import SageEstimator
@@ -59,10 +60,14 @@ class LinkSetConfig:
     """How links are traced."""
 
     def __post_init__(self) -> None:
-        if self.tx_per_plan < 1:
-            raise ValueError(f"tx_per_plan is {self.tx_per_plan}, expected at least one transmitter a plan.")
-        if self.seed < 0:
-            raise ValueError(f"seed is {self.seed}, expected a whole number of 0 or more.")
+        check_numbers(self, tx_per_plan=(1, 10_000, "transmitters"), seed=SEED)
+        check_step(self.grid_m)
+        check_choice("estimator", self.estimator, get_args(Estimator))
+        check_choice("headings", self.headings, get_args(Headings))
+        for name in ("tx", "rx"):
+            check_choice(name, getattr(self, name), TERMINALS)
+        for name in self.formats:
+            check_choice("formats", name, get_args(Format))
 
     @property
     def sounding(self) -> SoundingConfig:

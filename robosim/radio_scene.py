@@ -10,6 +10,7 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.receivers import check_height
+from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from wireless.raytrace import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -34,12 +35,13 @@ class RadioConfig:
     """How the plan becomes walls."""
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.tx_power_dbm):
-            raise ValueError(f"tx_power_dbm is {self.tx_power_dbm}, expected a power such as 23.")
-        if self.threshold_dbm is not None and not np.isfinite(self.threshold_dbm):
-            raise ValueError(
-                f"threshold_dbm is {self.threshold_dbm}, expected a power such as -100, or None."
-            )
+        check_numbers(
+            self,
+            frequency_hz=FREQUENCY_HZ,
+            height_m=(0, 100, "m"),
+            tx_power_dbm=(-200, 200, "dBm, such as 23"),
+            threshold_dbm=(-400, 200, "dBm, such as -100"),
+        )
 
     @property
     def threshold_db(self) -> float:

@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from robosim.building import Building
 from robosim.floorplan import FloorPlan
+from robosim.support.checks import RADIUS_M, check_number
 from slam.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
@@ -129,10 +130,9 @@ def reach(building: Building, radius_m: float) -> Reach:
         radius_m: Radius of the hull [m].
 
     Raises:
-        ValueError: If the radius is not positive.
+        ValueError: If the radius is none of a robot.
     """
-    if not radius_m > 0:
-        raise ValueError(f"radius_m = {radius_m}, expected a positive length in metres.")
+    check_number("radius_m", radius_m, *RADIUS_M)
     plan = building.plan
     places = building.free.buffer(-radius_m)
     shapely.prepare(places)

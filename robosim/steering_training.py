@@ -24,6 +24,7 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
+from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
@@ -63,9 +64,22 @@ class SteeringRecipe:
     """Seed of homes, targets, noise and weights."""
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "homes", "epochs", "held_out", "max_steps", "batch"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_numbers(
+            self,
+            rounds=(1, 1000),
+            homes=(1, _TEST),
+            epochs=(1, 10_000),
+            held_out=(1, 100_000, "homes"),
+            max_steps=STEPS,
+            rate=(1e-8, 1),
+            batch=(1, 1_000_000, "decisions"),
+            seed=SEED,
+        )
+        if self.rounds * self.homes > _TEST:
+            raise ValueError(
+                f"rounds is {self.rounds} and homes {self.homes}, expected at most {_TEST} homes in all: "
+                "others are held out."
+            )
 
 
 class Watched(LearnedController):

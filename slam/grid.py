@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 
+from slam.checks import check_numbers
+
 
 @dataclass(frozen=True, kw_only=True)
 class GridFrame:
@@ -26,10 +28,16 @@ class GridFrame:
     """Rows (y) and columns (x)."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):
-            raise ValueError(f"resolution_m = {self.resolution_m}, expected a positive number of metres.")
-        if len(self.shape) != 2 or min(self.shape) < 1:
-            raise ValueError(f"shape = {self.shape}, expected (rows, columns), both at least 1.")
+        check_numbers(
+            self,
+            origin_xy=(-1e9, 1e9, "m"),
+            resolution_m=(1e-6, 1e6, "m"),
+            shape=(1, 1_000_000, "rows and columns"),
+        )
+        if len(self.origin_xy) != 2 or len(self.shape) != 2:
+            raise ValueError(
+                f"origin_xy is {self.origin_xy} and shape {self.shape}, expected two numbers each."
+            )
 
     def to_cells(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
         """Continuous cell coordinates (column, row) of points (x, y) [m].

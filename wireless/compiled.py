@@ -14,6 +14,7 @@ This file and `compiled_files` stand in `slam` and in `wireless` alike, as neith
 compares them.
 """
 
+import _signal  # `signal` makes enumerations of what these return: ten times the time
 import inspect
 import threading
 from collections.abc import Callable, Mapping
@@ -21,7 +22,6 @@ from signal import SIGALRM, SIGINT, SIGTERM, raise_signal
 from types import FrameType
 from typing import Any, TypeVar, cast
 
-import _signal  # `signal` makes enumerations of what these return: ten times the time
 import numba
 from numba.core.registry import CPUDispatcher
 

@@ -133,7 +133,8 @@ class CompiledFiles(_Cache):
         folder, why = _place(self._folders)
         if folder is not None:
             logger.warning(
-                "The first use of %s compiles its inner loops: up to two minutes, kept for later runs.", package
+                "The first use of %s compiles its inner loops: up to two minutes, kept for later runs.",
+                package,
             )
             return
         logger.warning(

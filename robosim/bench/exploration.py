@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -25,11 +25,13 @@ from rich.table import Table
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.navigation import MAPPERS
 from robosim.odometry import NoiseModel
 from robosim.planfiles import find_plans, read_plan
 from robosim.plots import draw_walls, plan_axes, save_figure
 from robosim.reach import reach
 from robosim.simulator import Physics, SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, check_choice, check_network, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
@@ -57,6 +59,11 @@ class ExplorationSettings:
     """Level of the depth camera's noise."""
     physics: Physics = "dynamic"
     """How the robot is moved."""
+
+    def __post_init__(self) -> None:
+        check_network("mapper", self.mapper, MAPPERS)
+        check_choice("physics", self.physics, get_args(Physics))
+        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL)
 
     def episode(self, explorer: ExplorerName, plan: str) -> EpisodeConfig:
         """Exploring a plan by an explorer."""

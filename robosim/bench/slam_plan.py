@@ -16,7 +16,7 @@ in the shadow of the classical one there, and takes the poses of that one: what 
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -32,12 +32,13 @@ from robosim.bench.pose_tracks import (
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.navigation import make_navigator
+from robosim.navigation import MAPPERS, make_navigator
 from robosim.odometry import NoiseModel
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Physics, SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, STEPS, check_choice, check_network, check_numbers
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.tasks import Task, make_task
@@ -77,6 +78,11 @@ class SlamSettings:
     """Level of the depth camera's noise."""
     physics: Physics = "kinematic"
     """How the robot is moved."""
+
+    def __post_init__(self) -> None:
+        check_network("mapper", self.mapper, MAPPERS)
+        check_choice("physics", self.physics, get_args(Physics))
+        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL, steps=STEPS)
 
     @property
     def simulator(self) -> SimulatorConfig:

@@ -22,11 +22,12 @@ from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose, make_camera
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, run_episode
-from robosim.navigation import make_navigator
+from robosim.navigation import MAPPERS, make_navigator
 from robosim.planfiles import read_plan
 from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.rendering.shading import shaded_mesh
+from robosim.support.checks import SIZE_PX, check_network, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.workers import Workers
@@ -52,6 +53,11 @@ class SpeedSettings:
     """Plans that are used, the first ones."""
     frames: int = 150
     """Frames of each."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, sizes=SIZE_PX, plans=(1, 10_000), frames=(1, 100_000))
+        for mapper in self.mappers:
+            check_network("others", mapper, MAPPERS)
 
 
 def speeds(

@@ -15,6 +15,7 @@ import tyro
 from rich.console import Console
 
 from robosim.floorplan import FloorPlan
+from robosim.support.checks import check_numbers
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
@@ -63,6 +64,14 @@ class PlanOptions:
     unit: float = 1.0
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
 
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            resolution=(0.001, 10, "m, the side of a cell"),
+            floor_height=(-1e5, 1e5, "m"),
+            unit=(1e-9, 1e6, "m"),
+        )
+
 
 #: For plans that say everything themselves.
 NO_OPTIONS = PlanOptions()
@@ -91,8 +100,7 @@ class WorkOptions:
     """Address of a dask scheduler whose workers do it instead; needs robosim[cluster]."""
 
     def __post_init__(self) -> None:
-        if self.workers is not None and not 1 <= self.workers <= MOST_WORKERS:
-            raise ValueError(f"workers is {self.workers}, expected 1 to {MOST_WORKERS} processes.")
+        check_numbers(self, workers=(1, MOST_WORKERS, "processes"))
 
     @property
     def count(self) -> int:

@@ -23,6 +23,7 @@ from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, wr
 from robosim.evaluation.sweep import sweep
 from robosim.goals import SEEKERS
 from robosim.planfiles import find_plans
+from robosim.support.checks import check_choice
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
@@ -35,8 +36,7 @@ def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
         ValueError: If there is none of that name.
     """
     for name in names:
-        if name not in POLICIES:
-            raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(POLICIES)}.")
+        check_choice("policies", name, POLICIES)
     return tuple(name for name in POLICIES if name in (names or SEEKERS))
 
 

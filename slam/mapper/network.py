@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from slam.checks import check_numbers
 from slam.mapper.features import N_CHANNELS
 
 #: Index of each logit.
@@ -30,8 +31,9 @@ class NetworkConfig:
     """Channels of the input."""
 
     def __post_init__(self) -> None:
-        if not self.widths or min(self.widths) < 1:
-            raise ValueError(f"widths = {self.widths}, expected at least one positive number of channels.")
+        check_numbers(self, widths=(1, 4096, "channels"), inputs=(1, 1024, "channels"))
+        if not 1 <= len(self.widths) <= 7:
+            raise ValueError(f"widths is {self.widths}, expected one to seven numbers of channels.")
 
 
 class MapNetwork(nn.Module):

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from slam.checks import check_numbers
+
 #: Channels: what the scan says (the first four of `slam.mapper.features`), and the map's belief.
 INPUTS = 5
 #: What counts as 1 in the network's answers: x, y [m], yaw [rad].
@@ -30,10 +32,9 @@ class PoseNetworkConfig:
     """Width of the layer that sees the whole patch."""
 
     def __post_init__(self) -> None:
-        if not self.widths or min(self.widths) < 1 or len(self.widths) > 6:
-            raise ValueError(f"widths = {self.widths}, expected one to six positive numbers of channels.")
-        if self.hidden < 1:
-            raise ValueError(f"hidden = {self.hidden}, expected at least 1.")
+        check_numbers(self, widths=(1, 4096, "channels"), hidden=(1, 65_536, "units"))
+        if not 1 <= len(self.widths) <= 6:
+            raise ValueError(f"widths is {self.widths}, expected one to six numbers of channels.")
 
 
 class PoseNetwork(nn.Module):

@@ -18,6 +18,7 @@ import torch
 from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
+from slam.checks import check_numbers
 from slam.mapper.features import BELIEF, PLACE_LEFT
 from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
@@ -56,11 +57,16 @@ class Recipe:
     """Seed of the first weights and of the order of frames."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch", "every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
-        if not 0 <= self.forget <= 1:
-            raise ValueError(f"forget = {self.forget}, expected a share from 0 to 1.")
+        check_numbers(
+            self,
+            steps=(1, 10_000_000, "batches"),
+            batch=(1, 100_000, "frames"),
+            rate=(1e-8, 1),
+            decay=(0, 10),
+            forget=(0, 1),
+            every=(1, 10_000_000, "steps"),
+            seed=(0, 2**63 - 1),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -73,9 +73,18 @@ class Recipe:
             raise ValueError(f"inputs have {unknown[0]!r}, expected some of {', '.join(COLUMNS)}.")
         if not {"aoa", "snr"} <= set(self.inputs):
             raise ValueError(f"inputs are {', '.join(self.inputs)}, expected aoa and snr among them.")
-        for name in ("epochs", "batch"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected at least 1.")
+        for name, least, most in (
+            ("epochs", 1, 100_000),
+            ("batch", 1, 1_000_000),
+            ("learning_rate", 1e-8, 1),
+            ("weight_decay", 0, 10),
+            ("jitter_deg", 0, 180),
+            ("shift_db", 0, 200),
+            ("width", 1, 65_536),
+            ("seed", 0, 2**63 - 1),
+        ):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected {least:g} to {most:g}.")
         for name in ("label_smoothing", "averaging", "dropout"):
             if not 0 <= getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected a share from 0 to below 1.")
