@@ -21,7 +21,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.rendering.gl_binding import GLSystem, bind_opengl
+from robosim.rendering.gl_binding import bind_opengl
 from robosim.rendering.gl_libraries import GLSystem
 from robosim.support.checks import SIZE_PX, check_numbers
 
