@@ -163,7 +163,7 @@ def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
         if started:
             process.send_signal(signal.SIGINT)
             video.set()
-    process.communicate(timeout=60)
+    process.communicate(timeout=1200)
     assert process.returncode == 130
     kept = json.loads((tmp_path / "result.json").read_text())
     assert kept["ended"] == "interrupted"

@@ -116,7 +116,7 @@ def test_worker_processes_take_the_same_picture(method, view, monkeypatch):
         monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
         worker = context.Process(target=shoot, args=(queue, view))
         worker.start()
-        got = RGBD(*queue.get(timeout=60))
+        got = RGBD(*queue.get(timeout=1200))
         worker.join(60)
         assert worker.exitcode == 0
         assert same(got, expected)
@@ -149,7 +149,7 @@ def run_alone(code: str, **environment: str) -> subprocess.CompletedProcess[str]
     unset = {"PYOPENGL_PLATFORM", "MUJOCO_GL", "LP_NUM_THREADS"}
     clean = {name: value for name, value in os.environ.items() if name not in unset}
     return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env=clean | environment
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=1200, env=clean | environment
     )
 
 
