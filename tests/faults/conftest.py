@@ -105,7 +105,7 @@ class Bench:
         """What a command comes to, run once."""
         if name not in self._references:
             folder = self.folder / "reference" / name.replace(" ", "-")
-            folder.mkdir(parents=True)
+            folder.mkdir(parents=True, exist_ok=True)
             ended = run(self.words(COMMANDS[name], folder))
             assert ended.status == 0, (name, ended.complained)
             self._references[name] = Reference(ended.seconds, contents(folder / "out", COMMANDS[name]))
