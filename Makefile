@@ -51,11 +51,11 @@ $(BIN)/pip: | system
 	@$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable .
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[test]'
 	@touch $@ $(VENV)/.installed
 
 # Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.

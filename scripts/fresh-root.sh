@@ -17,52 +17,63 @@
 #
 # pip is configured in it as it is here: its variables (PIP_...), /etc/pip.conf, a folder in PIP_FIND_LINKS, certificates.
 set -euo pipefail
-[ $# -ge 2 ] || { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0"; exit 2; }
-suite=$1
-shift
-source=$(cd "$(dirname "$0")/.." && pwd)
-store=${FRESH_ROOTS:-$HOME/.cache/fresh-roots}
-base=$store/$suite
 
-if [ ! -f "$base/.complete" ]; then
-  rm -rf --one-file-system "$base"
-  mkdir -p "$base"
+main() {
+  local suite=$1
+  shift
+  source=$(cd "$(dirname "$0")/.." && pwd)
+  local store=${FRESH_ROOTS:-$HOME/.cache/fresh-roots}
+  pip_cache=$store/pip${AS_USER:+-user}
+  fetch "$suite" "$store/$suite"
+
+  root=$(mktemp -d "$store/run-$suite-XXXXXX")
+  trap clean EXIT
+  cp -a --reflink=auto "$store/$suite/." "$root"
+  prepare
+  settings=(HOME="$home" PATH="$path" LANG=C.UTF-8 TERM="${TERM:-dumb}")
+  local variable
+  while IFS= read -r variable; do settings+=("$variable"); done < <(env | grep -E '^(PIP_|https?_proxy=|no_proxy=)')
+  # Mounts and processes of its own, so that nothing of either is left, however this ends.
+  unshare --mount --pid --fork --kill-child bash -euo pipefail -c \
+    "$(declare -p root home source pip_cache settings; declare -f inside)
+    inside \"\$@\"" bash "$@"
+}
+
+fetch() { # SUITE DIRECTORY
+  [ ! -f "$2/.complete" ] || return 0
+  rm -rf --one-file-system "$2"
+  mkdir -p "$2"
   # shellcheck disable=SC2086 # options and the mirror are words
   debootstrap --variant=minbase --include=ca-certificates,git,make,python3 ${DEBOOTSTRAP_OPTIONS:-} \
-    "$suite" "$base" ${DEBOOTSTRAP_MIRROR:-} >"$store/$suite.log" 2>&1 ||
-    { tail -5 "$store/$suite.log"; exit 1; }
-  touch "$base/.complete"
-fi
+    "$1" "$2" ${DEBOOTSTRAP_MIRROR:-} >"$2.log" 2>&1 || { tail -5 "$2.log"; exit 1; }
+  touch "$2/.complete"
+}
 
-root=$(mktemp -d "$store/run-$suite-XXXXXX")
-clean() { if [ -n "${KEEP:-}" ]; then echo "Kept $root"; else rm -rf --one-file-system "$root"; fi; }
-trap clean EXIT
-cp -a --reflink=auto "$base/." "$root"
-for file in /etc/resolv.conf /etc/hosts /etc/pip.conf /etc/ssl/certs/ca-certificates.crt; do
-  [ ! -e "$file" ] || cp -L --remove-destination "$file" "$root$file"
-done
-for package in ${WITHOUT:-}; do
-  printf 'Package: %s\nPin: release *\nPin-Priority: -1\n\n' "$package" >>"$root/etc/apt/preferences.d/without"
-done
-home=/root path=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
-if [ -n "${AS_USER:-}" ]; then
-  home=/home/newcomer path=/usr/local/bin:/usr/bin:/bin
-  chroot "$root" useradd --create-home --shell /bin/bash newcomer
-  mkdir -p "$root/etc/sudoers.d"
-  echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
-fi
-git clone --quiet "$source" "$root$home/robosim"
-mkdir -p "$store/pip${AS_USER:+-user}" "$root$home/.cache/pip"
-settings=(HOME="$home" PATH="$path" LANG=C.UTF-8 TERM="${TERM:-dumb}")
-while IFS= read -r variable; do settings+=("$variable"); done < <(env | grep -E '^(PIP_|https?_proxy=|no_proxy=)' || true)
+prepare() { # what can be done from outside
+  local file package
+  for file in /etc/resolv.conf /etc/hosts /etc/pip.conf /etc/ssl/certs/ca-certificates.crt; do
+    [ ! -e "$file" ] || cp -L --remove-destination "$file" "$root$file"
+  done
+  for package in ${WITHOUT:-}; do
+    printf 'Package: %s\nPin: release *\nPin-Priority: -1\n\n' "$package" >>"$root/etc/apt/preferences.d/without"
+  done
+  home=/root path=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin
+  if [ -n "${AS_USER:-}" ]; then
+    home=/home/newcomer path=/usr/local/bin:/usr/bin:/bin
+    chroot "$root" useradd --create-home --shell /bin/bash newcomer
+    mkdir -p "$root/etc/sudoers.d"
+    echo 'newcomer ALL=(ALL) NOPASSWD: ALL' >"$root/etc/sudoers.d/newcomer"
+  fi
+  git clone --quiet "$source" "$root$home/robosim"
+  mkdir -p "$pip_cache" "$root$home/.cache/pip"
+}
 
-# Mounts and processes of its own, so that nothing of either is left, however this ends.
-inside() {
-  set -euo pipefail
+inside() { # what takes mounts, and the command
   mount -t proc proc "$root/proc"
   mount --rbind /dev "$root/dev"
   mount --rbind --read-only /sys "$root/sys"
-  mount --bind "$store/pip${AS_USER:+-user}" "$root$home/.cache/pip"
+  mount --bind "$pip_cache" "$root$home/.cache/pip"
+  local given place
   for given in "${PIP_FIND_LINKS:-}" "$source/../shared"; do
     [ -d "$given" ] || continue
     place=$given
@@ -70,7 +81,7 @@ inside() {
     mkdir -p "$root$place"
     mount --bind -o ro "$given" "$root$place"
   done
-  wanted="${PACKAGES:-} ${AS_USER:+sudo}"
+  local wanted="${PACKAGES:-} ${AS_USER:+sudo}"
   [ -z "${wanted// /}" ] || chroot "$root" env DEBIAN_FRONTEND=noninteractive PATH=/usr/sbin:/usr/bin:/sbin:/bin \
     sh -c "apt-get update -qq && apt-get install -y -qq $wanted" >/dev/null
   [ -z "${AS_USER:-}" ] || chroot "$root" chown -R newcomer: "$home/robosim" "$home/.cache"
@@ -78,7 +89,10 @@ inside() {
   exec chroot ${AS_USER:+--userspec=newcomer:newcomer} "$root" env -i "${settings[@]}" \
     sh -c 'cd ~/robosim && exec "$@"' sh "$@"
 }
-export root home store source
-export -f inside
-settings_text=$(declare -p settings)
-unshare --mount --pid --fork --kill-child bash -c "$settings_text; inside \"\$@\"" bash "$@"
+
+clean() {
+  if [ -n "${KEEP:-}" ]; then echo "Kept $root"; else rm -rf --one-file-system "$root"; fi
+}
+
+[ $# -ge 2 ] || { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0"; exit 2; }
+main "$@"; exit # one line: read before it runs, so that this file may be edited meanwhile
