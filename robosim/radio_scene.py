@@ -10,7 +10,7 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.receivers import check_height
-from robosim.support.checks import FREQUENCY_HZ, check_numbers
+from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
 from wireless.raytrace import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -103,10 +103,15 @@ class RadioScene:
         """
         at = np.array([[*point, self.config.height_m][:3] for point in points], float).reshape(-1, 3)
         for x, y, z in at:
+            for value in (x, y):
+                check_number(name, float(value), -FARTHEST, FARTHEST, "m")
             check_height(self.building, float(z), f"height of {name} ({x:g}, {y:g})")
             point = shapely.Point(x, y)
             if self.building.free.distance(point) > ON_EDGE_M:
-                near = shapely.shortest_line(self.building.free, point).coords[0]
+                # Rounded to centimetres it must not be in a wall again.
+                inside = self.building.free.buffer(-0.01)
+                room = self.building.free if inside.is_empty else inside
+                near = shapely.shortest_line(room, point).coords[0]
                 raise ValueError(
                     f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}; the "
                     f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."

@@ -41,6 +41,8 @@ class Reach:
     radius_m: float
     parts: Int[np.ndarray, "ny nx"]
     """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1."""
+    free: shapely.Geometry
+    """The floor between the walls, in `map` [m]."""
 
     @cached_property
     def n_parts(self) -> int:
@@ -142,4 +144,4 @@ def reach(building: Building, radius_m: float) -> Reach:
     size = np.bincount(labels.ravel(), minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
-    return Reach(plan, radius_m, rank[labels])
+    return Reach(plan, radius_m, rank[labels], building.free)

@@ -6,6 +6,7 @@ on; the other files are made from that one, a transmitter at a time.
 
 import hashlib
 import importlib.metadata
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -26,11 +27,15 @@ from robosim.link_grid import UNIT_RX, LinkGrid, read_transmitter
 from robosim.link_progress import link_progress
 from robosim.radio_plots import choose_link, plot_grid, plot_rays
 from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import ReceiverGrid, receiver_grid
+from robosim.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
 from robosim.support.run_folder import run_folder
 from wireless.deepmimo_scenario import scenario_name
 from wireless.paths import LinkState, Paths
+
+#: A receiver nearer to a transmitter than half a wave of 28 GHz is a mistake: no law of paths holds there [m].
+APART_M = 0.005
 
 
 def trace_plan(
@@ -72,7 +77,9 @@ def trace_plan(
         FolderError: If the folder belongs to other settings or another process is at work in it.
         MapError: If the plan has no free area.
     """
+    check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
+    check_terminals(tx, rx, config.height_m)
     scene, senders = _prepare(plan, config, tx, console)
     asked = None if rx is None else scene.places((rx,), "rx")[0]
     grid = receiver_grid(scene.building, grid_m, config.height_m)
@@ -121,6 +128,7 @@ def trace_link(
         MapError: If the plan has no free area.
     """
     out, console = Path(out), console or Console(quiet=True)
+    check_terminals(tx, rx, config.height_m)
     with run_folder(out, "trace --rx"):
         scene, senders = _prepare(plan, config, tx, console)
         paths = scene.tracer.trace(senders, scene.places((rx,), "rx"))
@@ -131,12 +139,37 @@ def trace_link(
     return paths
 
 
+def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
+    """Complain of terminals in one place.
+
+    Args:
+        tx: Transmitters [m], with or without height.
+        rx: A receiver, if one is asked for.
+        height_m: Height of those that do not say theirs.
+
+    Raises:
+        ValueError: If there is no transmitter, one is given twice, or the receiver is at one.
+    """
+    check_some("tx", tx, "at least one transmitter, such as --tx 2.0,1.5")
+    places = [tuple([*place, height_m][:3]) for place in tx]
+    for number, at in enumerate(places):
+        if at in places[:number]:
+            raise ValueError(f"tx {_told(at)} is given twice. Leave one of them out.")
+        if rx is not None and math.dist(at, [*rx, height_m][:3]) < APART_M:
+            raise ValueError(
+                f"rx {_told(rx)} is where tx {_told(at)} is, and a path needs some length. Move one of them by "
+                f"{1000 * APART_M:g} mm or more."
+            )
+
+
+def _told(at: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{value:g}' for value in at)}) m"
+
+
 def _prepare(
     plan: FloorPlan, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
 ) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
     """The building, and where transmitters are; tells of those in small parts of it."""
-    if not tx:
-        raise ValueError("tx is missing: give at least one transmitter, such as --tx 2.0,1.5.")
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
     senders = scene.places(tx, "tx")

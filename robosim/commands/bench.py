@@ -9,12 +9,14 @@ from robosim.commands.episode_options import DEFAULT_OPTIONS
 from robosim.commands.terminal import (
     ALL_CORES,
     WorkOptions,
+    check_threads,
     console,
     folder_for,
     going_on,
     read,
     results_in,
 )
+from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
 
 
 def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path | None = None) -> None:
@@ -28,6 +30,9 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
     from robosim.bench.render import run
     from robosim.building import make_building
 
+    check_some("sizes", sizes, "widths of pictures, such as 128 256")
+    for size in sizes:
+        check_number("sizes", size, *SIZE_PX, whole=True)
     with results_in(out, "bench render") as folder:
         console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
     console.print(f"Wrote the table and the plot in {folder}")
@@ -43,6 +48,7 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
     from robosim.bench.physics import run
     from robosim.building import make_building
 
+    check_some("plans", plans, PLANS)
     with results_in(out, "bench physics") as folder:
         console.print(run([make_building(read(name)) for name in plans], out=folder))
     console.print(f"Wrote the table and the plot in {folder}")
@@ -77,6 +83,9 @@ def navigation(
     """
     from robosim.bench.navigation import run
 
+    check_some("plans", plans, PLANS)
+    check_some("goals", goals, "goal policies, such as oracle explore")
+    check_number("seed", seed, *SEED, whole=True)
     folder = folder_for(out, "bench navigation")
     with going_on(folder):
         table = run(
@@ -126,10 +135,12 @@ def exploration(
     """
     from robosim.bench.exploration import ExplorationSettings, run
 
-    folder = folder_for(out, "bench exploration")
+    check_some("plans", plans, PLANS)
+    check_some("explorers", explorers, "explorers, such as nearest gain")
     settings = ExplorationSettings(
         mapper=mapper, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
+    folder = folder_for(out, "bench exploration")
     with going_on(folder):
         table = run(
             plans,
@@ -185,13 +196,12 @@ def slam(
     from robosim.bench.slam_plan import SlamSettings
     from robosim.bench.slam_speed import SpeedSettings
 
-    if steps < 1:
-        raise ValueError(f"steps is {steps}, expected at least 1.")
-    folder = folder_for(out, "bench slam")
+    check_some("plans", plans, PLANS)
     settings = SlamSettings(
         mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
     speed = SpeedSettings(sizes=sizes, mappers=others, frames=min(steps, 150)) if sizes else None
+    folder = folder_for(out, "bench slam")
     with going_on(folder):
         tables = run(
             plans,
@@ -234,10 +244,9 @@ def endurance(
     from robosim.bench.endurance import PARTS, run
     from robosim.bench.slam_plan import SlamSettings
 
-    if steps < PARTS:
-        raise ValueError(f"steps is {steps}, expected at least {PARTS}.")
+    check_number("steps", steps, PARTS, STEPS[1], "decisions", whole=True)
+    settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
     with results_in(out, "bench endurance") as folder:
-        settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
         console.print(run(read(plan), settings, out=folder, console=console))
     console.print(f"Wrote endurance.json in {folder}")
 
@@ -266,6 +275,10 @@ def wireless(
     from robosim.bench.wireless import run
     from robosim.planfiles import find_plans
 
+    check_some("plans", plans, PLANS)
+    check_number("receivers", receivers, 1, 1_000_000, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    check_threads(workers)
     with results_in(out, "bench wireless") as folder:
         found = [read(str(plan)) for plan in find_plans(plans)]
         console.print(
@@ -324,11 +337,15 @@ def estimation(
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
-    from robosim.bench.estimation import run
+    from robosim.bench.estimation import TX_PER_PLAN, run
+    from robosim.outline import check_tolerance
     from robosim.planfiles import find_plans
 
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least 1.")
+    check_some("plans", plans, PLANS)
+    check_number("links", links, 4 * TX_PER_PLAN, 1_000_000, "in each plan", whole=True)
+    check_tolerance(tolerance)
+    check_number("seed", seed, *SEED, whole=True)
+    check_threads(workers)
     found = [read(str(plan)) for plan in find_plans(plans)]
     with results_in(out, "bench estimation") as folder:
         console.print(
@@ -371,8 +388,10 @@ def episode(
     """
     from robosim.bench.episode import run
 
-    if targets < 1:
-        raise ValueError(f"targets is {targets}, expected at least one task a plan.")
+    check_some("plans", plans, PLANS)
+    check_number("targets", targets, *TASKS, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    check_number("max_steps", max_steps, *STEPS, whole=True)
     folder = folder_for(out, "bench episode")
     table = run(
         plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console

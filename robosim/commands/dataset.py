@@ -18,6 +18,7 @@ from robosim.commands.terminal import (
     going_on,
     read,
 )
+from robosim.support.checks import check_number
 
 
 def dataset(
@@ -65,7 +66,8 @@ def dataset(
     from robosim.link_units import LinkSetConfig
     from robosim.planfiles import find_plans
 
-    if generated < 0 or (not plans and not generated):
+    check_number("generated", generated, 0, 100_000, "homes", whole=True)
+    if not plans and not generated:
         raise ValueError(
             f"plans is empty and generated is {generated}: give floor plans or folders of them, or --generated 50."
         )

@@ -12,14 +12,15 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
 from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
+from robosim.support.checks import check_number
 from robosim.support.interrupt import SIGNALLED, Interrupt
 
 
 def episode(
     plan: Positional[str],
     *,
-    target: XY | None = None,
-    start: Pose | None = None,
+    target: XY = None,
+    start: Pose = None,
     goal: Literal[
         "oracle",
         "explore",
@@ -67,6 +68,8 @@ def episode(
     from robosim.run import FILES, record_episode
 
     config = simulation.config(goal, seed)
+    if start is not None:
+        check_number("yaw of --start", start[2], -360, 360, "degrees from +x")
     folder = folder_for(out, "episode")
     result = record_episode(
         read(plan, reading),

@@ -7,6 +7,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
 from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.support.checks import PLANS, SEED, TASKS, check_number, check_some
 
 
 def evaluate(
@@ -44,15 +45,16 @@ def evaluate(
     """
     from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
     from robosim.evaluation.evaluate import evaluate as run
-    from robosim.evaluation.suite import write_suite
+    from robosim.evaluation.suite import SUFFIXES, write_suite
 
-    for name, value in (("targets", targets), ("seeds", seeds)):
-        if value is not None and value < 1:
-            raise ValueError(f"{name} is {value}, expected at least 1.")
-    if seed is not None and seed < 0:
-        raise ValueError(f"seed is {seed}, expected a whole number of 0 or more.")
-    if not plans:
-        raise ValueError("plans is empty, expected floor plans, folders of them, or a suite file.")
+    check_some("plans", plans, f"{PLANS}, or a suite file")
+    for name, value, bounds in (("targets", targets, TASKS), ("seeds", seeds, TASKS), ("seed", seed, SEED)):
+        if value is not None:
+            check_number(name, value, *bounds, whole=True)
+    if suite_out is not None and suite_out.suffix.lower() not in SUFFIXES:
+        raise ValueError(
+            f"suite_out is {str(suite_out)!r}, expected a name that ends in {', '.join(SUFFIXES)}."
+        )
     names, config = check_policies(policies), simulation.config()
     folder = folder_for(out, "evaluate")
     with going_on(folder):

@@ -6,6 +6,7 @@ from typing import Literal
 from tyro.conf import Positional
 
 from robosim.commands.terminal import console, read, results_in
+from robosim.support.checks import PLANS, SEED, check_number, check_some
 
 
 def plans(
@@ -26,8 +27,9 @@ def plans(
     from robosim.planfiles import find_plans, read_plan
     from robosim.support.progress import tracked
 
-    if count < 1:
-        raise ValueError(f"count is {count}, expected at least one plan to compare with.")
+    check_some("plans", plans, PLANS)
+    check_number("count", count, 1, 100_000, "plans to compare with", whole=True)
+    check_number("seed", seed, *SEED, whole=True)
     with tracked(find_plans(plans), "reading", console) as paths:
         real = [read_plan(path) for path in paths]
     config = GeneratorConfig(navigable=True)
@@ -89,6 +91,7 @@ def wireless(
     from robosim.planfiles import find_plans
     from robosim.wireless_figures import FiguresConfig, draw_wireless
 
+    check_some("plans", plans, PLANS)
     config = FiguresConfig(
         links=links, grid_m=grid, tolerance_m=tolerance, classifier=classifier, training=training, seed=seed
     )

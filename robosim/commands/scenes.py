@@ -8,6 +8,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in
+from robosim.support.checks import RADIUS_M, SEED, check_number
 
 
 def plan(
@@ -38,9 +39,11 @@ def plan(
     from robosim.plots import plot_plan
     from robosim.reach import reach
 
+    config = BuildingConfig(tolerance_m=tolerance)
+    check_number("radius", radius, *RADIUS_M)
     with results_in(out, "plan") as folder:
         floor_plan = read(plan, reading)
-        building = make_building(floor_plan, config=BuildingConfig(tolerance_m=tolerance))
+        building = make_building(floor_plan, config=config)
         places = reach(building, radius)
         write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
         write_png(floor_plan, folder / f"{floor_plan.name}.png")
@@ -86,8 +89,8 @@ def generate(
     from robosim.planfiles import write_ros
     from robosim.support.progress import tracked
 
-    if count < 1:
-        raise ValueError(f"count is {count}, expected at least one plan.")
+    check_number("count", count, 1, 100_000, "plans", whole=True)
+    check_number("seed", seed, *SEED, whole=True)
     config = GeneratorConfig(style=style, navigable=navigable)
     with (
         results_in(out, "generate") as folder,

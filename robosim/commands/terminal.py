@@ -10,12 +10,11 @@ from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Literal
 
-import numpy as np
 import tyro
 from rich.console import Console
 
 from robosim.floorplan import FloorPlan
-from robosim.support.checks import check_numbers
+from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
@@ -32,23 +31,31 @@ def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.Primitive
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:
-        values = tuple(float(word) for word in words[0].split(","))
-        if not least <= len(values) <= most or not np.isfinite(values).all():
-            raise ValueError(f"expected {metavar}, finite numbers with commas and no spaces")
+        try:
+            values = tuple(float(word) for word in words[0].split(","))
+        except ValueError:
+            values = ()
+        if not (least <= len(values) <= most and all(abs(value) <= FARTHEST for value in values)):
+            raise ValueError(
+                f"{shown(words[0])}, expected {metavar}: numbers up to {FARTHEST:g} with commas and no spaces"
+            )
         return values
 
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=metavar,
         instance_from_str=parse,
-        is_instance=lambda value: isinstance(value, tuple),
-        str_from_instance=lambda value: [",".join(f"{v:g}" for v in value)],
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda value: ["None" if value is None else ",".join(f"{v:g}" for v in value)],
     )
 
 
-XY = Annotated[tuple[float, ...], _numbers(2, 2, "X,Y")]
-Place = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
-Pose = Annotated[tuple[float, ...], _numbers(3, 3, "X,Y,YAW")]
+# None stands inside: of a union tyro would tell all that each part of it was tried with.
+XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
+Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
+Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
+#: One of several places.
+OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,6 +113,16 @@ class WorkOptions:
     def count(self) -> int:
         """Processes on this machine."""
         return self.workers or len(os.sched_getaffinity(0))
+
+
+def check_threads(threads: int | None, name: str = "workers") -> None:
+    """See that a number of threads is one, if it is given.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    if threads is not None:
+        check_number(name, threads, 1, MOST_WORKERS, "threads", whole=True)
 
 
 #: One process on each core.

@@ -11,6 +11,7 @@ from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
 from robosim.commands.terminal import (
     ALL_CORES,
     NO_OPTIONS,
+    OnePlace,
     Place,
     PlanOptions,
     WorkOptions,
@@ -24,9 +25,9 @@ from robosim.commands.terminal import (
 def trace(
     plan: Positional[str],
     *,
-    tx: Annotated[tuple[Place, ...], tyro.conf.UseAppendAction],
+    tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
     grid: float | None = None,
-    rx: Place | None = None,
+    rx: Place = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     tolerance: float = 0.0,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -57,9 +58,12 @@ def trace(
         work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.trace import trace_link, trace_plan
+    from robosim.receivers import check_step
+    from robosim.trace import check_terminals, trace_link, trace_plan
 
     config = radio.config(tolerance, polarisation)
+    check_terminals(tx, rx, config.height_m)
+    check_step(0.15 if grid is None else grid)
     alone = grid is None and rx is not None
     folder = folder_for(out, "trace --rx" if alone else "trace")
     floor_plan = read(plan, reading)

@@ -29,6 +29,8 @@ from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file
 from robosim.tasks import make_task
 
+#: Endings of suite files.
+SUFFIXES = (".yaml", ".yml", ".json")
 #: Decimals that places are kept with: 0.1 mm and 0.01 degrees.
 _PLACE_DECIMALS, _YAW_DECIMALS = 4, 2
 
@@ -104,7 +106,7 @@ def name_plans(files: Sequence[Path]) -> dict[str, Path]:
 def is_suite(path: str | Path) -> bool:
     """Whether a file is a suite rather than a floor plan: YAML or JSON with a list of tasks."""
     path = Path(path).expanduser()
-    if path.suffix.lower() not in (".yaml", ".yml", ".json") or not path.is_file():
+    if path.suffix.lower() not in SUFFIXES or not path.is_file():
         return False
     if b"tasks" not in path.read_bytes():
         return False
