@@ -32,6 +32,7 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import Reach, reach
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array
 from robosim.support.checks import SEED, check_numbers
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import told_units
@@ -43,6 +44,17 @@ from slam.actions import Action
 from slam.egocentric import belief_ahead
 from slam.grid import MapEstimate
 
+#: Arrays of a shard, as above.
+SHARD = {
+    "depth": Array("u2", "n h w"),
+    "rgb": Array("u1", "n h w 3"),
+    "action": Array("i1", "n"),
+    "odometry": Array("f", "n 3", FAR),
+    "pose": Array("f", "n 3", FAR),
+    "estimate": Array("f", "n 3", FAR),
+    "belief": Array("u1", "n 64 64"),
+    "truth": Array("u1", "n 3 64 8"),
+}
 #: Parts of a walk that may end in one place without a step taken, before the home is given up.
 _RESTARTS = 20
 

@@ -5,8 +5,7 @@ belief when it changed, all else as columns; some 15 kB a decision. What varies 
 lengths. Walls and target are in it too: no floor plan is needed to draw it.
 """
 
-import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,8 +14,12 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
+from robosim.floorplan import MAX_CELLS, RESOLUTIONS_M
 from robosim.snapshot import GUESS, Arrivals, Layer, Snapshot
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.files import npz_bytes, write_whole
+from robosim.support.images_in import opened_image
+from robosim.support.reading import naming, reading
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -96,6 +99,20 @@ _RAGGED: dict[str, tuple[int, ...]] = {
 }  # fmt: skip
 
 
+#: What the file must hold, beside the lengths; empty columns are written as floating-point numbers.
+_EXPECTED = {
+    "ring": Array("f", "corners 2", FAR), "ring_count": Array("i", "rings"), "target": Array("f", "2", FAR),
+    "pose": Array("f", "n 3", FAR), "estimate": Array("f", "n 3", FAR), "goal": Array("f", "n 2", FAR),
+    "state": Array("i", "n"), "map_frame": Array("f", "n 5", FAR), "belief_frame": Array("f", "n 5"),
+    "text": Array("U", "n"), "rgb": Array("u1", "a"), "depth": Array("u1", "b"), "belief": Array("u1", "c"),
+    "path": Array("f", "d 2", FAR), "aoa_rad": Array("f", "e", FAR), "snr_db": Array("f", "e", FAR),
+    "cell": Array("u", "g"), "value": Array("u1", "g"), **{f"{name}_count": Array("i", "n") for name in _RAGGED},
+}  # fmt: skip
+_WHAT, _REMEDY = "the log of an episode", "Give a folder of `robosim episode`, or run the episode again."
+#: Pixels of a picture; and how far from the target anything is [m], or it could not be drawn in whole pixels.
+_MOST_PIXELS, _FARTHEST_M = 4096**2, 1e5
+
+
 @dataclass(frozen=True, eq=False)
 class DecisionLog:
     """The log of an episode, as read back."""
@@ -106,6 +123,8 @@ class DecisionLog:
     """Where the target is [m]."""
     columns: dict[str, Any]
     """What was written, entries of any length as lists."""
+    path: Path
+    """The file."""
 
     def __len__(self) -> int:
         return len(self.columns["pose"])
@@ -115,51 +134,92 @@ class DecisionLog:
         """Whether the mapper guessed what it had not seen."""
         return any(bool((values >= GUESS).any()) for values in self.columns["value"])
 
+    def check_pictures(self) -> None:
+        """Unpack all of them once, so that a damaged one is found before anything is drawn.
+
+        Raises:
+            FileError: If one is damaged.
+        """
+        for _ in self.snapshots():
+            pass
+
     def snapshots(self) -> Iterator[Snapshot]:
-        """All decisions in their order."""
-        built: Layer | None = None
-        belief: Layer | None = None
+        """All decisions in their order.
+
+        Raises:
+            FileError: If the picture or the map of one is damaged.
+        """
+        snapshot = None
         for i in range(len(self)):
-            row = {name: column[i] for name, column in self.columns.items()}
-            built = _changed(built, _unpacked(row["map_frame"]), row["cell"], row["value"])
-            if len(row["belief"]):
-                belief = Layer(_unpacked(row["belief_frame"]), _image(row["belief"], cv2.IMREAD_GRAYSCALE))
-            heard = None
-            if row["state"] != _NO_RADIO:
-                heard = Arrivals(row["aoa_rad"], row["snr_db"], LinkState(int(row["state"])))
-            yield Snapshot(
-                rgb=np.ascontiguousarray(_image(row["rgb"], cv2.IMREAD_COLOR)[..., ::-1]),
-                depth_mm=_image(row["depth"], cv2.IMREAD_UNCHANGED),
-                pose=row["pose"],
-                estimate=row["estimate"],
-                built=built,
-                goal=row["goal"],
-                path=row["path"],
-                arrivals=heard,
-                belief=belief,
-                text=str(row["text"]),
-            )
+            with naming(self.path, _WHAT, _REMEDY):
+                snapshot = self._snapshot(i, snapshot)
+            yield snapshot
+
+    def _snapshot(self, i: int, before: Snapshot | None) -> Snapshot:
+        """Decision i, which says of map and belief only what has changed."""
+        row = {name: column[i] for name, column in self.columns.items()}
+        belief = None if before is None else before.belief
+        if len(row["belief"]):
+            belief = Layer(_unpacked(row["belief_frame"]), _image(row["belief"], "L"))
+            if belief.values.shape != belief.frame.shape:
+                raise ValueError(f"the belief of decision {i} is no picture of its frame")
+        heard = None
+        if row["state"] != _NO_RADIO:
+            heard = Arrivals(row["aoa_rad"], row["snr_db"], LinkState(int(row["state"])))
+            if len(heard.aoa_rad) != len(heard.snr_db):
+                raise ValueError(f"decision {i} has other numbers of angles and SNRs")
+        rgb, depth = _image(row["rgb"], "RGB"), _image(row["depth"], "I;16")
+        if rgb.shape[:2] != depth.shape:
+            raise ValueError(f"picture and depth of decision {i} are of different sizes")
+        built = None if before is None else before.built
+        return Snapshot(
+            rgb=rgb,
+            depth_mm=depth,
+            pose=row["pose"],
+            estimate=row["estimate"],
+            built=_changed(built, _unpacked(row["map_frame"]), row["cell"], row["value"]),
+            goal=row["goal"],
+            path=row["path"],
+            arrivals=heard,
+            belief=belief,
+            text=str(row["text"]),
+        )
 
 
 def read_decisions(folder: Path) -> DecisionLog:
     """The log in the folder of an episode.
 
     Raises:
-        ValueError: If there is none, or it is damaged; the message names the file and the fix.
+        FileError: If there is none, or it is damaged; the message names the file and the fix.
     """
     path = Path(folder) / DECISIONS
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            ring = _parts(file, "ring")
-            columns: dict[str, Any] = {name: file[name] for name in (*_COLUMNS, "text")}
-            columns |= {name: _parts(file, name) for name in _RAGGED}
-            return DecisionLog(ring, file["target"], columns)
-    except FileNotFoundError as error:
-        raise ValueError(f"{path}: not there. Expected a folder of `robosim episode`.") from error
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(
-            f"{path}: no log of an episode, or damaged ({error}). Run the episode again."
-        ) from error
+    with reading(path, _WHAT, _REMEDY) as file:
+        arrays = read_npz(file, _EXPECTED)
+        columns: dict[str, Any] = {name: arrays[name] for name in (*_COLUMNS, "text")}
+        columns |= {name: _parts(arrays, name) for name in _RAGGED}
+        log = DecisionLog(_parts(arrays, "ring"), arrays["target"], columns, path)
+        _check(log)
+        return log
+
+
+def _check(log: DecisionLog) -> None:
+    """Refuse what no episode has and nothing can draw."""
+    if not any(map(len, log.rings)):
+        raise ValueError("no outline of a building")
+    columns = log.columns
+    for name in ("pose", "estimate", "goal", "path"):
+        parts = columns[name] if name == "path" else [columns[name]]
+        if any(np.abs(part[:, :2] - log.target).max(initial=0) > _FARTHEST_M for part in parts):
+            raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
+    has_belief = ~np.isnan(columns["belief_frame"]).all(axis=1)
+    for frames in (columns["map_frame"], columns["belief_frame"][has_belief]):
+        low, high = RESOLUTIONS_M
+        good = (np.abs(frames) <= FAR).all(axis=1) & (frames[:, 2] >= low) & (frames[:, 2] <= high)
+        good &= (frames[:, 3:] >= 1).all(axis=1) & (frames[:, 3:].prod(axis=1) <= MAX_CELLS)
+        if not good.all():
+            raise ValueError(f"a map lies and is as no map: {frames[np.argmin(good)]}")
+    if not np.isin(columns["state"], [_NO_RADIO, *LinkState]).all():
+        raise ValueError(f"a link state is {columns['state'].max()}")
 
 
 def _ragged(name: str, parts: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
@@ -168,8 +228,12 @@ def _ragged(name: str, parts: Sequence[np.ndarray], empty: tuple[int, ...]) -> d
     return {name: joined, f"{name}_count": np.array([len(part) for part in parts], np.int64)}
 
 
-def _parts(file: Any, name: str) -> list[np.ndarray]:
-    return np.split(file[name], np.cumsum(file[f"{name}_count"])[:-1]) if len(file[f"{name}_count"]) else []
+def _parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
+    joined, lengths = arrays[name], arrays[f"{name}_count"]
+    # Each is asked for before their sum, which may overflow.
+    if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
+        raise ValueError(f"the lengths of {name} do not sum up to {len(joined)}")
+    return np.split(joined, np.cumsum(lengths)[:-1]) if len(lengths) else []
 
 
 def _packed(frame: GridFrame) -> Float[np.ndarray, "5"]:
@@ -208,8 +272,8 @@ def _png(image: np.ndarray) -> UInt8[np.ndarray, "n"]:
     return np.asarray(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1], np.uint8).ravel()
 
 
-def _image(data: UInt8[np.ndarray, "n"], how: int) -> np.ndarray:
-    image = cv2.imdecode(np.ascontiguousarray(data), how)
-    if image is None:
-        raise ValueError("a picture is damaged")
-    return np.asarray(image)
+def _image(data: UInt8[np.ndarray, "n"], mode: str) -> np.ndarray:
+    with opened_image(data.tobytes(), _MOST_PIXELS, ("PNG",)) as image:
+        if image.mode != mode:
+            raise ValueError(f"a picture has pixels of kind {image.mode}, expected {mode}")
+        return np.asarray(image)

@@ -29,6 +29,7 @@ from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, check_numbers
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
+from robosim.support.reading import naming
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
@@ -215,11 +216,12 @@ def _learn(
     optimiser = torch.optim.Adam(weights.values(), lr=recipe.ppo.rate)
     state: dict[str, Any] = {"round": 0, "curve": [], "best": None, "score": -np.inf}
     if kept := checkpoint.load():
-        optimiser.load_state_dict(kept["optimiser"])
-        state = kept["state"]
-        with torch.no_grad():
-            for name, value in weights.items():
-                value.copy_(kept["weights"][name])
+        with naming(checkpoint.path, "a checkpoint", "Delete it to begin anew."):
+            optimiser.load_state_dict(kept["optimiser"])
+            state = _checked(kept["state"], recipe, weights)
+            with torch.no_grad():
+                for name, value in weights.items():
+                    value.copy_(kept["weights"][name])
 
     def now() -> Weights:
         return {name: value.detach().numpy().copy() for name, value in weights.items()}
@@ -239,6 +241,19 @@ def _learn(
             checkpoint.save({"weights": learnt, "optimiser": optimiser.state_dict(), "state": state})
     _validate(state, now(), recipe, pool)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
+
+
+def _checked(
+    state: dict[str, Any], recipe: ExplorerRecipe, weights: dict[str, torch.Tensor]
+) -> dict[str, Any]:
+    """What a checkpoint says of the training so far, if it is such a thing."""
+    best, curve, rounds = state["best"], state["curve"], state["round"]
+    good = isinstance(rounds, int) and 0 <= rounds <= recipe.rounds and isinstance(state["score"], float)
+    good &= isinstance(curve, list) and all(isinstance(row.get("round"), int) for row in curve)
+    good &= best is None or {k: v.shape for k, v in best.items()} == {k: v.shape for k, v in weights.items()}
+    if not good:
+        raise ValueError("its state is none of a training")
+    return state
 
 
 def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, pool: Workers) -> None:

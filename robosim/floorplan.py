@@ -16,16 +16,36 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from robosim.support.reading import FileError
+
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
 WallLine = Literal["cell_edge", "cell_centre"]
 
-#: Larger plans are taken for a mistake of the resolution rather than for a building.
-MAX_CELLS = 100_000_000
+#: Larger plans are taken for a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
+MAX_CELLS = 36_000_000
+#: Sides of cells, places and angles beyond these are taken for a mistake of the unit [m, m, rad].
+RESOLUTIONS_M, FARTHEST_M, MOST_YAW = (0.001, 10.0), 1e7, 1e3
+#: Letters of a name: file systems take 255, and what files are called goes on after it.
+_LONGEST_NAME = 200
 
 
-class MapError(ValueError):
+class MapError(FileError):
     """A floor plan that cannot be read or used; the message names the file, the value and the fix."""
+
+
+def check_resolution(resolution_m: float) -> None:
+    """Refuse a side of a cell [m] that no floor plan has.
+
+    Raises:
+        MapError: If it is beyond `RESOLUTIONS_M`.
+    """
+    low, high = RESOLUTIONS_M
+    if not low <= resolution_m <= high:
+        raise MapError(
+            f"resolution is {resolution_m:g} m, expected a positive number from {low:g} to {high:g}: "
+            "the side of a cell."
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,9 +66,14 @@ class FloorPlan:
     """Margin that was already taken off the free area [m]."""
 
     def __post_init__(self) -> None:
-        if not self.name.strip() or any(c in "/\\" or not c.isprintable() for c in self.name):
+        if (
+            not self.name.strip()
+            or len(self.name) > _LONGEST_NAME
+            or any(c in "/\\" or not c.isprintable() for c in self.name)
+        ):
             raise MapError(
-                f"name is {self.name!r}, expected printable text without slashes: files are named after it."
+                f"name is {self.name[:_LONGEST_NAME]!r}, expected printable text of at most {_LONGEST_NAME} letters "
+                "without slashes: files are named after it."
             )
         problem = self._problem_of_grid() or self._problem_of_place()
         if problem:
@@ -61,7 +86,7 @@ class FloorPlan:
             return f"occupancy has shape {grid.shape}, expected (ny, nx)."
         if grid.size > MAX_CELLS:
             return (
-                f"{grid.shape[1]} x {grid.shape[0]} cells, expected at most {MAX_CELLS:.0e} cells in all. "
+                f"{grid.shape[1]} x {grid.shape[0]} cells, expected at most {MAX_CELLS:.2g} cells in all. "
                 "Check the resolution, or downsample the plan."
             )
         if grid.dtype != np.uint8 or grid.max() > UNKNOWN:
@@ -75,14 +100,20 @@ class FloorPlan:
 
     def _problem_of_place(self) -> str | None:
         """What is wrong with the numbers around the grid, if anything."""
-        if not (np.isfinite(self.resolution_m) and self.resolution_m > 0):
-            return f"resolution is {self.resolution_m:g} m, expected a positive number: the side of a cell."
-        if len(self.origin) != 3 or not np.isfinite(self.origin).all():
-            return f"origin is {self.origin}, expected three finite numbers: x [m], y [m], yaw [rad]."
+        try:
+            check_resolution(self.resolution_m)
+        except MapError as error:
+            return str(error)
+        far = (FARTHEST_M, FARTHEST_M, MOST_YAW)
+        if len(self.origin) != 3 or not (np.abs(self.origin) <= far).all():
+            return (
+                f"origin is {self.origin}, expected x and y of at most {FARTHEST_M:g} m and a yaw of at most "
+                f"{MOST_YAW:g} rad."
+            )
         if self.wall_line not in get_args(WallLine):
             return f"wall_line is {self.wall_line!r}, expected one of {', '.join(get_args(WallLine))}."
-        if not (np.isfinite(self.eroded_m) and self.eroded_m >= 0):
-            return f"eroded_m is {self.eroded_m:g}, expected 0 or a positive number of metres."
+        if not 0 <= self.eroded_m <= RESOLUTIONS_M[1]:
+            return f"eroded_m is {self.eroded_m:g}, expected 0 to {RESOLUTIONS_M[1]:g} m."
         return None
 
     def digest(self) -> str:
@@ -135,15 +166,15 @@ def grid_size(
         what: What the rectangle belongs to, for the message.
 
     Raises:
-        MapError: If there would be more than MAX_CELLS.
+        MapError: If there would be more than MAX_CELLS, or it lies too far away.
     """
     with np.errstate(over="ignore"):
         cells = (upper - lower) / resolution_m
         n_cells = np.prod(cells + 2)
-    if not n_cells <= MAX_CELLS:
+    if not (n_cells <= MAX_CELLS and np.abs([lower, upper]).max() <= FARTHEST_M):
         raise MapError(
-            f"{what} goes from {lower} to {upper} m, more than {MAX_CELLS:.0e} cells of {resolution_m:g} m. "
-            "Are its coordinates in metres? If so, pass a coarser resolution."
+            f"{what} goes from {lower} to {upper} m, more than {MAX_CELLS:.2g} cells of {resolution_m:g} m or too far "
+            "away. Are its coordinates in metres? If so, pass a coarser resolution."
         )
     # A rounding error more than a whole number of cells does not make another one.
     nx, ny = (int(n) for n in np.maximum(np.ceil(cells - 1e-3), 1) + 2)

@@ -21,8 +21,10 @@ from robosim.bench.label_walls import published_mesh
 from robosim.building import make_building
 from robosim.generate import GeneratorConfig, generate_plan
 from robosim.receivers import receiver_grid
+from robosim.support.arrays_in import Array, read_npz
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import told_units
+from robosim.support.reading import reading
 from robosim.support.workers import Workers
 from wireless.estimation_public import PublicReceiver
 from wireless.linkstate.tokens import make_tokens
@@ -38,6 +40,7 @@ TX_CLEARANCE_M = 0.04
 #: Seed of the first home, far from those that people take.
 FIRST_SEED = 1_000_220
 
+_MADE = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
 #: Estimated paths and states of links.
 Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, "n"]]
 
@@ -73,9 +76,12 @@ def read_homes(count: int, folder: Path) -> Made:
     """The links of so many homes, in the order of their seeds."""
     tokens, states = [], []
     for seed in _seeds(count):
-        with np.load(_file(folder, seed)) as file:
-            tokens.append(file["tokens"])
-            states.append(file["state"])
+        with reading(_file(folder, seed), "links of a generated home", "Delete it to make it again.") as file:
+            made = read_npz(file, _MADE)
+            if not np.isin(made["state"], list(LinkState)).all():
+                raise ValueError("a link state is none")
+        tokens.append(made["tokens"])
+        states.append(made["state"])
     return np.concatenate(tokens), np.concatenate(states)
 
 

@@ -6,7 +6,6 @@ map on the same frames stand beside them.
 
 import signal
 import time
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,11 +15,13 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.collect import CollectConfig, collect
+from robosim.collect import SHARD, CollectConfig, collect
 from robosim.mapper_plots import plot_curve
+from robosim.support.arrays_in import read_npz
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN
 from slam.mapper.features import Features
@@ -31,6 +32,10 @@ from slam.threads import torch_threads
 
 #: One home in so many is held out.
 HOLD_OUT = 10
+#: Bytes of a shard, packed and unpacked.
+_MOST_BYTES = 400_000_000
+#: Least and largest height or width of a depth image.
+_SIDES = (8, 4096)
 
 
 def train_mapper(
@@ -134,13 +139,14 @@ def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
     """Arrays of a file of `robosim.collect`.
 
     Raises:
-        ValueError: If it is not such a file.
+        FileError: If it is not such a file.
     """
-    try:
-        with path.open("rb") as file, np.load(file) as shard:
-            return [shard[name] for name in names]
-    except (OSError, KeyError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} is no shard of `robosim collect` ({error}). Collect it anew.") from error
+    with reading(path, "a shard of `robosim collect`", "Collect it anew.", most_bytes=_MOST_BYTES) as file:
+        arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
+        frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)
+        if not (frames and _SIDES[0] <= min(size) and max(size) <= _SIDES[1]):
+            raise ValueError(f"it has {frames} frames of {size[0]} x {size[1]} pixels")
+    return [arrays[name] for name in names]
 
 
 def smoke_frames(folder: Path, console: Console) -> Path:

@@ -12,13 +12,14 @@
 A bare name is a plan that comes with the package (`robosim.support.assets`). `write_ros` and `write_png` write.
 """
 
+import stat
 from collections.abc import Sequence
+from contextlib import suppress
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
-import numpy as np
-
-from robosim.floorplan import FloorPlan, MapError
+from robosim.floorplan import FloorPlan, MapError, check_resolution
 from robosim.formats import mesh_slice
 from robosim.formats.houseexpo import read_houseexpo
 from robosim.formats.mesh_slice import UpAxis, read_mesh
@@ -27,12 +28,15 @@ from robosim.formats.plan_array import plan_from_array, read_npy
 from robosim.formats.plan_image import read_image_plan, write_png
 from robosim.formats.ros_map import read_ros, write_ros
 from robosim.support.assets import shipped_plans
+from robosim.support.reading import FileError, expanded, reading, reason_of, shown
+from robosim.support.text_in import MOST_JSON
 
 __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros"]
 
 IMAGES = (".pgm", ".png", ".bmp", ".tif", ".tiff", ".gif", ".jpg", ".jpeg", ".webp", ".pbm", ".ppm", ".pnm")
 MESHES = (".glb", ".gltf", ".ply", ".obj", ".stl", ".off")
 _ROS = (".yaml", ".yml")
+_FILES_OF_A_HINT = 1000
 _KNOWN = (*_ROS, *IMAGES, ".out", ".json", ".npy", *MESHES)
 
 
@@ -66,13 +70,9 @@ def read_plan(
     """
     path = _resolve(path)
     suffix = path.suffix.lower()
-    if resolution_m is not None and not (np.isfinite(resolution_m) and resolution_m > 0):
-        raise MapError(
-            f"{path}: resolution is {resolution_m:g} m, expected a positive number: the side of a cell."
-        )
     if resolution_m is not None and suffix in _ROS:
         raise MapError(
-            f"{path}: a ROS map says its resolution itself. Leave the option out, or edit the file."
+            f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
     mesh_options = {
         "floor height": floor_height_m,
@@ -82,8 +82,10 @@ def read_plan(
     }
     for name, value in mesh_options.items():
         if value is not None and suffix not in MESHES:
-            raise MapError(f"{path}: {name} is {value}, but this is no mesh. Leave the option out.")
+            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
     try:
+        if resolution_m is not None:
+            check_resolution(resolution_m)
         if suffix in _ROS:
             return read_ros(path)
         if suffix in IMAGES:
@@ -104,53 +106,61 @@ def read_plan(
         )
     except MapError as error:
         # What is wrong with the plan as such is said by its name; the user knows it by its file.
-        raise error if str(path) in str(error) else MapError(f"{path}: {error}") from error
+        if shown(path) in str(error):
+            raise
+        raise MapError(f"{shown(path)}: {error}") from error
 
 
 def _resolve(path: str | Path) -> Path:
     """The file that is meant, of a known kind."""
-    given = Path(path)
-    file = given.expanduser() if str(given).startswith("~") else given
-    try:
-        is_folder, exists = file.is_dir(), file.exists()
-    except (OSError, ValueError) as error:
-        raise MapError(f"{str(path)[:200]!r}: no such file ({error}).") from error
-    if is_folder:
-        raise MapError(f"{file}: is a folder, expected one floor plan.{_plans_inside(file)}")
-    if not exists:
+    file = expanded(path)
+    if _is_folder(file):
+        raise MapError(f"{shown(file)}: is a folder, expected one floor plan.{_plans_inside(file)}")
+    if not file.exists():
         shipped = shipped_plans()
         if str(path) in shipped:
             return shipped[str(path)]
         raise MapError(
-            f"{file}: no such file, and no shipped plan of that name.{_did_you_mean(file, shipped)}"
+            f"{shown(file)}: no such file, and no shipped plan of that name.{_did_you_mean(file, shipped)}"
         )
     if file.suffix.lower() not in _KNOWN:
         raise MapError(
-            f"{file}: the ending '{file.suffix}' is unknown, expected one of {' '.join(_KNOWN)}. "
+            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(_KNOWN)}. "
             "Rename or convert the file."
         )
     return file
 
 
+def _is_folder(path: Path) -> bool:
+    """Whether a path, which may be no path at all, is a folder."""
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError) as error:
+        raise MapError(f"{shown(path)}: cannot be opened ({reason_of(error)}).") from error
+
+
 def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
     """A hint at files and shipped plans with a similar name."""
     names = {name: name for name in shipped}
-    if file.parent.is_dir():
-        beside = (p for p in file.parent.iterdir() if p.suffix.lower() in _KNOWN)
+    with suppress(OSError):
+        beside = [p for p in file.parent.iterdir() if p.suffix.lower() in _KNOWN]
         names.update({p.name: str(p) for p in beside})
         names.update({Path(name).stem: full for name, full in list(names.items()) if full not in shipped})
     near = get_close_matches(file.name, names, 2, cutoff=0.7)
     if near:
-        return f" Did you mean {' or '.join(dict.fromkeys(repr(names[name]) for name in near))}?"
+        return f" Did you mean {' or '.join(dict.fromkeys(repr(shown(names[name])) for name in near))}?"
     return f" Shipped plans: {', '.join(shipped)}." if shipped else ""
 
 
 def _plans_inside(folder: Path) -> str:
-    inside = _plans_in(folder)
+    # A hint is not worth a walk through a whole disk.
+    inside = _plans_in(folder, most=_FILES_OF_A_HINT)
     if not inside:
         return ""
     more = f" and {len(inside) - 5} more" if len(inside) > 5 else ""
-    return f" Inside are {', '.join(str(p.relative_to(folder)) for p in inside[:5])}{more}."
+    return f" Inside are {', '.join(shown(p.relative_to(folder)) for p in inside[:5])}{more}."
 
 
 def find_plans(plans: Sequence[str | Path]) -> list[Path]:
@@ -164,24 +174,26 @@ def find_plans(plans: Sequence[str | Path]) -> list[Path]:
     """
     found: list[Path] = []
     for plan in plans:
-        folder = Path(plan).expanduser()
-        if not folder.is_dir():
+        folder = expanded(plan)
+        if not _is_folder(folder):
             found.append(_resolve(plan))
             continue
         inside = _plans_in(folder)
         if not inside:
             raise MapError(
-                f"{folder}: no floor plan in this folder, expected ROS .yaml, .out or HouseExpo .json files."
+                f"{shown(folder)}: no floor plan in this folder, expected ROS .yaml, .out or HouseExpo .json files."
             )
         found += inside
     return found
 
 
-def _plans_in(folder: Path) -> list[Path]:
-    """Floor plans in a folder and those below, by name."""
+def _plans_in(folder: Path, most: int | None = None) -> list[Path]:
+    """Floor plans in a folder and those below, by name, among so many files at most."""
     marks = {".yaml": b"image:", ".yml": b"image:", ".json": b'"verts"', ".out": b""}
     return sorted(
-        p for p in folder.rglob("*") if p.suffix in marks and p.is_file() and _holds(p, marks[p.suffix])
+        p
+        for p in islice(folder.rglob("*"), most)
+        if p.suffix in marks and p.is_file() and _holds(p, marks[p.suffix])
     )
 
 
@@ -190,6 +202,7 @@ def _holds(path: Path, mark: bytes) -> bool:
     if not mark:
         return True
     try:
-        return mark in path.read_bytes()
-    except OSError:
+        with reading(path, "a floor plan", most_bytes=MOST_JSON) as file:
+            return mark in file.read()
+    except FileError:
         return False

@@ -31,6 +31,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     log = read_decisions(folder)
     if not len(log):
         raise ValueError(f"{folder}: the episode ended where it began, without a decision to draw.")
+    log.check_pictures()
     shown = set(np.linspace(0, len(log) - 1, min(frames, len(log))).round().astype(int).tolist())
     picture = Picture(log.rings, log.target, anticipates=log.anticipates)
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"

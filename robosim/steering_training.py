@@ -24,9 +24,11 @@ from robosim.navigation import make_navigator
 from robosim.odometry import NoiseModel
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import tracked
+from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.tasks import ARRIVAL_M, make_task
@@ -244,5 +246,8 @@ def _round(
         seen = pool.in_order(lesson, [(home, recipe, weights, own) for home in homes])
         senses, advised = (np.concatenate(part) for part in zip(*seen, strict=True))
         write_whole(kept, npz_bytes({"senses": senses, "advised": advised}))
-    with np.load(kept) as round_:
-        return round_["senses"], round_["advised"]
+    with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
+        found = read_npz(file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")})
+        if not np.isin(found["advised"], list(Action)).all():
+            raise ValueError("an advice is no action")
+        return found["senses"], found["advised"]

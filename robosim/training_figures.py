@@ -5,7 +5,6 @@ A run is a folder of `robosim train link-state`: `result.json`, and a table of e
 """
 
 import csv
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,8 @@ from jaxtyping import Int
 from robosim.gallery import Picture
 from robosim.link_state_plots import plot_confusions, plot_curves
 from robosim.support.assets import shipped_weights
+from robosim.support.reading import reading
+from robosim.support.text_in import MOST_JSON, check_object, parse_json
 from wireless.linkstate.training import Epoch
 
 #: Row-normalised diagonal published for outage, LOS, first and higher order. Reference: arXiv 2110.14789.
@@ -23,6 +24,8 @@ PUBLISHED_RIGHT = {
     "with angles of departure": (1.0, 0.96, 0.80, 0.83),
     "without angles of departure": (1.0, 0.88, 0.74, 0.81),
 }
+#: Bytes of a table of epochs, and their number.
+_MOST_BYTES, _MOST_EPOCHS = 10_000_000, 1_000_000
 
 
 def draw_training(runs: Sequence[Path], out: Path) -> tuple[list[Picture], list[str]]:
@@ -76,44 +79,61 @@ def read_card(path: Path) -> dict[str, Any]:
     """Scores of a training run or a classifier.
 
     Raises:
-        ValueError: If the file is missing or none of them.
+        FileError: If the file is missing or none of them.
     """
-    try:
-        card = json.loads(path.read_text(encoding="utf-8"))
-        if {"recipe", "validation"} <= set(card):
-            return card
-        missing = "it has no recipe and scores"
-    except (OSError, json.JSONDecodeError) as error:
-        missing = str(error)
-    raise ValueError(
-        f"{path} is no result of training a classifier ({missing}); expected one that `robosim train link-state` "
-        "wrote when it had finished."
-    )
+    remedy = "Give one that `robosim train link-state` wrote when it had finished."
+    with reading(path, "a result of training a classifier", remedy, most_bytes=MOST_JSON) as file:
+        card = check_object(parse_json(file.read()), ("recipe", "validation"))
+        _departures(card)
+        confusion_of(card)
+        return card
 
 
 def read_epochs(run: Path) -> dict[str, list[Epoch]]:
-    """Epochs of each network of a run, by its name."""
-    found = {}
-    for path in sorted((run / "jobs").glob("*.csv")):
-        with open(path, newline="", encoding="utf-8") as file:
-            found[path.stem] = [_epoch(row) for row in csv.DictReader(file)]
+    """Epochs of each network of a run, by its name.
+
+    Raises:
+        FileError: If a table is damaged.
+    """
+    found = {path.stem: _epochs(path) for path in sorted((run / "jobs").glob("*.csv"))}
     return {name: epochs for name, epochs in found.items() if epochs}
+
+
+def _epochs(path: Path) -> list[Epoch]:
+    with reading(path, "a table of epochs", "Train the network again.", most_bytes=_MOST_BYTES) as file:
+        rows = csv.DictReader(file.read().decode("utf-8").splitlines())
+        return [_epoch(row) for row in rows]
 
 
 def _epoch(row: dict[str, str]) -> Epoch:
     """A row of a table of epochs; scores are empty where nothing is held out."""
-    accuracy, watched_loss = (float(row[key]) if row[key] else None for key in ("accuracy", "watched_loss"))
+    number = int(row["epoch"])
+    loss, accuracy, watched_loss = (float(row[key] or "nan") for key in ("loss", "accuracy", "watched_loss"))
+    if not (0 < number < _MOST_EPOCHS and np.isfinite(loss)) or np.isinf([accuracy, watched_loss]).any():
+        raise ValueError(f"epoch {number} has a loss of {loss:g}")
     return Epoch(
-        epoch=int(row["epoch"]), loss=float(row["loss"]), accuracy=accuracy, watched_loss=watched_loss
+        epoch=number,
+        loss=loss,
+        accuracy=None if np.isnan(accuracy) else accuracy,
+        watched_loss=None if np.isnan(watched_loss) else watched_loss,
     )
 
 
 def confusion_of(card: dict[str, Any]) -> tuple[str, Int[np.ndarray, "4 4"]] | None:
     """Links by true and told state, and which they are: test buildings, or else all that were held out."""
     if "test" in card:
-        return "test buildings", np.array(card["test"]["confusion"])
-    folds = [scores["confusion"] for name, scores in card["validation"].items() if name.startswith("fold")]
+        return "test buildings", _counts(card["test"]["confusion"])
+    folds = [
+        _counts(scores["confusion"]) for name, scores in card["validation"].items() if name.startswith("fold")
+    ]
     return (f"held-out buildings of {len(folds)} fold(s)", np.sum(folds, axis=0)) if folds else None
+
+
+def _counts(confusion: Any) -> Int[np.ndarray, "4 4"]:
+    counts = np.array(confusion)
+    if counts.shape != (4, 4) or counts.dtype.kind not in "iu" or counts.min() < 0:
+        raise ValueError(f"a confusion of link states has shape {counts.shape}, expected 4 x 4 counts")
+    return counts
 
 
 def _departures(card: dict[str, Any]) -> str:

@@ -8,7 +8,6 @@ Each episode is kept in a file of its own, so that a run which was killed goes o
 Reference: Chaplot et al., ICLR 2020 (coverage at 1000 steps); Efron, Annals of Statistics 7(1), 1979.
 """
 
-import json
 import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

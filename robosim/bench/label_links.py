@@ -22,6 +22,8 @@ from robosim.bench.label_adjacent import adopted, with_coarse
 from robosim.bench.label_walls import published_mesh
 from robosim.building import Building, make_building
 from robosim.planfiles import read_plan
+from robosim.support.arrays_in import Array, read_npz
+from robosim.support.reading import reading
 from wireless.mmwrobotnav import Measurements, link_states
 from wireless.paths import Interaction, Paths
 from wireless.raytrace import Tracer, TracerConfig
@@ -76,8 +78,9 @@ class Links:
     @classmethod
     def load(cls, path: Path) -> "Links":
         """Read a NumPy archive of `arrays`."""
-        with np.load(path) as file:
-            return cls(**{f.name: file[f.name] for f in fields(cls)})
+        expected = {f.name: Array("b u f", "n") for f in fields(cls)}
+        with reading(path, "compared links", "Delete it to compare them again.") as file:
+            return cls(**read_npz(file, expected))
 
 
 @lru_cache(maxsize=1)

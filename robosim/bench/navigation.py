@@ -67,7 +67,10 @@ def run(
                 f"{len(failures)} episodes failed, first {failures[0].job.name}: {failures[0].error}"
             )
         heads = [read_head(job.file(out)) for job in jobs]
-        rows = [{**h.row, "decisions_per_s": h.timing["decisions_per_s"], "seconds": h.timing} for h in heads]
+        rows = [
+            {**h.row, "decisions_per_s": h.timing.get("decisions_per_s", 0.0), "seconds": h.timing}
+            for h in heads
+        ]
         told = {"seed": seed, "noise": noise, "mapper": mapper, "explorer": explorer}
         write_json(out / "navigation.json", {**told, "episodes": rows})
     return _table(rows)

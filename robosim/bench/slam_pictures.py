@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from robosim.bench.exploration import area_under, held
 from robosim.building import Building
 from robosim.plots import ESTIMATE, TRUE, draw_walls, save_figure
+from robosim.support.arrays_in import FAR, Array, read_npz
+from robosim.support.reading import reading
 from slam.mapper.scores import PatchScores
 
 
@@ -42,6 +44,12 @@ def plot_coverage(rows: list[dict[str, Any]], path: Path) -> None:
     save_figure(figure, path)
 
 
+_KEPT = {
+    "observed": Array("u1", "ny nx"), "anticipated": Array("u1", "ny nx"), "origin": Array("f", "2", FAR),
+    "resolution_m": Array("f", "", FAR), "poses": Array("f", "n 3", FAR), "estimates": Array("f", "n 3", FAR),
+}  # fmt: skip
+
+
 def plot_map(path: Path, building: Building, kept: Path, title: str) -> None:
     """Draw the observed and the anticipated map that a walk has left, true walls and both ways on top.
 
@@ -54,7 +62,8 @@ def plot_map(path: Path, building: Building, kept: Path, title: str) -> None:
     west, south, east, north = building.free.bounds
     aspect = float(np.clip((north - south + 1) / (east - west + 1), 0.4, 2.0))
     figure, axes = plt.subplots(1, 2, figsize=(12, 6 * aspect + 0.7), layout="constrained")
-    with np.load(kept) as maps:
+    with reading(kept, "maps that a walk has left") as file:
+        maps = read_npz(file, _KEPT)
         for ax, name in zip(axes, ("observed", "anticipated"), strict=True):
             _draw_map(ax, maps[name], maps["origin"], float(maps["resolution_m"]))
             draw_walls(ax, building)

@@ -30,6 +30,7 @@ from robosim.rendering.shading import shaded_mesh
 from robosim.support.checks import SIZE_PX, check_network, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
+from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
@@ -134,7 +135,7 @@ def _of_plan(
     told = json.loads(json.dumps({"speed": asdict(speed), "settings": asdict(settings)}))
     file = out / "speed" / f"{plan.name}.json"
     if file.exists():
-        kept = json.loads(file.read_text(encoding="utf-8"))
+        kept = read_json(file, "speeds of mappers", "Delete it to measure again.", keys=("told", "rows"))
         if kept["told"] == told:
             rows: list[dict[str, Any]] = kept["rows"]
             return rows

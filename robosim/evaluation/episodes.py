@@ -7,10 +7,8 @@ it again, in some 20 kB. A process keeps the building of the last plan, since jo
 
 import io
 import json
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
@@ -24,18 +22,32 @@ from jaxtyping import Float, UInt8
 from robosim.ablations import PolicyName, configured
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.evaluation.rows import check_row, is_number, name_of
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.floorplan import MapError
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
+from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.files import plain
+from robosim.support.reading import reading
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
+from robosim.support.text_in import check_object, parse_json
 from robosim.tasks import Task, make_task
 from slam.grid import MapEstimate
+from wireless.paths import LinkState
 
 #: Steps at which the part of the floor that was seen is told.
 MILESTONES = (250, 500, 1000)
+
+
+_WHAT, _REMEDY = "an episode of `robosim evaluate`", "Delete it to run it again."
+#: What the file of an episode must hold.
+_EXPECTED = {
+    "head": Array("U", ""), "poses": Array("f", "n 3", FAR), "estimates": Array("f", "n 3", FAR),
+    "goals": Array("f", "m 2", FAR), "coverage": Array("f", "n", FAR), "links": Array("f", "k 4"),
+    "built": Array("u1", "ny nx"), "built_frame": Array("f", "3", FAR),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +70,9 @@ class Job:
     @property
     def name(self) -> str:
         """Of its file, unique in an evaluation."""
-        return f"{self.task.plan}/{self.task.number:03d}-{self.policy}-{self.repeat}"
+        task = self.task
+        row = {"plan": task.plan, "task": task.number, "policy": self.policy, "repeat": self.repeat}
+        return name_of(row)
 
     def file(self, out: Path) -> Path:
         """Where the episode is kept below the folder of an evaluation."""
@@ -154,30 +168,41 @@ def read_head(path: Path) -> Head:
     """Read what tables tell of an episode.
 
     Raises:
-        ValueError: If the file is no episode, or damaged.
+        FileError: If the file is no episode, or damaged, or another than its name says.
     """
-    with _opened(path) as file:
-        return Head(**json.loads(str(file["head"])))
+    with reading(path, _WHAT, _REMEDY) as file:
+        return _head(read_npz(file, {"head": _EXPECTED["head"]}), path)
 
 
 def read_episode(path: Path) -> Episode:
     """Read all that is kept of an episode.
 
     Raises:
-        ValueError: If the file is no episode, or damaged.
+        FileError: As `read_head` does.
     """
-    with _opened(path) as file:
-        arrays = {field.name: file[field.name] for field in fields(Episode) if field.name != "head"}
-    return Episode(head=read_head(path), **arrays)
+    with reading(path, _WHAT, _REMEDY) as file:
+        arrays = read_npz(file, _EXPECTED)
+        head = _head(arrays, path)
+        del arrays["head"]
+        moments = len(arrays["poses"])
+        if not moments or max(len(arrays["goals"]), len(arrays["links"])) > moments:
+            raise ValueError(f"it has {moments} poses, but {len(arrays['goals'])} goals")
+        if not np.isin(arrays["links"][:, :2], list(LinkState)).all():
+            raise ValueError("a link state is none")
+        if arrays["built"].max(initial=0) > 2:
+            raise ValueError(f"a cell of the map is {arrays['built'].max()}, expected 0, 1 or 2")
+        return Episode(head=head, **arrays)
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            yield file
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path}: no episode, or damaged ({error}). Delete it to run it again.") from error
+def _head(arrays: Mapping[str, np.ndarray], path: Path) -> Head:
+    told = check_object(parse_json(str(arrays["head"]).encode()), ("row", "timing", "made_by"))
+    row, timing = check_object(told["row"]), check_object(told["timing"])
+    check_row(row)
+    if not all(map(is_number, timing.values())):
+        raise ValueError("a time is no number")
+    if name_of(row) != f"{path.parent.name}/{path.stem}":
+        raise ValueError(f"it is the episode {name_of(row)[:80]}, not that of its name")
+    return Head(row, timing, str(told["made_by"]))
 
 
 def draw_plan(

@@ -22,6 +22,7 @@ from robosim.evaluation.suite import Suite
 from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
+from robosim.support.reading import read_bytes
 
 _PACKAGES = (
     "robosim",
@@ -45,8 +46,9 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
     for varied in ("goal", "seed"):
         episode.pop(varied)
     for name, value in _flat(episode).items():
-        if isinstance(value, str) and value.endswith(".safetensors") and Path(value).is_file():
-            episode[f"{name} content"] = hashlib.sha256(Path(value).read_bytes()).hexdigest()[:16]
+        if isinstance(value, str) and value.endswith(".safetensors"):
+            content = read_bytes(value, "weights of a network")
+            episode[f"{name} content"] = hashlib.sha256(content).hexdigest()[:16]
     return {
         "seed": suite.seed,
         "plans": {name: read_plan(file).digest() for name, file in suite.plans.items()},

@@ -7,7 +7,8 @@ the other stays longest in one place. Published numbers are marked beside ours; 
 Reference: arXiv 2110.14789.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from robosim.building import Building, BuildingConfig, make_building
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
+from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import read_suite
 from robosim.gallery import Picture, write_index
@@ -30,7 +32,9 @@ from robosim.goals import SEEKERS
 from robosim.picture import STATE_COLOURS
 from robosim.planfiles import read_plan
 from robosim.plots import TARGET, TRUE, draw_walls, save_figure
-from robosim.support.run_folder import read_settings
+from robosim.support.reading import FileError, naming, shown
+from robosim.support.run_folder import SETTINGS, read_settings
+from robosim.support.text_in import check_object
 from robosim.tasks import ARRIVAL_M
 from wireless.paths import LinkState
 
@@ -40,6 +44,9 @@ PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
 #: A robot stays in one place as long as it goes no farther than this from it [m].
 STAY_M = 1.0
+#: No robot that fits into a building is wider.
+_WIDEST_M = 10.0
+_SUITE = "suite.yaml"
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,13 +119,18 @@ _EXAMPLE_CAPTION = (
 def _rows(results: Path) -> list[dict[str, Any]]:
     """Rows of the kept episodes of tasks that the oracle has done too, policies in their order."""
     files = sorted((results / "episodes").glob("*/*.npz"))
-    if not files or not (results / "suite.yaml").is_file():
-        raise ValueError(f"{results}: no episodes. Expected a folder of `robosim evaluate`.")
+    if not files or not os.path.lexists(results / _SUITE):
+        raise FileError(f"{shown(results)}: no episodes. Expected a folder of `robosim evaluate`.")
+    plans = _plans(results)
     rows = [read_head(file).row for file in files]
+    if foreign := [row["plan"] for row in rows if row["plan"] not in plans]:
+        raise FileError(
+            f"{shown(results / _SUITE)}: has no plan {foreign[0]!r}, of which there are episodes."
+        )
     judged = {(row["plan"], row["task"]) for row in rows if row["policy"] == "oracle"}
     kept = [row for row in rows if (row["plan"], row["task"]) in judged]
     if not kept:
-        raise ValueError(f"{results}: no episode of the oracle yet. Let `robosim evaluate` go on.")
+        raise FileError(f"{shown(results)}: no episode of the oracle yet. Let `robosim evaluate` go on.")
     return sorted(
         kept, key=lambda row: (POLICIES.index(row["policy"]), row["plan"], row["task"], row["repeat"])
     )
@@ -126,9 +138,8 @@ def _rows(results: Path) -> list[dict[str, Any]]:
 
 def _following(results: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
     """Whether arrivals that were followed led on."""
-    plans = read_suite(results / "suite.yaml").plans
-    robot = _episode_config(results)["simulator"]["robot"]
-    found = progress(results, rows, plans, _building_config(results), robot["radius_m"])
+    config, radius_m = _scenes(results)
+    found = progress(results, rows, _plans(results), config, radius_m)
     return ["Following an arrival, by the link state believed in:", *told(found)] if found else []
 
 
@@ -259,15 +270,20 @@ def _rgb(state: LinkState) -> tuple[float, float, float]:
 
 def _building(results: Path, plan: str) -> Building:
     """The building of a plan, made as its episodes had it."""
-    plans = read_suite(results / "suite.yaml").plans
-    return make_building(read_plan(plans[plan]), config=_building_config(results))
+    config, _ = _scenes(results)
+    return make_building(read_plan(_plans(results)[plan]), config=config)
 
 
-def _building_config(results: Path) -> BuildingConfig:
-    return BuildingConfig(**_episode_config(results)["building"])
+def _plans(results: Path) -> Mapping[str, Path]:
+    return read_suite(results / _SUITE).plans
 
 
-def _episode_config(results: Path) -> dict[str, Any]:
-    """How episodes ran, but for policy and seed."""
-    episode: dict[str, Any] = read_settings(results, "evaluate")["episode"]
-    return episode
+def _scenes(results: Path) -> tuple[BuildingConfig, float]:
+    """How plans became buildings, and the radius of the robot [m]."""
+    settings = read_settings(results, "evaluate")
+    with naming(results / SETTINGS, "the settings of an evaluation"):
+        building = check_object(settings["episode"]["building"])
+        radius_m = settings["episode"]["simulator"]["robot"]["radius_m"]
+        if not (is_number(radius_m) and 0 < radius_m < _WIDEST_M):
+            raise ValueError(f"the robot's radius is {radius_m!r}")
+        return BuildingConfig(**building), float(radius_m)

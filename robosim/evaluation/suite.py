@@ -14,6 +14,8 @@ The file is YAML or JSON; plans lie relative to it, or are shipped ones by name:
 
 import json
 import os
+import re
+import reprlib
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -24,15 +26,25 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robosim.evaluation.rows import is_number
+from robosim.floorplan import FARTHEST_M
 from robosim.reach import Reach
 from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file
+from robosim.support.reading import FileError, expanded, read_bytes, reading
+from robosim.support.text_in import MOST_JSON, MOST_YAML, check_object, parse_json, parse_yaml
 from robosim.tasks import make_task
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")
 #: Decimals that places are kept with: 0.1 mm and 0.01 degrees.
 _PLACE_DECIMALS, _YAW_DECIMALS = 4, 2
+_WHAT = "a suite of searches"
+_REMEDY = "It has `seed`, `plans` and `tasks`, in YAML or JSON; `robosim evaluate --suite-out` writes one."
+_SHORT = reprlib.Repr()
+_SHORT.maxstring, _SHORT.maxlevel = 80, 3
+#: The key of a list of tasks in YAML or JSON.
+_TASKS = re.compile(rb"""^\{?[ \t]*["']?tasks["']?[ \t]*:|[,{]\s*["']tasks["']\s*:""", re.MULTILINE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,47 +117,56 @@ def name_plans(files: Sequence[Path]) -> dict[str, Path]:
 
 def is_suite(path: str | Path) -> bool:
     """Whether a file is a suite rather than a floor plan: YAML or JSON with a list of tasks."""
-    path = Path(path).expanduser()
-    if path.suffix.lower() not in SUFFIXES or not path.is_file():
-        return False
-    if b"tasks" not in path.read_bytes():
+    path = expanded(path)
+    if path.suffix.lower() not in SUFFIXES:
         return False
     try:
-        content = _parse(path)
-    except ValueError:
+        return _TASKS.search(read_bytes(path, _WHAT, most_bytes=MOST_JSON)) is not None
+    except FileError:
         return False
-    return isinstance(content, dict) and "tasks" in content
 
 
 def read_suite(path: str | Path) -> Suite:
     """Read a suite from a YAML or JSON file.
 
     Raises:
-        ValueError: If it is no suite; the message names file, entry and fix.
+        FileError: If it is no suite; the message names file, entry and fix.
     """
-    path = Path(path).expanduser()
-    content = _parse(path)
-    if not isinstance(content, dict) or not isinstance(content.get("tasks"), list):
-        raise ValueError(f"{path}: no list of tasks. A suite has `seed`, `plans` and `tasks`.")
+    path = expanded(path)
+    is_json = path.suffix.lower() == ".json"
+    with reading(path, _WHAT, _REMEDY, most_bytes=MOST_JSON if is_json else MOST_YAML) as file:
+        content = check_object((parse_json if is_json else parse_yaml)(file.read()))
+        return _suite(content, path.parent)
+
+
+def _suite(content: Mapping[str, Any], folder: Path) -> Suite:
+    if not isinstance(content.get("tasks"), list):
+        raise FileError("no list of tasks. A suite has `seed`, `plans` and `tasks`.")
     listed, seed = content.get("plans"), content.get("seed", 0)
     if not isinstance(listed, dict) or not listed:
-        raise ValueError(f"{path}: `plans` is {listed!r}, expected file by name, as in {{flat: flat}}.")
+        raise FileError(f"`plans` is {_short(listed)}, expected file by name, as in {{flat: flat}}.")
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        raise ValueError(f"{path}: `seed` is {seed!r}, expected a whole number of 0 or more.")
-    plans = {str(name): _plan_file(path.parent, str(file)) for name, file in listed.items()}
-    for name in plans:
-        if not name or set(name) & set('/\\:*?"<>|') or name.startswith("."):
-            raise ValueError(f"{path}: plan {name!r} names files too; use letters, digits, - and _.")
+        raise FileError(f"`seed` is {_short(seed)}, expected a whole number of 0 or more.")
+    for name in map(str, listed):
+        if not is_plan_name(name):
+            raise FileError(f"plan {_short(name)} names files too; use letters, digits, - and _.")
+    plans = {str(name): _plan_file(folder, str(file)) for name, file in listed.items()}
     counts: Counter[str] = Counter()
     tasks = []
     for index, entry in enumerate(content["tasks"]):
-        task = _task(path, index, entry, plans, counts)
+        task = _task(index, entry, plans, counts)
         tasks.append(task)
         counts[task.plan] += 1
     if not tasks:
-        raise ValueError(f"{path}: the list of tasks is empty.")
+        raise FileError("the list of tasks is empty.")
     order = {name: place for place, name in enumerate(plans)}
     return Suite(plans=plans, tasks=tuple(sorted(tasks, key=lambda t: (order[t.plan], t.number))), seed=seed)
+
+
+def is_plan_name(name: str) -> bool:
+    """Whether a plan may be called so: folders and files are named after it."""
+    strange = set(name) & set('/\\:*?"<>|')
+    return 0 < len(name) <= 200 and name.isprintable() and not strange and not name.startswith(".")
 
 
 def write_suite(suite: Suite, path: Path) -> None:
@@ -171,31 +192,20 @@ def _seed_of(*parts: object) -> int:
     return zlib.crc32(" ".join(map(str, parts)).encode())
 
 
-def _parse(path: Path) -> Any:
-    try:
-        text = path.read_text(encoding="utf-8")
-        return json.loads(text) if path.suffix.lower() == ".json" else yaml.safe_load(text)
-    except (yaml.YAMLError, json.JSONDecodeError, UnicodeDecodeError) as error:
-        reason = " ".join(str(error).split())
-        raise ValueError(f"{path}: cannot be read as YAML or JSON ({reason}).") from error
-
-
 def _plan_file(folder: Path, file: str) -> Path:
     """The file of a plan; a name with neither folder nor ending is a shipped plan's."""
     if file in shipped_plans() and not (folder / file).is_file():
         return shipped_plans()[file]
-    return Path(os.path.normpath(folder / Path(file).expanduser()))
+    return Path(os.path.normpath(folder / expanded(file)))
 
 
-def _task(
-    path: Path, index: int, entry: Any, plans: Mapping[str, Path], counts: Mapping[str, int]
-) -> SuiteTask:
-    where = f"{path}: task {index + 1}"
+def _task(index: int, entry: Any, plans: Mapping[str, Path], counts: Mapping[str, int]) -> SuiteTask:
+    where = f"task {index + 1}"
     if not isinstance(entry, dict):
-        raise ValueError(f"{where} is {entry!r}, expected plan, start and target.")
+        raise FileError(f"{where} is {_short(entry)}, expected plan, start and target.")
     plan = entry.get("plan")
     if not isinstance(plan, str) or plan not in plans:
-        raise ValueError(f"{where}: plan is {plan!r}, expected one of {', '.join(plans)}.")
+        raise FileError(f"{where}: plan is {_short(plan)}, expected one of {', '.join(plans)}.")
     start = _numbers(f"{where}: start", entry.get("start"), 3, "[x, y, yaw] in metres and degrees")
     target = _numbers(f"{where}: target", entry.get("target"), 2, "[x, y] in metres")
     return SuiteTask(
@@ -208,6 +218,11 @@ def _task(
 
 def _numbers(what: str, value: Any, count: int, expected: str) -> list[float]:
     good = isinstance(value, list) and len(value) == count
-    if not good or not all(isinstance(v, (int, float)) and np.isfinite(v) for v in value):
-        raise ValueError(f"{what} is {value!r}, expected {expected}.")
+    if not good or not all(is_number(v) and abs(v) <= FARTHEST_M for v in value):
+        raise FileError(f"{what} is {_short(value)}, expected {expected}.")
     return [float(v) for v in value]
+
+
+def _short(value: Any) -> str:
+    """A value for a message, of which a damaged file may hold a great deal."""
+    return _SHORT.repr(value)

@@ -9,13 +9,17 @@ surface is moved by a hundredth of a cell against its normal, and intervals are 
 ends, so that touching a border does not count.
 """
 
+from collections.abc import Iterator
+
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim.formats.scanline import pairs, parts
+from robosim.formats.scanline import Work, pairs
 
 #: How far surfaces are moved to their back, and intervals shortened [cells].
 MARGIN = 0.01
+#: Triangles that are worked on at once.
+_AT_ONCE = 100_000
 
 
 def cells_touched(
@@ -30,26 +34,26 @@ def cells_touched(
         high: Upper height; a surface at either height counts.
         shape: Rows and columns; what lies outside is left out.
     """
-    z = triangles[:, :, 2]
-    near = (z.max(axis=1) >= low) & (z.min(axis=1) <= high)
-    x, y = triangles[:, :, 0], triangles[:, :, 1]
-    near &= (
-        (x.max(axis=1) >= 0)
-        & (x.min(axis=1) <= shape[1])
-        & (y.max(axis=1) >= 0)
-        & (y.min(axis=1) <= shape[0])
-    )
-    polygons = cut(triangles[near], low, high)[:, :, :2] - MARGIN * unit_normals(triangles[near])[:, None, :2]
     # Runs of cells as +1 where one starts and -1 after its end: summed along a row, the number of runs.
-    edges = np.zeros((shape[0], shape[1] + 1), np.int64)
-    first, last = _whole(polygons[:, :, 1].min(axis=1), polygons[:, :, 1].max(axis=1), shape[0])
-    for part in parts(last - first + 1):
-        polygon, row = pairs(first[part], last[part] - first[part] + 1)
-        begin, end = _whole(*_x_in_rows(polygons[part][polygon], row), shape[1])
-        some = end >= begin
-        np.add.at(edges, (row[some], begin[some]), 1)
-        np.add.at(edges, (row[some], end[some] + 1), -1)
-    return np.cumsum(edges[:, :-1], axis=1) > 0
+    edges, work = np.zeros((shape[0], shape[1] + 1), np.int32), Work()
+    for block in blocks(triangles):
+        lower, upper = block.min(axis=1), block.max(axis=1)
+        near = (upper >= (0, 0, low)).all(axis=1) & (lower <= (shape[1], shape[0], high)).all(axis=1)
+        polygons = cut(block[near], low, high)[:, :, :2] - MARGIN * unit_normals(block[near])[:, None, :2]
+        first, last = _whole(polygons[:, :, 1].min(axis=1), polygons[:, :, 1].max(axis=1), shape[0])
+        for part in work.parts(last - first + 1):
+            polygon, row = pairs(first[part], last[part] - first[part] + 1)
+            begin, end = _whole(*_x_in_rows(polygons[part][polygon], row), shape[1])
+            some = end >= begin
+            np.add.at(edges, (row[some], begin[some]), 1)
+            np.add.at(edges, (row[some], end[some] + 1), -1)
+    return np.cumsum(edges[:, :-1], axis=1, dtype=np.int32) > 0
+
+
+def blocks(triangles: Float[np.ndarray, "n 3 3"]) -> Iterator[Float[np.ndarray, "m 3 3"]]:
+    """All triangles, some at a time: what is worked out of one takes ten times its room."""
+    for first in range(0, len(triangles), _AT_ONCE):
+        yield triangles[first : first + _AT_ONCE]
 
 
 def unit_normals(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:

@@ -13,26 +13,25 @@ Left out: doors that are closed in the mesh stay closed; floors steeper than 45 
 Reference: glTF 2.0 specification, 3.4 (axes and units).
 """
 
-import io
 import logging
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import trimesh
 from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
-from robosim.formats.mesh_raster import cells_touched, cut, section, unit_normals
-from robosim.formats.plan_bytes import read_plan_bytes
-from robosim.formats.scanline import winding_numbers
+from robosim.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
+from robosim.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
+from robosim.formats.scanline import Windings
 from robosim.formats.storeys import LEVEL_COSINE, Storey, find_storeys
+from robosim.support.reading import reading
 
 logger = logging.getLogger(__name__)
 
 UpAxis = Literal["auto", "y", "z"]
-Triangles = Float[np.ndarray, "n 3 3"]
 
 RESOLUTION_M = 0.05
 #: Heights above the floor between which nothing may stand: above doorsills and rugs, below lintels [m].
@@ -79,22 +78,24 @@ def read_mesh(
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
     if not (np.isfinite(unit_m) and unit_m > 0):
         raise ValueError(f"unit_m is {unit_m:g}, expected a positive number of metres, such as 0.001 for mm.")
-    triangles = load_triangles(path) * unit_m
-    axis = up if up != "auto" else _likely_up(path, triangles)
-    triangles = turned_up(triangles, axis)
-    try:
-        return plan_from_triangles(
-            triangles,
-            resolution_m=resolution_m,
-            floor_height_m=floor_height_m,
-            slice_m=slice_m,
-            name=path.stem,
-        )
-    except MapError as error:
-        raise MapError(
-            f"{path}: {error} The {axis} axis was taken to point up, and the unit of length for {unit_m:g} m; if "
-            f"wrong, pass up={_OTHER[axis]!r} (--up {_OTHER[axis]}), or unit_m=0.001 for mm (--unit 0.001)."
-        ) from error
+    remedy = "Export it again, as GLB, PLY, OBJ or STL, or pass unit_m=0.001 (--unit 0.001) for mm."
+    with reading(path, "a mesh", remedy, most_bytes=MOST_BYTES, kind=MapError) as file:
+        triangles = load_triangles(file.read(), path, unit_m)
+        axis = up if up != "auto" else _likely_up(path, triangles)
+        triangles = turned_up(triangles, axis)
+        try:
+            return plan_from_triangles(
+                triangles,
+                resolution_m=resolution_m,
+                floor_height_m=floor_height_m,
+                slice_m=slice_m,
+                name=path.stem,
+            )
+        except MapError as error:
+            raise MapError(
+                f"{error} The {axis} axis was taken to point up, and the unit of length for {unit_m:g} m; if "
+                f"wrong, pass up={_OTHER[axis]!r} (--up {_OTHER[axis]}), or unit_m=0.001 for mm (--unit 0.001)."
+            ) from error
 
 
 def turned_up(triangles: Triangles, axis: str) -> Triangles:
@@ -125,40 +126,6 @@ def _likely_up(path: Path, triangles: Triangles) -> str:
         usual,
     )
     return _OTHER[usual]
-
-
-def load_triangles(path: Path) -> Triangles:
-    """All triangles of a mesh file in its own coordinates, its scene graph applied.
-
-    Raises:
-        MapError: If the file cannot be read, or has no triangles or vertices that are not finite.
-    """
-    content = read_plan_bytes(path, "mesh")
-    suffix = path.suffix.lower()
-    if suffix in (".obj", ".off"):  # text in any encoding; only its comments and names can be of another one
-        content = content.decode("utf-8", errors="replace").encode()
-    try:
-        # A .gltf file names others beside it.
-        source = path if suffix == ".gltf" else io.BytesIO(content)
-        scene = trimesh.load_scene(source, file_type=suffix[1:], process=False, skip_materials=True)
-        mesh = scene.to_mesh()
-        triangles = np.asarray(mesh.vertices, np.float64)[np.asarray(mesh.faces, np.int64)]
-    except Exception as error:  # damaged files make loaders fail in many ways
-        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise MapError(
-            f"{path}: not a readable mesh ({reason[:200]}). Export it again, as GLB, PLY, OBJ or STL."
-        ) from error
-    if triangles.size == 0 or triangles.shape[1:] != (3, 3):
-        raise MapError(
-            f"{path}: has no triangles in space. A point cloud must be meshed before it can be sliced."
-        )
-    if not np.isfinite(triangles).all():
-        n_wrong = np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2)))
-        raise MapError(
-            f"{path}: {n_wrong} of {len(triangles)} triangles have a vertex that is not finite. "
-            "Repair the mesh."
-        )
-    return triangles
 
 
 def plan_from_triangles(
@@ -230,19 +197,25 @@ def _slice(
     triangles: Triangles, height: float, low: float, high: float, resolution_m: float
 ) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"], tuple[float, float]]:
     """Free cells, occupied cells, and the lower left corner of the grid, which just holds the floor."""
-    facing_up = unit_normals(triangles)[:, 2] > LEVEL_COSINE
     bottom, top = height - _DIP_M, height + low
-    z = triangles[:, :, 2]
-    floor = triangles[facing_up & (z.max(axis=1) >= bottom) & (z.min(axis=1) <= top)]
-    corners = cut(floor, bottom, top).reshape(-1, 3)[:, :2]
-    lower, upper = corners.min(axis=0), corners.max(axis=0)
+
+    def floor() -> Iterator[Triangles]:
+        """Its polygons, cut out of the triangles that face up."""
+        for block in blocks(triangles):
+            z, facing_up = block[:, :, 2], unit_normals(block)[:, 2] > LEVEL_COSINE
+            yield cut(block[facing_up & (z.max(axis=1) >= bottom) & (z.min(axis=1) <= top)], bottom, top)
+
+    corners = (polygons.reshape(-1, 3)[:, :2] for polygons in floor() if len(polygons))
+    ends = np.array([(some.min(axis=0), some.max(axis=0)) for some in corners])
+    lower, upper = ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)
     nx, ny = grid_size(lower, upper, resolution_m, "the floor")
     origin = lower - resolution_m
     scale, shift = np.array([1 / resolution_m, 1 / resolution_m, 1.0]), np.append(origin, 0.0)
-    has_floor = _covers(cut((floor - shift) * scale, bottom, top), (ny, nx))
-    occupied = cells_touched((triangles - shift) * scale, top, height + high, (ny, nx))
+    has_floor = _covers(((polygons - shift) * scale for polygons in floor()), (ny, nx))
+    triangles = (triangles - shift) * scale
+    occupied = cells_touched(triangles, top, height + high, (ny, nx))
     free = _with_holes_closed(has_floor & ~occupied, occupied, resolution_m)
-    solid = _inside_solids((triangles - shift) * scale, (top + height + high) / 2, (ny, nx))
+    solid = _inside_solids(triangles, (top + height + high) / 2, (ny, nx))
     return _without_pockets(free, solid, resolution_m), occupied, (float(origin[0]), float(origin[1]))
 
 
@@ -272,15 +245,22 @@ def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) 
     room has walls that face it or a ceiling that does. Going up, only what lies above the height is looked
     at, so that one sum over the edges of all triangles there will do.
     """
-    sideways = winding_numbers(*section(triangles, height), shape)
-    above = cut(triangles[triangles[:, :, 2].max(axis=1) > height], height, np.inf)
-    return (sideways > 0) & _covers(above, shape)
+    sideways = Windings(shape)
+    for block in blocks(triangles):
+        sideways.add(*section(block, height))
+    above = (cut(block[block[:, :, 2].max(axis=1) > height], height, np.inf) for block in blocks(triangles))
+    return (sideways.numbers() > 0) & _covers(above, shape)
 
 
-def _covers(polygons: Float[np.ndarray, "n m 3"], shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx"]:
+def _covers(
+    polygons: Iterable[Float[np.ndarray, "n m 3"]], shape: tuple[int, int]
+) -> Bool[np.ndarray, "ny nx"]:
     """Cells whose centre lies below (or above) more polygons that face up than polygons that face down."""
-    start, end = polygons[:, :, :2], np.roll(polygons[:, :, :2], -1, axis=1)
-    return winding_numbers(start.reshape(-1, 2), end.reshape(-1, 2), shape) > 0
+    windings = Windings(shape)
+    for some in polygons:
+        start, end = some[:, :, :2], np.roll(some[:, :, :2], -1, axis=1)
+        windings.add(start.reshape(-1, 2), end.reshape(-1, 2))
+    return windings.numbers() > 0
 
 
 def _without_pockets(

@@ -13,17 +13,18 @@ IEEE OJ-COMS 2022, and its repository mmwRobotNav.
 """
 
 import re
-from itertools import chain
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import UInt8
 
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError
-from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.support.reading import reading
 
 RESOLUTION_M = 0.05
 ERODED_M = 0.1
+#: Numbers as `numpy.savetxt` writes them take 25 bytes.
+_MOST_BYTES = 150_000_000
 
 
 def read_mmwrobotnav(path: Path, resolution_m: float = RESOLUTION_M) -> FloorPlan:
@@ -32,46 +33,49 @@ def read_mmwrobotnav(path: Path, resolution_m: float = RESOLUTION_M) -> FloorPla
     Raises:
         MapError: If the file cannot be read, rows differ in length, or a value is not 0, 1 or 2.
     """
-    values = parse_grid(read_plan_bytes(path, "top-down grid"), str(path))
-    return FloorPlan(
-        occupancy=np.where(values == 0, OCCUPIED, FREE).astype(np.uint8)[::-1].copy(),
-        resolution_m=resolution_m,
-        origin=(-resolution_m / 2, -resolution_m * (len(values) - 1) - resolution_m / 2, 0.0),
-        name=re.sub(r"(\.glb)?(_topdownmap)?\.out$", "", path.name, flags=re.IGNORECASE) or path.stem,
-        wall_line="cell_centre",
-        eroded_m=ERODED_M,
-    )
+    with reading(path, "a top-down grid of mmwRobotNav", most_bytes=_MOST_BYTES, kind=MapError) as file:
+        values = parse_grid(file.read())
+        return FloorPlan(
+            occupancy=np.where(values == 0, OCCUPIED, FREE).astype(np.uint8)[::-1].copy(),
+            resolution_m=resolution_m,
+            origin=(-resolution_m / 2, -resolution_m * (len(values) - 1) - resolution_m / 2, 0.0),
+            name=re.sub(r"(\.glb)?(_topdownmap)?\.out$", "", path.name, flags=re.IGNORECASE) or path.stem,
+            wall_line="cell_centre",
+            eroded_m=ERODED_M,
+        )
 
 
-def parse_grid(content: bytes, source: str) -> UInt8[np.ndarray, "rows columns"]:
-    """Values 0, 1 and 2 of a grid, row 0 at the top; `source` names the file in messages.
+def parse_grid(content: bytes) -> UInt8[np.ndarray, "rows columns"]:
+    """Values 0, 1 and 2 of a grid, row 0 at the top.
 
     Raises:
-        MapError: If rows differ in length, or a value is not 0, 1 or 2.
+        ValueError: If rows differ in length, there are too many, or a value is not 0, 1 or 2.
     """
-    rows = [row for line in content.splitlines() if (row := _row(line))]
-    if not rows:
-        raise MapError(f"{source}: no values, expected rows of comma-separated 0, 1 and 2.")
-    n_columns = len(rows[0])
-    if len(rows) * n_columns > MAX_CELLS:
-        raise MapError(f"{source}: {n_columns} x {len(rows)} cells, expected at most {MAX_CELLS:.0e} in all.")
-    for number, row in enumerate(rows, start=1):
-        if len(row) != n_columns:
-            raise MapError(
-                f"{source}: row {number} has {len(row)} values, but row 1 has {n_columns}. "
-                "Rows must be equally long; was the file cut off?"
+    value_of, cells = _Values(), 0
+    rows: list[np.ndarray] = []
+    for line in content.splitlines():
+        words = _row(line)
+        if not words:
+            continue
+        if rows and len(words) != len(rows[0]):
+            raise ValueError(
+                f"row {len(rows) + 1} has {len(words)} values, but row 1 has {len(rows[0])}; rows must be equally "
+                "long: was the file cut off?"
             )
-    # A file has few different words, each looked at once.
-    value_of = {word: _value(word) for word in set(chain.from_iterable(rows))}
-    values = np.fromiter(map(value_of.__getitem__, chain.from_iterable(rows)), np.int8, len(rows) * n_columns)
-    values = values.reshape(len(rows), n_columns)
-    if (values < 0).any():
-        r, c = (int(i) for i in np.argwhere(values < 0)[0])
-        raise MapError(
-            f"{source}: row {r + 1}, column {c + 1} is {rows[r][c].decode(errors='replace')[:40]!r}, "
-            "expected 0 (outside), 1 (navigable) or 2 (border). Is this a top-down grid?"
-        )
-    return values.astype(np.uint8)
+        cells += len(words)
+        if cells > MAX_CELLS:
+            raise ValueError(f"more than {MAX_CELLS:.2g} cells")
+        row = np.fromiter(map(value_of.__getitem__, words), np.int8, len(words))
+        if row.min() < 0:
+            column = int(np.argmin(row))
+            raise ValueError(
+                f"row {len(rows) + 1}, column {column + 1} is {words[column].decode(errors='replace')[:40]!r}, "
+                "expected 0 (outside), 1 (navigable) or 2 (border)"
+            )
+        rows.append(row.astype(np.uint8))
+    if not rows:
+        raise ValueError("no values, expected rows of comma-separated 0, 1 and 2")
+    return np.stack(rows)
 
 
 def _row(line: bytes) -> list[bytes]:
@@ -80,10 +84,13 @@ def _row(line: bytes) -> list[bytes]:
     return line.split(b",") if b"," in line else line.split()
 
 
-def _value(word: bytes) -> int:
-    """0, 1, 2, or -1 for anything else."""
-    try:
-        number = float(word)
-    except ValueError:
-        return -1
-    return int(number) if number in (0.0, 1.0, 2.0) else -1
+class _Values(dict[bytes, int]):
+    """0, 1, 2, or -1 for anything else, by the word; a file has few different words, each looked at once."""
+
+    def __missing__(self, word: bytes) -> int:
+        try:
+            number = float(word)
+        except ValueError:
+            number = -1.0
+        self[word] = int(number) if number in (0.0, 1.0, 2.0) else -1
+        return self[word]

@@ -9,7 +9,6 @@
 An image that was loaded as an array has row 0 at the top: pass ``array[::-1]``.
 """
 
-import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,10 @@ from jaxtyping import Shaped, UInt8
 
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.support.arrays_in import parse_npy
+from robosim.support.reading import reading
+
+_MOST_BYTES = 8 * MAX_CELLS + 10_000
 
 
 def plan_from_array(
@@ -43,7 +46,7 @@ def plan_from_array(
     """
     if array.ndim != 2 or not 0 < array.size <= MAX_CELLS:
         raise MapError(
-            f"{name}: the array has shape {array.shape}, expected (ny, nx), at most {MAX_CELLS:.0e} cells."
+            f"{name}: the array has shape {array.shape}, expected (ny, nx), at most {MAX_CELLS:.2g} cells."
         )
     if array.dtype.kind == "b":
         states = np.where(array, OCCUPIED, FREE).astype(np.uint8)
@@ -96,17 +99,6 @@ def read_npy(path: Path, resolution_m: float | None) -> FloorPlan:
             f"{path}: an array does not say how large a cell is. Pass the resolution, for example 0.05 "
             "for 5 cm (resolution_m=0.05, or --resolution 0.05)."
         )
-    if not path.is_file():
-        raise MapError(f"{path}: no such file, expected a NumPy array.")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # NumPy warns of headers of old versions
-            # Mapped into memory rather than read, so that a false header cannot ask for more than there is.
-            array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except Exception as error:  # damaged headers fail in many ways
-        raise MapError(
-            f"{path}: not a readable .npy file ({error}). Write it with numpy.save, numbers only."
-        ) from error
-    if not isinstance(array, np.ndarray):
-        raise MapError(f"{path}: holds several arrays, expected one. Write it with numpy.save.")
-    return plan_from_array(array, resolution_m, name=path.stem)
+    what = "one NumPy array of numbers"
+    with reading(path, what, "Write it with numpy.save.", most_bytes=_MOST_BYTES, kind=MapError) as file:
+        return plan_from_array(parse_npy(file.read()), resolution_m, name=path.stem)

@@ -8,31 +8,32 @@ Left out: colour profiles, orientation tags, all frames but the first.
 """
 
 import io
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt8, UInt16, UInt32
-from PIL import Image, UnidentifiedImageError
+from jaxtyping import Bool, UInt, UInt8, UInt16
+from PIL import Image
 
 from robosim.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.formats.pgm import decode_pgm, encode_pgm, is_pgm
-from robosim.formats.plan_bytes import read_plan_bytes
 from robosim.support.files import whole_file
+from robosim.support.images_in import opened_image
+from robosim.support.reading import reading
 
 #: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
 GREY = np.array([254, 0, 205], np.uint8)
 #: map_server's usual thresholds of the probability of being occupied. The grey 205 lies just between them.
 FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+_WHAT = "a floor plan image (PNG, PGM, BMP, TIFF, GIF, JPEG or WebP)"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanImage:
     """Brightness and transparency of each pixel, row 0 at the top."""
 
-    light: UInt32[np.ndarray, "h w"]
+    light: UInt[np.ndarray, "h w"]
     """Sum of the colour channels: 0 is black."""
     white: int
     """The same sum for a white pixel."""
@@ -56,39 +57,22 @@ def read_image(path: Path) -> PlanImage:
         MapError: If the file is missing, no image, damaged, or absurdly large by its header (before
             anything is unpacked).
     """
-    return decode_image(read_plan_bytes(path, "floor plan image"), str(path))
+    with reading(path, _WHAT, "Export it again.", kind=MapError) as file:
+        return decode_image(file.read())
 
 
-def decode_image(content: bytes, source: str) -> PlanImage:
-    """Decode the bytes of an image; `source` names it in messages. Raises as `read_image` does."""
+def decode_image(content: bytes) -> PlanImage:
+    """Decode the bytes of an image.
+
+    Raises:
+        ValueError: If they are none, or too large.
+        Exception: Whatever damaged content makes its decoder raise.
+    """
     if is_pgm(content):
-        samples, white = decode_pgm(content, source)
-        return PlanImage(light=samples.astype(np.uint32), white=white)
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns of large images by a limit of its own; ours is checked below.
-            warnings.simplefilter("ignore")
-            with Image.open(io.BytesIO(content)) as image:
-                _check_size(image, source)
-                image.load()
-                return _levels(image, content)
-    except MapError:
-        raise
-    except Exception as error:  # damaged files make decoders fail in many ways
-        unknown = isinstance(error, UnidentifiedImageError)
-        reason = "of unknown format" if unknown else " ".join(str(error).split()) or type(error).__name__
-        raise MapError(
-            f"{source}: not a readable image ({reason[:200]}). "
-            "Expected PNG, PGM, BMP, TIFF, GIF, JPEG or WebP: export it again."
-        ) from error
-
-
-def _check_size(image: Image.Image, source: str) -> None:
-    width, height = image.size
-    if not 0 < width * height <= MAX_CELLS:
-        raise MapError(
-            f"{source}: {width} x {height} pixels, expected at most {MAX_CELLS:.0e} in all. Downsample it."
-        )
+        samples, white = decode_pgm(content)
+        return PlanImage(light=samples, white=white)
+    with opened_image(content, MAX_CELLS) as image:
+        return _levels(image, content)
 
 
 def _levels(image: Image.Image, content: bytes) -> PlanImage:
@@ -97,28 +81,32 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
     if image.format == "PNG" and image.mode in ("RGB", "RGBA") and content[24] == 16:
         # Pillow keeps 8 of the 16 bits of a colour PNG.
         deep = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        if deep is None:
+            raise ValueError("its pixels are damaged")
         return _from_channels(np.asarray(deep), 65535)
     if image.mode.startswith("I;16"):
         samples = np.asarray(image).astype(np.uint16)
         key = image.info.get("transparency")
         alpha = np.where(samples == key, 0, 65535).astype(np.uint16) if isinstance(key, int) else None
-        return PlanImage(light=samples.astype(np.uint32), white=65535, alpha=alpha, opaque=65535)
+        return PlanImage(light=samples, white=65535, alpha=alpha, opaque=65535)
     if image.mode in ("I", "F"):
         raise ValueError(f"pixels are {'32-bit integers' if image.mode == 'I' else 'floating-point numbers'}")
     if image.mode in ("1", "L") and not see_through:
-        return PlanImage(light=np.asarray(image.convert("L")).astype(np.uint32), white=255)
+        return PlanImage(light=np.asarray(image.convert("L")), white=255)
     return _from_channels(np.asarray(image.convert("RGBA" if see_through else "RGB")), 255)
 
 
 def _from_channels(pixels: np.ndarray, full: int) -> PlanImage:
     """From (h, w, 3 or 4) channels, alpha last."""
-    light = pixels[..., :3].sum(axis=-1, dtype=np.uint32)
+    light = np.zeros(pixels.shape[:2], np.uint16 if 3 * full < 1 << 16 else np.uint32)
+    for channel in range(3):
+        light += pixels[..., channel]
     alpha = pixels[..., 3].astype(np.uint16) if pixels.shape[-1] == 4 else None
     return PlanImage(light=light, white=3 * full, alpha=alpha, opaque=full)
 
 
 def three_states(
-    light: UInt32[np.ndarray, "h w"], white: int, negate: bool, free_thresh: float, occupied_thresh: float
+    light: UInt[np.ndarray, "h w"], white: int, negate: bool, free_thresh: float, occupied_thresh: float
 ) -> UInt8[np.ndarray, "h w"]:
     """FREE, OCCUPIED or UNKNOWN by map_server's rule.
 
@@ -130,7 +118,16 @@ def three_states(
     state = np.full(white + 1, UNKNOWN, np.uint8)
     state[occupied < free_thresh] = FREE
     state[occupied > occupied_thresh] = OCCUPIED
-    return state[light]
+    return looked_up(state, light)
+
+
+def looked_up(state: UInt8[np.ndarray, "n"], light: UInt[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+    """The state of each pixel by its brightness; a few rows at a time, since NumPy's indices take 8 bytes each."""
+    found = np.empty(light.shape, np.uint8)
+    rows = max(1, 1_000_000 // light.shape[1])
+    for first in range(0, len(light), rows):
+        found[first : first + rows] = state[light[first : first + rows]]
+    return found
 
 
 def read_image_plan(path: Path, resolution_m: float | None) -> FloorPlan:

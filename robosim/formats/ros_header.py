@@ -13,11 +13,10 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, get_args
 
-import yaml
-
-from robosim.floorplan import MapError, WallLine
-from robosim.formats.plan_bytes import read_plan_bytes
+from robosim.floorplan import RESOLUTIONS_M, MapError, WallLine
 from robosim.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.support.reading import reading
+from robosim.support.text_in import check_object, parse_yaml
 
 logger = logging.getLogger(__name__)
 
@@ -25,6 +24,7 @@ Mode = Literal["trinary", "scale", "raw"]
 
 #: A map's YAML has some ten lines.
 _MAX_YAML_BYTES = 100_000
+_WHAT = "the YAML file of a map_server map"
 _SHORT = reprlib.Repr()
 _SHORT.maxlevel, _SHORT.maxlist, _SHORT.maxdict = 2, 4, 4
 _TRUE, _FALSE = ("1", "true", "yes", "on", "y"), ("0", "false", "no", "off", "n")
@@ -48,20 +48,11 @@ class RosHeader:
 
 def read_header(path: Path) -> RosHeader:
     """Read and check the YAML file of a map_server map. Raises MapError as `read_ros` does."""
-    content = read_plan_bytes(path, "map_server YAML file", _MAX_YAML_BYTES)
-    try:
-        # Builds nothing but text, lists and dictionaries. Scalars stay text, as in map_server's own parser,
-        # by which 5e-2 and "0.05" are numbers too.
-        keys = yaml.load(content, Loader=yaml.BaseLoader)
-    except Exception as error:  # broken text makes the parser fail in many ways
-        reason = " ".join(str(error).split())[:200]
-        raise MapError(f"{path}: not readable as YAML: {reason}. Write one 'key: value' per line.") from error
-    if not isinstance(keys, dict):
-        raise MapError(
-            f"{path}: holds {'a list' if isinstance(keys, list) else 'plain text'}, expected keys such as "
-            "'image: map.pgm'. Is this the YAML file of a map_server map?"
-        )
-    return _checked(_Keys(path, keys))
+    remedy = "Write one 'key: value' per line, such as 'image: map.pgm'."
+    with reading(path, _WHAT, remedy, most_bytes=_MAX_YAML_BYTES, kind=MapError) as file:
+        # Numbers stay text, as in map_server's own parser, by which 5e-2 and "0.05" are numbers too.
+        keys = check_object(parse_yaml(file.read(), as_text=True))
+        return _checked(_Keys(path, keys))
 
 
 class _Keys:
@@ -110,8 +101,9 @@ def _number(value: Any) -> float | None:
 def _checked(keys: _Keys) -> RosHeader:
     image = _image_path(keys)
     resolution_m = keys.number("resolution", "0.05", "the metres per pixel, for example 0.05")
-    if resolution_m <= 0:
-        raise keys.fail("resolution", "a positive number: the metres per pixel, for example 0.05")
+    low, high = RESOLUTIONS_M
+    if not low <= resolution_m <= high:
+        raise keys.fail("resolution", f"a positive number from {low:g} to {high:g}: the metres per pixel")
     free_thresh, occupied_thresh = _thresholds(keys)
     name = keys.keys.get("name", keys.path.stem)
     eroded_m = keys.number("eroded_m", "0.1", "metres, 0 or more") if "eroded_m" in keys.keys else 0.0

@@ -31,6 +31,7 @@ from robosim.formats.plan_image import (
     GREY,
     OCCUPIED_THRESH,
     PlanImage,
+    looked_up,
     read_image,
     three_states,
     write_pgm,
@@ -92,7 +93,7 @@ def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) ->
     state = np.full(image.white + 1, UNKNOWN, np.uint8)
     state[(percent >= np.rint(100 * occupied_thresh)) & (percent <= 100)] = OCCUPIED
     state[percent <= np.rint(100 * free_thresh)] = FREE
-    return state[image.light]
+    return looked_up(state, image.light)
 
 
 def _with_alpha(
@@ -102,7 +103,9 @@ def _with_alpha(
     thresholds = header.free_thresh, header.occupied_thresh
     # A grey channel stands for three.
     share = 3 * image.opaque // image.white
-    states = three_states(share * image.light + alpha, 4 * image.opaque, header.negate, *thresholds)
+    states = three_states(
+        share * image.light.astype(np.uint32) + alpha, 4 * image.opaque, header.negate, *thresholds
+    )
     plain = three_states(image.light, image.white, header.negate, *thresholds)
     if (n_changed := np.count_nonzero(states != plain)) > 0:
         logger.warning(
@@ -125,7 +128,7 @@ def _map_saver_unknown(image: PlanImage, header: RosHeader, states: np.ndarray) 
         return None
     of_saver = np.zeros(image.white + 1, bool)
     of_saver[share * GREY.astype(int)] = True
-    return unknown if of_saver[image.light].all() else None
+    return unknown if looked_up(of_saver.view(np.uint8), image.light).all() else None
 
 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:

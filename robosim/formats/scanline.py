@@ -15,6 +15,8 @@ from jaxtyping import Float, Int
 
 #: Pairs of a shape and a row that are worked on at once, to bound the memory.
 PAIRS_AT_ONCE = 500_000
+#: Pairs that are worked on at all, beside some for each shape: no walls cross so many rows, and it takes 5 s.
+_MOST_PAIRS, _PAIRS_OF_ONE = 20_000_000, 30
 
 
 def winding_numbers(
@@ -27,30 +29,68 @@ def winding_numbers(
             being (ix + 0.5, iy + 0.5).
         end: Where they end.
         shape: Rows and columns.
+
+    Raises:
+        ValueError: If the edges cross more rows than any building's.
     """
-    change = np.zeros((shape[0], shape[1] + 1), np.int64)
-    rises = end[:, 1] > start[:, 1]
-    low = np.where(rises[:, None], start, end)
-    high = np.where(rises[:, None], end, start)
-    first = np.clip(np.ceil(low[:, 1] - 0.5), 0, shape[0]).astype(np.int64)
-    stop = np.clip(np.ceil(high[:, 1] - 0.5), 0, shape[0]).astype(np.int64)
-    for part in parts(stop - first):
-        edge, row = pairs(first[part], stop[part] - first[part])
-        (x0, y0), (x1, y1) = low[part][edge].T, high[part][edge].T
-        x = x0 + (row + 0.5 - y0) / (y1 - y0) * (x1 - x0)
-        column = np.clip(np.ceil(x - 0.5), 0, shape[1]).astype(np.int64)
-        np.add.at(change, (row, column), np.where(rises[part][edge], -1, 1))
-    return np.cumsum(change[:, :-1], axis=1)
+    windings = Windings(shape)
+    windings.add(start, end)
+    return windings.numbers()
 
 
-def parts(counts: Int[np.ndarray, " n"]) -> Iterator[slice]:
-    """Stretches of a list whose counts sum up to PAIRS_AT_ONCE at most, or that are one item long."""
-    sums = np.cumsum(counts)
-    start, done = 0, 0
-    while start < len(counts):
-        stop = max(start + 1, int(np.searchsorted(sums, done + PAIRS_AT_ONCE, side="right")))
-        yield slice(start, stop)
-        start, done = stop, int(sums[stop - 1])
+class Windings:
+    """Winding numbers of polygons that come one after the other."""
+
+    def __init__(self, shape: tuple[int, int]) -> None:
+        """No polygons yet, on a grid of so many rows and columns."""
+        self.shape = shape
+        self._change = np.zeros((shape[0], shape[1] + 1), np.int32)
+        self._work = Work()
+
+    def add(self, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"]) -> None:
+        """Add the edges of polygons, each polygon whole in the end; raises as `winding_numbers` does."""
+        height, width = self.shape
+        rises = end[:, 1] > start[:, 1]
+        low = np.where(rises[:, None], start, end)
+        high = np.where(rises[:, None], end, start)
+        first = np.clip(np.ceil(low[:, 1] - 0.5), 0, height).astype(np.int64)
+        stop = np.clip(np.ceil(high[:, 1] - 0.5), 0, height).astype(np.int64)
+        for part in self._work.parts(stop - first):
+            edge, row = pairs(first[part], stop[part] - first[part])
+            (x0, y0), (x1, y1) = low[part][edge].T, high[part][edge].T
+            x = x0 + (row + 0.5 - y0) / (y1 - y0) * (x1 - x0)
+            column = np.clip(np.ceil(x - 0.5), 0, width).astype(np.int64)
+            np.add.at(self._change, (row, column), np.where(rises[part][edge], -1, 1))
+
+    def numbers(self) -> Int[np.ndarray, "ny nx"]:
+        """The winding numbers of all that was added."""
+        return np.cumsum(self._change[:, :-1], axis=1, dtype=np.int32)
+
+
+class Work:
+    """How many pairs of shapes and rows may still be worked on."""
+
+    def __init__(self) -> None:
+        """As many as any building has."""
+        self._left = _MOST_PAIRS
+
+    def parts(self, counts: Int[np.ndarray, " n"]) -> Iterator[slice]:
+        """Stretches of a list whose counts sum up to PAIRS_AT_ONCE at most, or that are one item long.
+
+        Raises:
+            ValueError: If the counts sum up to more than may be worked on.
+        """
+        sums = np.cumsum(counts)
+        self._left += _PAIRS_OF_ONE * len(counts) - (int(sums[-1]) if len(sums) else 0)
+        if self._left < 0:
+            raise ValueError(
+                "its walls cross more rows of cells than any building's; a coarser resolution has fewer"
+            )
+        start, done = 0, 0
+        while start < len(counts):
+            stop = max(start + 1, int(np.searchsorted(sums, done + PAIRS_AT_ONCE, side="right")))
+            yield slice(start, stop)
+            start, done = stop, int(sums[stop - 1])
 
 
 def pairs(

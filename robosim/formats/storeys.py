@@ -7,11 +7,12 @@ Left out: split levels less than a storey apart are one storey, of which only th
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
-from robosim.formats.mesh_raster import unit_normals
+from robosim.formats.mesh_raster import blocks
 
 #: Surfaces less steep than this are floors, ceilings or table tops (cosine of 45 degrees).
 LEVEL_COSINE = 0.7
@@ -21,6 +22,8 @@ _SPREAD_M = 0.1
 _STOREY_M = 1.8
 #: The smallest floor, as a share of the largest one.
 _SMALLEST_SHARE = 0.2
+#: More are none of a building.
+_MOST_STOREYS = 300
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,11 +50,11 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         triangles: Corners [m], counter-clockwise seen from the front.
         low_m: Height above a floor from which on walls are measured [m].
         high_m: Height up to which they are [m].
+
+    Raises:
+        ValueError: If there are more than any building has.
     """
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    cosine = unit_normals(triangles)[:, 2]
-    up = cosine > LEVEL_COSINE
-    heights, areas = triangles[up, :, 2].mean(axis=1), normals[up, 2] / 2
+    heights, areas, walls = _surfaces(triangles)
     order = np.argsort(heights)
     heights, areas = heights[order], areas[order]
     before = np.concatenate([[0.0], np.cumsum(areas)])
@@ -63,7 +66,9 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         if around[best] <= (_SMALLEST_SHARE * storeys[0].area_m2 if storeys else 0.0):
             break
         height = _weighted_median(heights, areas, heights[best])
-        walls_m = _walls(triangles, normals, cosine, height + low_m, height + high_m)
+        walls_m = walls.length_m(height + low_m, height + high_m)
+        if len(storeys) == _MOST_STOREYS:
+            raise ValueError(f"more than {_MOST_STOREYS} storeys")
         storeys.append(Storey(height_m=height, area_m2=float(around[best]), walls_m=walls_m))
         left &= np.abs(heights - heights[best]) >= _STOREY_M
     return sorted(storeys, key=lambda storey: storey.height_m)
@@ -87,17 +92,32 @@ def _weighted_median(heights: Float[np.ndarray, " n"], areas: Float[np.ndarray, 
     return float(heights[near][np.searchsorted(sums, sums[-1] / 2)])
 
 
-def _walls(
+class _Walls(NamedTuple):
+    """Surfaces that are not level."""
+
+    area_m2: Float[np.ndarray, " n"]
+    low_m: Float[np.ndarray, " n"]
+    high_m: Float[np.ndarray, " n"]
+
+    def length_m(self, low: float, high: float) -> float:
+        """Length of walls between two heights: their area there over the height."""
+        shared = np.clip(np.minimum(self.high_m, high) - np.maximum(self.low_m, low), 0, None)
+        tall = np.maximum(self.high_m - self.low_m, 1e-9)
+        return float((self.area_m2 * shared / tall).sum() / (high - low))
+
+
+def _surfaces(
     triangles: Float[np.ndarray, "n 3 3"],
-    normals: Float[np.ndarray, "n 3"],
-    cosine: Float[np.ndarray, " n"],
-    low: float,
-    high: float,
-) -> float:
-    """Length of walls between two heights: their area there over the height."""
-    wall = np.abs(cosine) < LEVEL_COSINE
-    z_low, z_high = triangles[wall, :, 2].min(axis=1), triangles[wall, :, 2].max(axis=1)
-    shared = np.clip(np.minimum(z_high, high) - np.maximum(z_low, low), 0, None)
-    tall = np.maximum(z_high - z_low, 1e-9)
-    area = np.linalg.norm(normals[wall], axis=1) / 2
-    return float((area * shared / tall).sum() / (high - low))
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], _Walls]:
+    """Heights and areas of what faces up, and the walls."""
+    heights, areas, walls = [], [], []
+    for block in blocks(triangles):
+        normals = np.cross(block[:, 1] - block[:, 0], block[:, 2] - block[:, 0])
+        length = np.linalg.norm(normals, axis=1)
+        cosine = np.divide(normals[:, 2], length, out=np.zeros_like(length), where=length > 0)
+        up, wall = cosine > LEVEL_COSINE, np.abs(cosine) < LEVEL_COSINE
+        heights.append(block[up, :, 2].mean(axis=1))
+        areas.append(normals[up, 2] / 2)
+        z = block[wall, :, 2]
+        walls.append(np.stack([length[wall] / 2, z.min(axis=1), z.max(axis=1)]))
+    return np.concatenate(heights), np.concatenate(areas), _Walls(*np.concatenate(walls, axis=1))

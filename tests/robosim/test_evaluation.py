@@ -92,7 +92,7 @@ def test_a_suite_that_was_written_reads_the_same(suite, tmp_path, name):
         ("plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2, 3], target: 4}]", "task 1: target is 4"),
         ("plans: {a/b: flat}\ntasks: [{plan: a/b}]", "'a/b' names files"),
         ("seed: -1\nplans: {flat: flat}\ntasks: []", "`seed` is -1"),
-        ("tasks: [", "cannot be read as YAML"),
+        ("tasks: [", "not readable as a suite of searches"),
     ],
 )
 def test_mistakes_in_a_suite_are_named(tmp_path, content, message):

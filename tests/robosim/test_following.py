@@ -8,6 +8,7 @@ import pytest
 from robosim.building import BuildingConfig
 from robosim.evaluation.following import EXPLORED, progress, told
 from robosim.planfiles import write_ros
+from tests.robosim import kept
 from tests.robosim.plans import room
 from wireless.paths import LinkState
 
@@ -28,7 +29,7 @@ def counted(tmp_path):
         poses = np.column_stack([x, np.full(STEPS + 1, 2.0), np.zeros(STEPS + 1)]).astype(np.float32)
         goals = np.repeat(poses[:STEPS:5, :2] + np.float32([ahead_m, 0.0]), 5, axis=0)
         links = np.tile(np.float32([state, state, snr_db, 0.0]), (STEPS, 1))
-        row = {"plan": "hall", "task": len(rows), "policy": policy, "repeat": 0, "target": [7.0, 2.0]}
+        row = kept.row("hall", len(rows), policy, (7.0, 2.0), steps=STEPS)
         path = tmp_path / "episodes" / "hall" / f"{len(rows):03d}-{policy}-0.npz"
         path.parent.mkdir(parents=True, exist_ok=True)
         head = json.dumps({"row": row, "timing": {}, "made_by": ""})

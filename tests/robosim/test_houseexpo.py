@@ -62,7 +62,7 @@ def test_cells_are_free_where_their_centre_is_inside(tmp_path, turn):
 @pytest.mark.parametrize(
     ("content", "words"),
     [
-        ('{"verts": [[0, 0], [1, NaN], [1, 1]]}', ["corner 1", "nan"]),
+        ('{"verts": [[0, 0], [1, NaN], [1, 1]]}', ["JSON", "NaN"]),
         ('{"verts": [[0, 0], [1, 0]]}', ["three corners"]),
         ('{"verts": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]}', ["(3, 3)"]),
         ('{"verts": [[0, 0], [1], [1, 1]]}', ["pairs of numbers"]),

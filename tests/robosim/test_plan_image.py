@@ -48,7 +48,7 @@ def rgb(grey):
     ids=["grey", "rgb", "palette", "bmp", "tiff", "gif", "pgm", "grey16", "rgb16"],
 )
 def test_grey_levels_are_exact_in_every_kind(content):
-    image = decode_image(content, "x")
+    image = decode_image(content)
     np.testing.assert_array_equal(image.light / image.white, GREY / 255)
     assert not image.see_through.any()
 
@@ -58,14 +58,14 @@ def test_sixteen_bits_keep_their_depth(channels):
     """Pillow alone would drop the low byte of colour images; 50000 and 50001 must stay apart."""
     pixels = np.array([[50000, 50001, 65535]], np.uint16)
     pixels = pixels if channels == 1 else rgb(pixels)
-    image = decode_image(cv2.imencode(".png", pixels)[1].tobytes(), "x")
+    image = decode_image(cv2.imencode(".png", pixels)[1].tobytes())
     np.testing.assert_array_equal(
         image.light.astype(np.int64) * 65535 // image.white, [[50000, 50001, 65535]]
     )
 
 
 def test_one_bit_images_are_black_and_white():
-    image = decode_image(encoded(Image.fromarray(np.array([[True, False]]))), "x")
+    image = decode_image(encoded(Image.fromarray(np.array([[True, False]]))))
     np.testing.assert_array_equal(image.light / image.white, [[1.0, 0.0]])
 
 
@@ -85,7 +85,7 @@ GREY_ALPHA = np.stack([GREY, np.array([[255, 254, 0], [255, 255, 128]], np.uint8
     ids=["grey+alpha", "rgba", "rgba16", "palette"],
 )
 def test_transparency_is_found_in_every_kind(content):
-    image = decode_image(content, "x")
+    image = decode_image(content)
     np.testing.assert_array_equal(image.light / image.white, GREY / 255)
     np.testing.assert_array_equal(image.see_through, GREY_ALPHA[..., 1] < 255)
 
@@ -94,7 +94,7 @@ def test_transparency_is_found_in_every_kind(content):
 def test_one_transparent_grey_is_found(grey):
     """PNG may name one grey that is transparent, in 8 and in 16 bits."""
     pixels = np.array([[grey, 0]], np.uint8 if grey < 256 else np.uint16)
-    image = decode_image(encoded(Image.fromarray(pixels), transparency=grey), "x")
+    image = decode_image(encoded(Image.fromarray(pixels), transparency=grey))
     np.testing.assert_array_equal(image.see_through, [[True, False]])
 
 

@@ -1,6 +1,8 @@
 """The log of an episode, and what is drawn from it."""
 
 import json
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from robosim.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from robosim.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
+from robosim.support.reading import FileError
 from slam.grid import GridFrame
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
@@ -128,13 +131,68 @@ def test_what_is_written_reads_the_same(tmp_path):
 
 
 def test_mistakes_are_named(tmp_path):
-    with pytest.raises(
-        ValueError, match=r"decisions\.npz: not there. Expected a folder of `robosim episode`"
-    ):
+    with pytest.raises(ValueError, match=r"decisions\.npz: no such file, expected the log of an episode"):
         replay(tmp_path, tmp_path)
     (tmp_path / DECISIONS).write_bytes(b"half of a fi")
-    with pytest.raises(ValueError, match=r"decisions\.npz: no log of an episode, or damaged"):
+    with pytest.raises(ValueError, match=r"decisions\.npz: not readable as the log of an episode"):
         replay(tmp_path, tmp_path)
     DecisionWriter([np.zeros((3, 2))], np.zeros(2)).save(tmp_path / DECISIONS)
     with pytest.raises(ValueError, match="without a decision to draw"):
         replay(tmp_path, tmp_path)
+
+
+def _damaged(recorded, folder, **changes):
+    """The recorded log with some of its arrays changed, each by a function."""
+    with np.load(recorded / DECISIONS) as file:
+        arrays = {name: file[name] for name in file.files}
+    for name, change in changes.items():
+        arrays[name] = change(arrays[name].copy())
+    np.savez(folder / DECISIONS, **arrays)
+    return folder
+
+
+def _one(place, value):
+    def change(array):
+        array[place] = value
+        return array
+
+    return change
+
+
+def _forged_size(pictures):
+    """The first picture declared a hundred thousand pixels wide, its check sum right."""
+    pictures[16:24] = np.frombuffer(struct.pack(">II", 100_000, 100_000), np.uint8)
+    pictures[29:33] = np.frombuffer(struct.pack(">I", zlib.crc32(pictures[12:29].tobytes())), np.uint8)
+    return pictures
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"pose": _one((3, 0), np.nan)}, "pose goes from nan"),
+        ({"goal": _one((3, 1), 3e6)}, "a goal lies more than 100000 m from the target"),
+        ({"path": lambda a: a + 2e5}, "a path lies more than"),
+        ({"state": _one(2, 9)}, "a link state is 9"),
+        ({"map_frame": _one((5, 3), 1e6)}, "a map lies and is as no map"),
+        ({"map_frame": _one((5, 2), 1e-9)}, "a map lies and is as no map"),
+        ({"belief_frame": _one((-1, 2), np.nan)}, "a map lies and is as no map"),
+        ({"rgb_count": _one(0, -1)}, "the lengths of rgb do not sum up"),
+        ({"rgb_count": lambda a: np.full_like(a, 2**62)}, "the lengths of rgb do not sum up"),
+        ({"cell_count": lambda a: a[:-1]}, "cell_count has shape"),
+        ({"cell": lambda a: a + 10_000_000}, "out of bounds"),
+        ({"value": lambda a: a.astype(float)}, "value is float64"),
+        ({"rgb": _forged_size}, "bomb"),
+        ({"rgb": lambda a: a[::-1]}, "of unknown format"),
+        ({"depth": _one(slice(50, 90), 0)}, "decisions.npz"),
+        ({"ring_count": lambda a: a[:0], "ring": lambda a: a[:0]}, "no outline"),
+        ({"snr_db": _one(0, np.inf)}, "snr_db goes from"),
+    ],
+)
+def test_damage_is_found_before_anything_is_drawn(recorded, tmp_path, changes, words):
+    """One line that names the log, and no film that ends where the damage begins."""
+    folder = _damaged(recorded, tmp_path, **changes)
+    with pytest.raises(FileError) as error:
+        replay(folder, tmp_path)
+    assert words in str(error.value)
+    assert str(folder / DECISIONS) in str(error.value) and "\n" not in str(error.value)
+    assert sorted(path.name for path in tmp_path.iterdir()) == [DECISIONS]

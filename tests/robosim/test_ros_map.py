@@ -216,7 +216,7 @@ def test_lists_that_unfold_without_end_are_not_written_out(tmp_path):
     """Aliases of aliases: 200 bytes that would make a message of a hundred gigabytes."""
     levels = [f"k{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 12)]
     (tmp_path / "map.yaml").write_text("\n".join(["k0: &a0 [x]", *levels, "image: *a11"]))
-    with pytest.raises(MapError, match=r"map\.yaml: image is") as error:
+    with pytest.raises(MapError, match=r"map\.yaml: .*counting what aliases stand for") as error:
         read_plan(tmp_path / "map.yaml")
     assert len(str(error.value)) < 1000
 
@@ -236,7 +236,7 @@ def random_plan(seed, **keys):
     return FloorPlan(occupancy=occupancy, **keys)
 
 
-finite = st.floats(allow_nan=False, allow_infinity=False)
+place = st.floats(-1e7, 1e7)
 names = st.text(
     st.characters(exclude_categories=["C", "Z"], exclude_characters="/\\"), min_size=1, max_size=20
 )
@@ -245,11 +245,11 @@ names = st.text(
 @settings(max_examples=40, deadline=None)
 @given(
     seed=st.integers(0, 2**32),
-    resolution_m=st.floats(1e-300, 1e300),
-    origin=st.tuples(finite, finite, finite),
+    resolution_m=st.floats(0.001, 10.0),
+    origin=st.tuples(place, place, st.floats(-1e3, 1e3)),
     name=names,
     wall_line=st.sampled_from(["cell_edge", "cell_centre"]),
-    eroded_m=st.floats(0, 1e300),
+    eroded_m=st.floats(0, 10.0),
     image=st.sampled_from(["pgm", "png"]),
 )
 def test_a_written_map_reads_back_bit_for_bit(

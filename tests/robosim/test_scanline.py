@@ -3,9 +3,10 @@
 from itertools import pairwise
 
 import numpy as np
+import pytest
 import shapely
 
-from robosim.formats.scanline import parts, winding_numbers
+from robosim.formats.scanline import Windings, Work, winding_numbers
 
 
 def centres(shape):
@@ -53,8 +54,27 @@ def test_a_figure_of_eight_winds_both_ways():
 
 
 def test_parts_take_all_items_once_and_stay_small():
-    counts = np.random.default_rng(2).integers(0, 300_000, 200)
-    slices = list(parts(counts))
+    counts = np.random.default_rng(2).integers(0, 150_000, 200)
+    slices = list(Work().parts(counts))
     assert [i for part in slices for i in range(part.start, part.stop)] == list(range(200))
     assert all(counts[part].sum() <= 500_000 for part in slices)
-    assert list(parts(np.array([2_000_000, 1]))) == [slice(0, 1), slice(1, 2)]
+    assert list(Work().parts(np.array([2_000_000, 1]))) == [slice(0, 1), slice(1, 2)]
+
+
+def test_polygons_can_come_one_after_the_other():
+    """The same as all at once; lost or double ones would show, since the two overlap."""
+    corners = np.random.default_rng(3).uniform(0, 20, (2, 7, 2))
+    following = np.roll(corners, -1, axis=1)
+    windings = Windings((20, 20))
+    for start, end in zip(corners, following, strict=True):
+        windings.add(start, end)
+    together = winding_numbers(corners.reshape(-1, 2), following.reshape(-1, 2), (20, 20))
+    np.testing.assert_array_equal(windings.numbers(), together)
+
+
+def test_more_rows_than_any_building_has_are_refused_before_the_work():
+    """A zigzag of 100,000 edges from top to bottom would take minutes; many short edges may be as many."""
+    zigzag = np.column_stack([np.linspace(0, 5000, 100_000), np.arange(100_000) % 2 * 5000.0])
+    with pytest.raises(ValueError, match="coarser resolution"):
+        winding_numbers(zigzag, np.roll(zigzag, -1, axis=0), (5000, 5000))
+    list(Work().parts(np.full(1_000_000, 25)))

@@ -20,6 +20,7 @@ from robosim.evaluation.search_figures import (
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.planfiles import write_ros
 from robosim.support.files import write_json
+from tests.robosim import kept
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
 
@@ -28,9 +29,7 @@ TARGET = (5.0, 2.0)
 
 def _episode(folder, task, policy, steps, *, arrives=True, state=LinkState.HIGHER_ORDER, waits=0):
     """A robot that goes straight to the target, after a number of decisions at its start."""
-    row = {"plan": "pair", "task": task, "policy": policy, "repeat": 0, "seed": 1, "steps": steps}
-    row |= {"arrived": arrives, "arrived_at_step": steps if arrives else None, "spl": 0.5 * arrives}
-    row |= {"ended": "arrived" if arrives else "out of steps", "target": TARGET}
+    row = kept.row("pair", task, policy, TARGET, steps=steps, arrived=arrives)
     way = np.linspace([1.0, 0.6], TARGET, steps + 1 - waits)
     poses = np.column_stack([np.vstack([way[:1].repeat(waits, axis=0), way]), np.zeros(steps + 1)])
     links = np.column_stack([np.full(steps, state), *np.zeros((3, steps))])

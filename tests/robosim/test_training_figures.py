@@ -70,10 +70,10 @@ def test_runs_with_and_without_departures_are_all_there_is_to_draw(tmp_path):
 
 
 def test_folders_without_a_finished_run_are_named(tmp_path):
-    with pytest.raises(ValueError, match=r"result\.json is no result of training a classifier"):
+    with pytest.raises(ValueError, match=r"result\.json: no such file, expected a result of training"):
         draw_training([tmp_path], tmp_path)
     (tmp_path / "result.json").write_text("{}")
-    with pytest.raises(ValueError, match="it has no recipe and scores"):
+    with pytest.raises(ValueError, match="'recipe' is missing"):
         draw_training([tmp_path], tmp_path)
     with pytest.raises(ValueError, match="same name"):
         draw_training([write_run(tmp_path / "a" / "run"), write_run(tmp_path / "b" / "run")], tmp_path)

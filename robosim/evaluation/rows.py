@@ -1,0 +1,56 @@
+"""The row of an episode in the table of all: what stands in it, and whether one that was read back is such a row."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from robosim.ablations import POLICIES
+
+#: Columns that are looked at by name. All others are numbers, or null where there is none.
+_TEXT, _WHOLE = ("plan", "policy", "ended"), ("task", "repeat", "seed", "steps", "collisions")
+_NUMBERS = (
+    "spl", "shortest_m", "final_distance_m", "path_length_m", "coverage", "deepest_penetration_m",
+    "deepest_by_distance_m", "position_error_rms_m",
+)  # fmt: skip
+_PLACES = {"start": 3, "target": 2}
+#: Whole numbers up to here are told apart by floating-point columns.
+_LARGEST = 1e15
+
+
+def name_of(row: Mapping[str, Any]) -> str:
+    """What an episode's file is called, unique in an evaluation: PLAN/TASK-POLICY-REPEAT."""
+    return f"{row['plan']}/{row['task']:03d}-{row['policy']}-{row['repeat']}"
+
+
+def check_row(row: Mapping[str, Any]) -> None:
+    """Refuse a row that no episode has.
+
+    Raises:
+        ValueError: In a few words, of the first column that is wrong.
+    """
+    at = row.get("arrived_at_step")
+    good = {
+        **{name: isinstance(row.get(name), str) for name in _TEXT},
+        "policy": row.get("policy") in POLICIES,
+        **{name: _is_whole(row.get(name)) for name in _WHOLE},
+        "arrived": isinstance(row.get("arrived"), bool) and row["arrived"] == (at is not None),
+        "arrived_at_step": "arrived_at_step" in row and (at is None or _is_whole(at)),
+        **{name: is_number(row.get(name)) for name in _NUMBERS},
+        **{name: _is_place(row.get(name), length) for name, length in _PLACES.items()},
+    }
+    good |= {name: value is None or is_number(value) for name, value in row.items() if name not in good}
+    for name, fine in good.items():
+        if not fine:
+            raise ValueError(f"{name} of the episode is {str(row.get(name))[:80]!r}")
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value of JSON is a number that a table can hold."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= _LARGEST
+
+
+def _is_whole(value: Any) -> bool:
+    return is_number(value) and isinstance(value, int) and value >= 0
+
+
+def _is_place(value: Any, length: int) -> bool:
+    return isinstance(value, list) and len(value) == length and all(map(is_number, value))

@@ -1,0 +1,141 @@
+"""NumPy files from outside: single arrays (`.npy`) and archives of them (`.npz`).
+
+What a header declares is held against the bytes that are there before any memory is asked for, and against what the
+reader expects: kinds of numbers, shapes, how large a number may be. No pickles. Of an archive only what is expected is
+unpacked. For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
+"""
+
+import io
+import math
+import struct
+import zipfile
+from collections.abc import Mapping
+from typing import IO, NamedTuple
+
+import numpy as np
+from numpy.lib import format as npy
+
+#: Bytes of all arrays of an archive together, unpacked, unless the reader says otherwise.
+MOST_BYTES = 200_000_000
+#: Positions and sizes are at most so large [m, and whatever else is of that order].
+FAR = 1e7
+#: Bytes that the directory of an archive and the header of an array may have.
+_MOST_DIRECTORY, _MOST_HEADER = 100_000, 10_000
+
+
+class Array(NamedTuple):
+    """What an array of a file must be."""
+
+    kinds: str
+    """Kinds of numbers that it may hold, by NumPy's letters and where it matters their bytes: "i u", "u2", "U"."""
+    axes: str
+    """Its axes as in type annotations, "n 3": numbers, and names that are of one length in all arrays of a file."""
+    most: float | None = None
+    """Its numbers are finite and at most so large; None for any."""
+
+
+def read_npz(
+    file: IO[bytes], expected: Mapping[str, Array], *, most_bytes: int = MOST_BYTES
+) -> dict[str, np.ndarray]:
+    """Arrays of an archive.
+
+    Args:
+        file: The archive.
+        expected: What each array must be, by its name; others are left alone.
+        most_bytes: How large they may be together.
+
+    Raises:
+        ValueError: In a few words, of whatever is wrong with one.
+        Exception: Whatever a damaged archive makes its reader raise.
+    """
+    _check_directory(file)
+    arrays: dict[str, np.ndarray] = {}
+    sizes: dict[str, int] = {}
+    left = most_bytes
+    with zipfile.ZipFile(file) as archive:
+        for name, array in expected.items():
+            member = archive.getinfo(f"{name}.npy") if f"{name}.npy" in archive.NameToInfo else None
+            if member is None:
+                raise ValueError(f"the array {name} is missing")
+            left -= member.file_size
+            if left < 0:
+                raise ValueError(f"unpacked it has more than {most_bytes} bytes")
+            if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                raise ValueError(f"{name} is compressed in another way than NumPy does")
+            arrays[name] = checked(parse_npy(archive.read(member), name), array, name, sizes)
+    return arrays
+
+
+def parse_npy(content: bytes, name: str = "the array") -> np.ndarray:
+    """The array of an `.npy` file, which may be written to.
+
+    Raises:
+        ValueError: If it is damaged, or of objects or records.
+    """
+    stream = io.BytesIO(content)
+    version = npy.read_magic(stream)
+    read_header = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
+    if read_header is None:
+        raise ValueError(f"{name} is of version {version[0]}.{version[1]} of the format")
+    shape, in_columns, kind = read_header(stream, max_header_size=_MOST_HEADER)
+    if kind.kind not in "biufU" or kind.subdtype is not None:
+        raise ValueError(f"{name} holds {kind}, expected plain numbers or text")
+    size, there = math.prod(shape) * kind.itemsize, len(content) - stream.tell()
+    if min(shape, default=0) < 0 or size > there:
+        raise ValueError(f"{name} is declared as {shape} of {kind}, but {there} bytes are there")
+    flat = np.empty(0, kind)
+    if size:
+        flat = np.frombuffer(content, kind, count=math.prod(shape), offset=stream.tell())
+    # A copy that may be written to, in the machine's own order of bytes; of truth values whatever is not 0 is true.
+    array = flat.view(np.uint8) != 0 if kind.kind == "b" else flat.astype(kind.newbyteorder("="))
+    return array.reshape(shape, order="F" if in_columns else "C")
+
+
+def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]) -> np.ndarray:
+    """The array, if it is as expected.
+
+    Args:
+        array: What was read.
+        expected: What it must be.
+        name: What it is called, for the message.
+        sizes: Lengths of named axes; those that it is the first to have are added.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    axes = expected.axes.split()
+    kinds = expected.kinds.split()
+    # Of an empty array the kind means nothing.
+    fits = not array.size or array.dtype.kind in kinds or array.dtype.str[1:] in kinds
+    if not fits or array.ndim != len(axes):
+        raise ValueError(
+            f"{name} is {array.dtype} of shape {array.shape}, expected {expected.axes or 'one value'}"
+        )
+    for axis, length in zip(axes, array.shape, strict=True):
+        wanted = int(axis) if axis.isdecimal() else sizes.setdefault(axis, length)
+        if length != wanted:
+            raise ValueError(f"{name} has shape {array.shape}, expected {expected.axes} with {axis} {wanted}")
+    if array.dtype.kind == "U":
+        letters = array.reshape(-1).view(np.uint32)
+        if letters.size and (letters.max() > 0x10FFFF or ((letters >= 0xD800) & (letters < 0xE000)).any()):
+            raise ValueError(f"{name} is no text")
+    elif expected.most is not None and array.size:
+        # NaN fails every comparison, so it is asked for what is good.
+        low, high = float(array.min()), float(array.max())
+        if not (-expected.most <= low and high <= expected.most):
+            raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.most:g}")
+    return array
+
+
+def _check_directory(file: IO[bytes]) -> None:
+    """Refuse an archive whose directory alone would fill the memory."""
+    file.seek(max(0, file.seek(0, io.SEEK_END) - (1 << 16)))
+    tail = file.read()
+    at = tail.rfind(b"PK\x05\x06")
+    if at < 0 or len(tail) < at + 22:
+        raise ValueError("the end of the archive is missing")
+    (size,) = struct.unpack_from("<L", tail, at + 12)
+    # Archives of more than 4 GB have their directory elsewhere.
+    if size > _MOST_DIRECTORY or tail[:at][-20:-16] == b"PK\x06\x07":
+        raise ValueError("its directory is larger than that of arrays")
+    file.seek(0)

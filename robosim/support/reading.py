@@ -1,0 +1,200 @@
+"""The boundary that every file from outside comes through.
+
+Within `reading`, whatever a library makes of a damaged file (an error of its own, of memory, of nesting) leaves as one
+line that names the file, what is wrong with it and what would be right; the library's own error stays its cause. What
+cannot be such a file at all is refused before it is opened: folders, pipes, devices, links to nothing, far too large
+ones. Readers inside bound what a file may ask for (`robosim.support.text_in`, `arrays_in`, `images_in`).
+"""
+
+import logging
+import os
+import stat
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+#: Larger files are taken for a mistake unless their reader says otherwise [bytes].
+MOST_BYTES = 200_000_000
+#: Letters of a path, of what a library says, and of a whole message.
+_PATH, _REASON, _MESSAGE = 400, 300, 2000
+_COPY = "Copy or export it again."
+#: Libraries whose warnings of a damaged file would stand beside our one line.
+_TALKATIVE = ("trimesh", "PIL")
+_KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+
+
+class FileError(ValueError):
+    """A file that cannot be used; the message is one line with its name, what is wrong and what would be right."""
+
+    file: Path | None = None
+    """The file, once the error has passed the boundary."""
+
+
+@contextmanager
+def reading(
+    path: str | Path,
+    what: str,
+    remedy: str = _COPY,
+    *,
+    most_bytes: int = MOST_BYTES,
+    kind: type[FileError] = FileError,
+) -> Iterator[BinaryIO]:
+    """A regular file, open for as long as the block lasts, which is where it is taken apart and checked.
+
+    Args:
+        path: The file.
+        what: What it should hold, with its article: "a mesh".
+        remedy: What to do about a damaged one: a sentence.
+        most_bytes: Size above which it is refused.
+        kind: Class of the errors.
+
+    Raises:
+        FileError: Of the given kind, for any failure inside and for all that is no such file. A check inside may
+            raise a ValueError of a few words, which become the reason. What names a file already passes.
+    """
+    number = _opened(Path(path), shown(path), what, remedy, most_bytes, kind)
+    with open(number, "rb") as file, naming(path, what, remedy, kind=kind):
+        yield file
+
+
+@contextmanager
+def naming(
+    path: str | Path, what: str, remedy: str = _COPY, *, kind: type[FileError] = FileError
+) -> Iterator[None]:
+    """What `reading` does with errors, for content that is taken apart after its file was closed."""
+    path, name = Path(path), shown(path)
+    with _quiet():
+        try:
+            yield
+        except FileError as error:
+            message = str(error) if name in str(error) else f"{name}: {error}"
+            if error.file is None and (type(error) is not kind or message != str(error) or "\n" in message):
+                raise _named(kind(one_line(message, _MESSAGE)), path) from error
+            error.file = error.file or path
+            raise
+        except Exception as error:
+            if _ours(error) and name in str(error):
+                raise _named(kind(one_line(str(error), _MESSAGE)), path) from error
+            message = f"{name}: not readable as {what} ({reason_of(error)}). {remedy}"
+            raise _named(kind(message), path) from error
+
+
+def read_bytes(
+    path: str | Path,
+    what: str,
+    remedy: str = _COPY,
+    *,
+    most_bytes: int = MOST_BYTES,
+    kind: type[FileError] = FileError,
+) -> bytes:
+    """Content of a regular, not empty file; arguments and errors as of `reading`."""
+    with reading(path, what, remedy, most_bytes=most_bytes, kind=kind) as file:
+        return file.read()
+
+
+def expanded(path: str | Path) -> Path:
+    """A path with ~ and ~somebody as their home; as it is where there is no such home."""
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        return Path(path)
+
+
+def shown(path: str | Path) -> str:
+    """A path as a message can hold it: in one printable line, the end of it if it is endless."""
+    text = one_line(str(path), None)
+    return text if len(text) <= _PATH else f"...{text[-_PATH:]}"
+
+
+def one_line(text: str, most: int | None = _REASON) -> str:
+    """A text in one line of printable letters, cut short if it has too many of them."""
+    line = " ".join(text.split()) if most is not None else text
+    line = "".join(
+        c if c.isprintable() else c.encode("unicode_escape", "backslashreplace").decode() for c in line
+    )
+    return line if most is None or len(line) <= most else f"{line[:most]}..."
+
+
+def reason_of(error: BaseException) -> str:
+    """What an error of a library says of a file, in a few words."""
+    if isinstance(error, MemoryError):
+        return "it asks for more memory than there is"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, UnicodeDecodeError):
+        return f"byte {error.start} is no {error.encoding.upper()} text"
+    if isinstance(error, KeyError) and error.args:
+        return f"{one_line(repr(error.args[0]))} is missing"
+    if isinstance(error, OSError) and error.strerror:
+        return one_line(error.strerror)
+    return one_line(str(error)).rstrip(".") or type(error).__name__
+
+
+def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]) -> int:
+    """The open file's number; what it is was asked of the open file again, since a name can change hands."""
+    try:
+        _refuse(os.stat(path), name, what, remedy, most_bytes, kind)
+        # A pipe that took the file's place would otherwise be waited for.
+        number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+        try:
+            _refuse(os.fstat(number), name, what, remedy, most_bytes, kind)
+        except BaseException:
+            os.close(number)
+            raise
+        return number
+    except FileError as error:
+        error.file = path
+        raise
+    except FileNotFoundError as error:
+        problem = "no such file" if not path.is_symlink() else "a link to a file that is not there"
+        hint = "Check the spelling and the folder."
+        raise _named(kind(f"{name}: {problem}, expected {what}. {hint}"), path) from error
+    except (OSError, ValueError) as error:
+        raise _named(kind(f"{name}: cannot be read ({reason_of(error)}), expected {what}."), path) from error
+
+
+def _refuse(
+    found: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
+) -> None:
+    """Raise an error of what is no regular file, empty or too large."""
+    for is_kind, words in _KINDS:
+        if is_kind(found.st_mode):
+            raise kind(f"{name}: is {words}, expected {what} in a regular file.")
+    if not found.st_size:
+        raise kind(f"{name}: the file is empty, expected {what}. {remedy}")
+    if found.st_size > most_bytes:
+        raise kind(f"{name}: {found.st_size} bytes, expected {what} of at most {most_bytes}.")
+
+
+def _named(error: FileError, path: Path) -> FileError:
+    error.file = path
+    return error
+
+
+def _ours(error: Exception) -> bool:
+    """Whether an error is of a class of this project, whose messages say what is wrong in our words."""
+    return type(error).__module__.partition(".")[0] in ("robosim", "slam", "wireless")
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """No warnings from libraries about a file that is either refused or as good as any."""
+    loggers = [logging.getLogger(name) for name in _TALKATIVE]
+    levels = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, levels, strict=True):
+                logger.setLevel(level)

@@ -1,0 +1,196 @@
+"""JSON and YAML from outside, into Python's own types, with bounds on all that may grow without end.
+
+Nesting is bounded, so that whatever goes through the content later cannot exhaust the stack; whole numbers have at
+most `MOST_DIGITS`, since larger ones fit nowhere. In YAML an alias counts for all that it stands for: lists of aliases
+of lists of aliases ("billion laughs") are small files of endless content. Of YAML's types those of JSON are known.
+For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
+"""
+
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NoReturn
+
+import yaml
+
+from robosim.support.reading import reading
+
+#: Files above have other contents than ours [bytes]. YAML is read by Python, 100 kB a second.
+MOST_JSON, MOST_YAML = 16_000_000, 600_000
+#: Lists and dictionaries within each other.
+MOST_DEEP = 40
+MOST_DIGITS = 40
+_TOO_LONG = re.compile(rb"(?<![0-9.])[0-9]{%d}" % (MOST_DIGITS + 1))
+#: Values of a YAML file, those that aliases stand for counted each time.
+_MOST_VALUES = 150_000
+
+
+def parse_json(content: bytes, *, numbers: str = "finite") -> Any:
+    """What a JSON text in UTF-8 says.
+
+    Args:
+        content: The text.
+        numbers: "any" takes NaN and Infinity too, which are not JSON's.
+
+    Raises:
+        ValueError: In a few words, of whatever is wrong with it.
+    """
+    if _TOO_LONG.search(content):
+        raise ValueError(f"a whole number of more than {MOST_DIGITS} digits")
+    constant, real = (None, None) if numbers == "any" else (_no_number, _real)
+    value = json.loads(content.decode("utf-8-sig"), parse_constant=constant, parse_float=real)
+    _check_depth(value)
+    return value
+
+
+def read_json(
+    path: str | Path, what: str, remedy: str = "Copy or export it again.", *, keys: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    """What a JSON file with keys and values says.
+
+    Args:
+        path: The file.
+        what: What it should hold, with its article.
+        remedy: What to do about a damaged one.
+        keys: Those that it must have.
+
+    Raises:
+        FileError: If it is damaged, or no regular file.
+    """
+    with reading(path, what, remedy, most_bytes=MOST_JSON) as file:
+        return check_object(parse_json(file.read()), keys)
+
+
+def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
+    """What a YAML text says.
+
+    Args:
+        content: The text.
+        as_text: Leaves numbers and truth values as text.
+
+    Raises:
+        ValueError: In a few words, of whatever is wrong with it.
+    """
+    try:
+        value = yaml.load(content, Loader=_TextLoader if as_text else _ValueLoader)
+        _check_depth(value)
+        return value
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        where = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
+        raise ValueError(f"{error.problem or error.context}{where}") from error
+
+
+def check_object(value: Any, keys: tuple[str, ...] = ()) -> dict[str, Any]:
+    """The value, if it is a dictionary with these keys.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    if not isinstance(value, dict):
+        raise ValueError(f"a {type(value).__name__}, expected keys and values")
+    if missing := [key for key in keys if key not in value]:
+        raise ValueError(f"{missing[0]!r} is missing")
+    return value
+
+
+def _check_depth(value: Any) -> None:
+    level = [value]
+    for _ in range(MOST_DEEP):
+        level = [
+            item
+            for each in level
+            if isinstance(each, (dict, list))
+            for item in (each.values() if isinstance(each, dict) else each)
+            if isinstance(item, (dict, list))
+        ]
+        if not level:
+            return
+    raise ValueError(f"nested more than {MOST_DEEP} deep")
+
+
+def _no_number(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _real(digits: str) -> float:
+    number = float(digits)
+    if math.isinf(number):
+        raise ValueError(f"{digits[:MOST_DIGITS]} is beyond all numbers")
+    return number
+
+
+def _problem(what: str, at: Any) -> yaml.MarkedYAMLError:
+    return yaml.MarkedYAMLError(None, None, what, at.start_mark)
+
+
+class _TextLoader(yaml.BaseLoader):
+    """Text, lists and dictionaries; a document of bounded depth and size."""
+
+    def __init__(self, stream: bytes) -> None:
+        super().__init__(stream)
+        self._deep = 0
+        self._values = 0
+        self._values_of: dict[str, int] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
+            # One that stands for what it lies in is not known yet.
+            if event.anchor not in self._values_of:
+                raise _problem(f"*{event.anchor} stands for nothing before it", event)
+            self._count(self._values_of[event.anchor], event)
+            return super().compose_node(parent, index)
+        before, deeper = self._values, isinstance(event, yaml.CollectionStartEvent)
+        self._count(1, event)
+        self._deep += deeper
+        if self._deep > MOST_DEEP:
+            raise _problem(f"nested more than {MOST_DEEP} deep", event)
+        node = super().compose_node(parent, index)
+        self._deep -= deeper
+        if event.anchor is not None:
+            self._values_of[event.anchor] = self._values - before
+        return node
+
+    def _count(self, more: int, event: Any) -> None:
+        self._values += more
+        if self._values > _MOST_VALUES:
+            raise _problem(f"more than {_MOST_VALUES} values, counting what aliases stand for", event)
+
+
+class _ValueLoader(_TextLoader, yaml.SafeLoader):
+    """JSON's types; what looks like a date stays text, and what is tagged as anything else is refused."""
+
+    def construct_yaml_int(self, node: Any) -> int:
+        digits = self.construct_scalar(node)
+        if len(digits) > MOST_DIGITS:
+            raise _problem(f"a whole number of {len(digits)} digits", node)
+        return self._number(super().construct_yaml_int, node)
+
+    def construct_yaml_float(self, node: Any) -> float:
+        return self._number(super().construct_yaml_float, node)
+
+    def construct_yaml_bool(self, node: Any) -> bool:
+        return self._number(super().construct_yaml_bool, node)
+
+    def _number(self, construct: Callable[[Any], Any], node: Any) -> Any:
+        try:
+            return construct(node)
+        except (ValueError, KeyError, IndexError, OverflowError) as error:
+            raise _problem(f"{node.value[:MOST_DIGITS]!r} is tagged as what it is not", node) from error
+
+
+_TAG = "tag:yaml.org,2002:"
+_ValueLoader.yaml_implicit_resolvers = {
+    letter: [(tag, pattern) for tag, pattern in resolvers if tag != f"{_TAG}timestamp"]
+    for letter, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_ValueLoader.yaml_constructors = {
+    **{
+        f"{_TAG}{name}": getattr(_ValueLoader, f"construct_yaml_{name}")
+        for name in ("null", "bool", "int", "float", "str", "seq", "map")
+    },
+    None: yaml.SafeLoader.construct_undefined,
+}
