@@ -117,7 +117,9 @@ def run(
             for number, row in pool.run(_episode, calls):
                 write_json(_file(out, *missing[number]), row)
                 tell(" ".join(missing[number]))
-        rows = [json.loads(_file(out, *unit).read_text(encoding="utf-8")) for unit in units]
+        rows = [
+            read_json(_file(out, *unit), "results of a plan", "Delete it to measure again.") for unit in units
+        ]
         scores = [
             {key: value for key, value in row.items() if key not in ("coverage", "poses")} for row in rows
         ]

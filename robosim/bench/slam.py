@@ -6,7 +6,6 @@ rest of the patch ahead, as far as it is floor or the face of a wall; there the 
 elsewhere, and unknown is neither obstacle nor floor.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -26,6 +25,7 @@ from robosim.support.files import write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
+from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from slam.mapper.scores import PatchScores
 
@@ -76,7 +76,8 @@ def _measured(
             write_whole(_row_file(out, row["plan"]).with_suffix(".npz"), maps)
             write_json(_row_file(out, row["plan"]), row)
             tell(row["plan"])
-    return [json.loads(_row_file(out, name).read_text(encoding="utf-8")) for name in sorted(files)]
+    remedy = "Delete it to measure again."
+    return [read_json(_row_file(out, name), "results of a plan", remedy) for name in sorted(files)]
 
 
 def _row_file(out: Path, plan: str) -> Path:

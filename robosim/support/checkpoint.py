@@ -1,10 +1,12 @@
 """The state of a training in a file, so that it can be stopped and go on."""
 
 import io
+import os
 from pathlib import Path
 from typing import Any
 
 from robosim.support.files import write_whole
+from robosim.support.reading import reading
 
 
 class Checkpoint:
@@ -18,19 +20,17 @@ class Checkpoint:
         """What was saved last, or None.
 
         Raises:
-            ValueError: If the file is damaged.
+            FileError: If the file is damaged.
         """
         import torch
 
-        if not self.path.exists():
+        if not os.path.lexists(self.path):
             return None
-        try:
-            kept = torch.load(self.path, weights_only=True)
-        except Exception as error:  # torch.load raises whatever the damaged bytes lead it to
-            raise ValueError(f"{self.path}: damaged checkpoint. Delete it to start again.") from error
-        if not isinstance(kept, dict):
-            raise ValueError(f"{self.path}: no checkpoint of a training. Delete it to start again.")
-        return kept
+        with reading(self.path, "the checkpoint of a training", "Delete it to begin anew.") as file:
+            kept: Any = torch.load(file, weights_only=True)
+            if not isinstance(kept, dict):
+                raise ValueError("it holds no state")
+            return kept
 
     def save(self, state: dict[str, Any]) -> None:
         """Keep a state: tensors, numbers, texts, and lists and dictionaries of these."""

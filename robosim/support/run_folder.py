@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from robosim.support.files import plain, remove_partials, write_json
+from robosim.support.reading import FileError
+from robosim.support.text_in import read_json
 
 SETTINGS = "settings.json"
 
@@ -142,9 +144,9 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
 def _kept(folder: Path) -> dict[str, Any] | None:
     """What `settings.json` says, if it is one of ours."""
     try:
-        there = json.loads((folder / SETTINGS).read_text(encoding="utf-8"))
+        there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))
         return there if isinstance(there["command"], str) and isinstance(there["settings"], dict) else None
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except FileError:
         return None
 
 

@@ -13,9 +13,6 @@ import pytest
 from tests.faults.commands import COMMANDS
 from tests.faults.conftest import comes_to_the_same, end_of, no_crash, run, started
 
-#: Files that say that a command has done its work, the last that each writes.
-LAST = ("result.json", "sheet.png", "reach.png", "trace.json", "manifest.json", "summary.json", "curves.png")
-
 
 @pytest.fixture
 def disk(tmp_path: Path):
