@@ -177,22 +177,6 @@ def _is_loss(error: Exception) -> bool:
     return isinstance(error, BrokenProcessPool) or type(error).__name__ == "KilledWorker"
 
 
-def in_parallel(
-    function: Callable[..., Any],
-    calls: Iterable[tuple[Any, ...]],
-    workers: int,
-    cluster: str | None = None,
-    what: str = "calls",
-) -> Iterator[Any]:
-    """Results of calls as they come, in any order; see `Workers`."""
-    calls = list(calls)
-    if not calls:
-        return
-    with Workers(min(workers, len(calls)), cluster, what=what) as pool:
-        for _, result in pool.run(function, calls):
-            yield result
-
-
 def _connect(address: str) -> Any:
     try:
         from distributed import Client
