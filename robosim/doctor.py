@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from robosim.building import Building
 
 _CAMERA = "camera"
+# A camera takes two seconds, where loops have to be compiled some minutes.
+_PATIENCE_S = 900.0
 
 
 @dataclass(frozen=True)
@@ -113,7 +115,13 @@ def _system(system: GLSystem) -> Finding:
     if lack := missing(system):
         return Finding(part, False, lack.trouble, lack.remedy, needed=False)
     program = f"from robosim.doctor import tell_camera; tell_camera({system!r})"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=_PATIENCE_S
+        )
+    except subprocess.TimeoutExpired:
+        detail = f"no picture within {_PATIENCE_S:.0f} s"
+        return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
     try:
         return Finding(part, **json.loads(done.stdout.splitlines()[-1]), needed=False)
     except (IndexError, TypeError, ValueError):
