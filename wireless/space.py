@@ -80,7 +80,9 @@ def _reflect(
 
 
 @compiled
-def _widen(line: Float[np.ndarray, "k 3"], image: Float[np.ndarray, "3"], strip: Float[np.ndarray, "4 3"]) -> None:
+def _widen(
+    line: Float[np.ndarray, "k 3"], image: Float[np.ndarray, "3"], strip: Float[np.ndarray, "4 3"]
+) -> None:
     """Make a strip across the view of a line, so narrow that it is seen if the line is seen or touched."""
     size, across = 0.0, np.empty(3)
     for i in range(3):
@@ -205,7 +207,19 @@ def _bend(
                     who[3 : 3 + before] = near.chain[w, :before]
                     who[3 + before : 3 + before + after] = far.chain[v, :after]
                     count[r] = try_path(
-                        space, setting, tx, rx[r], points, m, who, room, where, which, rank[r], best[r], count[r]
+                        space,
+                        setting,
+                        tx,
+                        rx[r],
+                        points,
+                        m,
+                        who,
+                        room,
+                        where,
+                        which,
+                        rank[r],
+                        best[r],
+                        count[r],
                     )
 
 

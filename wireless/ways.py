@@ -225,7 +225,9 @@ def _is_limit(
         free, here = True, source
         for j in range(order):
             there, after = points[order - 1 - j], points[order - 2 - j] if j + 1 < order else place
-            free = free and sight(space.tree, here, there) == FREE and _turn(space, here, there, after) == FREE
+            free = (
+                free and sight(space.tree, here, there) == FREE and _turn(space, here, there, after) == FREE
+            )
             here = there
         if free and sight(space.tree, here, place) == FREE:
             return True
