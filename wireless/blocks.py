@@ -8,7 +8,7 @@ once: a single link pays for no threads.
 
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -30,14 +30,14 @@ def available_cores() -> int:
 
 
 def trace_blocks(
-    n_tx: int, n_rx: int, trace: Callable[[slice, slice], list[Table]], workers: int | None = None
+    n_tx: int, n_rx: int, trace: Callable[[slice, slice], Iterable[Table]], workers: int | None = None
 ) -> Rows:
     """Trace all links.
 
     Args:
         n_tx: Number of transmitters.
         n_rx: Number of receivers.
-        trace: Traces a block of transmitters and receivers: a table for each of these transmitters.
+        trace: Traces a block of transmitters and receivers: a table for each of these transmitters, one by one.
         workers: Threads; None for one on each available core.
     """
     blocks = [

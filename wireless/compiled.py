@@ -17,7 +17,7 @@ compares them.
 import _signal  # `signal` makes enumerations of what these return: ten times the time
 import inspect
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from signal import SIGALRM, SIGINT, SIGTERM, raise_signal
 from types import FrameType
 from typing import Any, TypeVar, cast
@@ -25,7 +25,7 @@ from typing import Any, TypeVar, cast
 import numba
 from numba.core.registry import CPUDispatcher
 
-from wireless.compiled_files import CompiledFiles
+from .compiled_files import CompiledFiles
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -33,7 +33,8 @@ F = TypeVar("F", bound=Callable[..., object])
 def compiled(function: F) -> F:
     """The same function, compiled to machine code; its annotations are for the reader."""
     plain = inspect.unwrap(function)
-    if numba.config.DISABLE_JIT:  # for debuggers
+    config: Any = numba.config
+    if config.DISABLE_JIT:  # for debuggers
         return cast(F, plain)
     return cast(F, _Loop(plain, None, {"nopython": True, "nogil": True, "error_model": "numpy"}))
 
@@ -44,8 +45,8 @@ class _Loop(CPUDispatcher):
     def __init__(
         self,
         function: Callable[..., object],
-        local_types: Mapping[str, object] | None,
-        options: dict[str, object],
+        local_types: dict[str, Any] | None,
+        options: dict[str, Any],
     ):
         super().__init__(function, local_types, options)
         self._cache = CompiledFiles(self, between=_signals.let_in)

@@ -42,6 +42,8 @@ from numba.core.sigutils import normalize_signature
 
 logger = logging.getLogger(__name__)
 
+_config: Any = numba.config  # whose names come from the environment
+
 #: Versions of a function that stay on disk: for types of arguments, processors, states of the source.
 KEPT = 12
 #: Age at which a half-written file is nobody's any more [s].
@@ -55,11 +57,11 @@ class CompiledFiles(_Cache):
     """The files of one function.
 
     Args:
-        function: What numba made of it.
+        function: What numba made of it, a Dispatcher.
         between: Called before each function is looked for and after it was kept: whoever wants to stop may do so.
     """
 
-    def __init__(self, function: Dispatcher, between: Callable[[], None]):
+    def __init__(self, function: Any, between: Callable[[], None]):
         self._function, self._between = function, between
         self._name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._folders = _folders(Path(function.py_func.__code__.co_filename))
@@ -68,13 +70,13 @@ class CompiledFiles(_Cache):
     def cache_path(self) -> str | None:
         """Where new files go."""
         folder, _ = _place(self._folders)
-        return folder and str(folder)
+        return None if folder is None else str(folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
         """The function for some types of arguments, if it is on disk."""
         self._between()
         target_context.refresh()
-        name = self._file(sig, target_context)
+        name = self._file(sig)
         for folder in self._folders:
             data = _read(folder / name)
             if data is None:
@@ -91,7 +93,7 @@ class CompiledFiles(_Cache):
         folder, _ = _place(self._folders)
         try:
             if folder is not None:
-                _write(folder / self._file(sig, data.target_context), dumps(data._reduce()))
+                _write(folder / self._file(sig), dumps(data._reduce()))
                 _tidy(folder, self._name)
         except Exception as error:  # the function is there; another run may compile it again
             if str(folder) not in _told:
@@ -108,16 +110,16 @@ class CompiledFiles(_Cache):
     def flush(self) -> None:
         """See `enable`."""
 
-    def _file(self, sig: Any, target_context: Any) -> str:
+    def _file(self, sig: Any) -> str:
         """Name of the file for some types of arguments."""
         made_of = hashlib.sha256()
         types, _ = normalize_signature(sig)
-        settings = (numba.config.OPT, numba.config.BOUNDSCHECK, numba.config.DEBUGINFO_DEFAULT)
+        settings = (_config.OPT, _config.BOUNDSCHECK, _config.DEBUGINFO_DEFAULT, _config.USING_SVML)
         versions = (sys.version, numba.__version__, llvmlite.__version__, np.__version__)
         for part in (
             *_made_of(self._function, (), {}),
             *map(_type, types),
-            *target_context.codegen().magic_tuple(),
+            *self._function.targetctx.codegen().magic_tuple(),
             *settings,
             *versions,
         ):
@@ -212,7 +214,7 @@ def _type(one: Any) -> object:
 
 def _folders(source: Path) -> tuple[Path, ...]:
     """Where compiled functions of a source file may be, best first."""
-    folders = [Path(numba.config.CACHE_DIR).absolute() / "robosim"] if numba.config.CACHE_DIR else []
+    folders = [Path(_config.CACHE_DIR).absolute() / "robosim"] if _config.CACHE_DIR else []
     if source.is_file():
         folders.append(source.parent.absolute() / "__pycache__")
     with contextlib.suppress(RuntimeError):  # a user without a home
