@@ -250,5 +250,9 @@ def plot_way(path: Path, building: Building, row: dict[str, Any]) -> None:
     figure.colorbar(way, ax=axes, label="decision", shrink=0.7)
     curve = np.array(row["coverage"])
     seen = ", ".join(f"{100 * curve[n]:.0f} % after {n}" for n in MILESTONES)
-    axes.set_title(f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}", fontsize=9)
+    axes.set_title(
+        f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}",
+        fontsize=9,
+        parse_math=False,
+    )
     save_figure(figure, path)

@@ -17,6 +17,7 @@ import shapely
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
@@ -175,7 +176,7 @@ def _table(rows: list[Row], title: str) -> Table:
         "ours: how many times as fast robosim takes the same images, by the clock and by processor time. "
         "Errors of depth against exact ray casting, away from silhouettes."
     )
-    table = Table(title=title, caption=caption)
+    table = Table(title=Text(title, "table.title"), caption=caption)
     for column in ("camera", "images"):
         table.add_column(column)
     for column in (
@@ -191,7 +192,7 @@ def _table(rows: list[Row], title: str) -> Table:
         table.add_column(column, justify="right")
     for row in rows:
         if row.trouble:
-            table.add_row(row.camera, row.images, str(row.size_px), row.trouble)
+            table.add_row(row.camera, row.images, str(row.size_px), Text(row.trouble))
             continue
         table.add_row(
             row.camera,
