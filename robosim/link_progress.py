@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
+from rich.text import Text
 
 from robosim.support.progress import text_column
 
@@ -68,5 +69,7 @@ def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgr
     with Progress(*columns, console=console, refresh_per_second=4) as progress:
         bar = progress.add_task("links", total=total, note="")
         yield LinkProgress(
-            lambda done, note: progress.update(bar, completed=done, note=note), progress.console.print, out
+            lambda done, note: progress.update(bar, completed=done, note=note),
+            lambda line: progress.console.print(Text(line)),
+            out,
         )

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console
+from rich.text import Text
 
 from robosim.link_jobs import Job, links_of, run_jobs
 from robosim.link_state_plots import plot_curves, plot_scores
@@ -82,7 +83,7 @@ def train_link_state(
         )
     if any(len(part) == len(links.names) for part in parts):
         raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
-    console.print(f"{len(links.state)} links of {len(links.names)} buildings in {data}")
+    console.print(Text(f"{len(links.state)} links of {len(links.names)} buildings in {data}"))
     # More folds, members and tests may be asked for of the same networks.
     settings = {
         "data": f"{data.name}: {', '.join(links.names)}",

@@ -35,6 +35,7 @@ from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
+from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from robosim.tasks import make_task
 from slam.exploration import ExplorerName
@@ -251,5 +252,9 @@ def plot_way(path: Path, building: Building, row: dict[str, Any]) -> None:
     figure.colorbar(way, ax=axes, label="decision", shrink=0.7)
     curve = np.array(row["coverage"])
     seen = ", ".join(f"{100 * curve[n]:.0f} % after {n}" for n in MILESTONES)
-    axes.set_title(f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}", fontsize=9)
+    axes.set_title(
+        f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}",
+        fontsize=9,
+        parse_math=False,
+    )
     save_figure(figure, path)

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 import wireless
 from robosim.bench import label_adjacent, label_links, label_maps, label_walls
@@ -161,7 +162,7 @@ def _show(console: Console, rows: dict[str, Any], total: dict[str, Any]) -> None
             for state in STATES[1:]
         ]
         cells = [f"{100 * row[name]:.2f}" for name in ("all", "clear")]
-        table.add_row(name, str(row["links"]), cells[0], str(row["clear_links"]), cells[1], *angles)
+        table.add_row(Text(name), str(row["links"]), cells[0], str(row["clear_links"]), cells[1], *angles)
     console.print(table)
     console.print(
         "AoA: share within 5 degrees of the estimate, of the strongest path / through a receiver's beams"

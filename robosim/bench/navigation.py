@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
@@ -85,7 +86,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     for row in rows:
         deepest = max(row["deepest_penetration_m"], row["deepest_by_distance_m"])
         table.add_row(
-            row["plan"],
+            Text(row["plan"]),
             row["policy"],
             row["ended"],
             str(row["steps"]),

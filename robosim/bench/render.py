@@ -18,6 +18,7 @@ import shapely
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
@@ -193,7 +194,7 @@ def _table(rows: list[Row], title: str) -> Table:
     )
     if any(row.trouble for row in rows):
         caption += f"\n{_left_out(rows)}"
-    table = Table(title=title, caption=caption)
+    table = Table(title=Text(title, "table.title"), caption=caption)
     for column in ("camera", "images"):
         table.add_column(column)
     for column in (

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from rich.console import Console, Group
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
 from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
@@ -159,7 +160,7 @@ def _walks(rows: list[dict[str, Any]], name: str) -> dict[str, float]:
 
 
 def _numbers(title: str, first: str, columns: Sequence[str], caption: str = "") -> Table:
-    table = Table(title=title, caption=caption or None)
+    table = Table(title=title, caption=Text(caption, "table.caption"))
     table.add_column(first)
     for column in columns:
         table.add_column(column, justify="right")

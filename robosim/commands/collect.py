@@ -1,6 +1,7 @@
 """`robosim collect`."""
 
 from pathlib import Path
+from shlex import quote
 
 from tyro.conf import OmitArgPrefixes
 
@@ -49,4 +50,4 @@ def collect(
     with going_on(folder):
         shards = collect_frames(config, folder, workers=work.count, cluster=work.cluster, console=console)
     console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
-    console.print(f"Next: robosim train mapper --data {folder}")
+    console.print(f"Next: robosim train mapper --data {quote(str(folder))}")

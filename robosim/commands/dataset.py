@@ -1,6 +1,8 @@
 """`robosim dataset`."""
 
+import json
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
@@ -95,6 +97,5 @@ def dataset(
     console.print(
         f"Wrote {len(made['units'])} tables in {folder / 'links'}, and manifest.json that tells their columns"
     )
-    console.print(
-        f"Next: python -c \"import pyarrow.parquet as p; print(p.read_table('{folder / 'links'}'))\""
-    )
+    read_all = f"import pyarrow.parquet as p; print(p.read_table({json.dumps(str(folder / 'links'))}))"
+    console.print(f"Next: python -c {quote(read_all)}", soft_wrap=True)

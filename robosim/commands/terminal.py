@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
@@ -19,8 +20,8 @@ from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
 #: A pipe has no width; tables should not be cut for it. Names from outside are printed as they are, so that nothing in
-#: brackets is taken for markup; what is to be bold says so by its style.
-console = Console(width=None if sys.stdout.isatty() else 150, markup=False)
+#: brackets is taken for markup, nor :smile: for a picture; what is to be bold says so by its style.
+console = Console(width=None if sys.stdout.isatty() else 150, markup=False, emoji=False)
 
 
 #: More processes than this are a slip of the finger.
@@ -160,7 +161,7 @@ def going_on(folder: Path) -> Iterator[None]:
     except (KeyboardInterrupt, SystemExit) as error:
         if isinstance(error, KeyboardInterrupt) or error.code == SIGNALLED + signal.SIGTERM:
             console.print(
-                f"Interrupted; what was finished is kept. Go on with the same command and --out {folder}",
+                f"Interrupted; what was finished is kept. Go on with the same command and --out {quote(str(folder))}",
                 soft_wrap=True,
             )
         raise

@@ -1,6 +1,7 @@
 """`robosim trace`."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
@@ -91,4 +92,5 @@ def trace(
     console.print(Text.assemble((f"{result['links']} links", "bold"), told))
     drawn = ", *.png" if plots else ""
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
-    console.print(f"Next: cd {folder}; python -c \"import deepmimo; deepmimo.load('{result['deepmimo']}')\"")
+    load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
+    console.print(f'Next: cd {quote(str(folder))}; python -c "{load}"', soft_wrap=True)

@@ -1,6 +1,7 @@
 """`robosim train`."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
 from tyro.conf import OmitArgPrefixes
@@ -155,7 +156,9 @@ def mapper(
             highlight=False,
         )
     console.print(f"Wrote the mapper, its card and curves in {folder}")
-    console.print(f"Next: robosim episode flat --goal explore --mapper {folder / 'mapper.safetensors'}")
+    console.print(
+        f"Next: robosim episode flat --goal explore --mapper {quote(str(folder / 'mapper.safetensors'))}"
+    )
 
 
 def pose(

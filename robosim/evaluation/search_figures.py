@@ -259,7 +259,9 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
     axes.add_patch(plt.Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
-        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps", fontsize=10
+        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",
+        fontsize=10,
+        parse_math=False,
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rich.console import Console
+from rich.text import Text
 
 from robosim.evaluation.episodes import Job, run_job
 from robosim.support.files import write_whole
@@ -58,9 +59,7 @@ def sweep(
                 write_whole(job.file(out), content)
             else:
                 failures.append(failure)
-                console.print(
-                    f"{job.name} failed: {failure.error}", highlight=False, markup=False, soft_wrap=True
-                )
+                console.print(Text(f"{job.name} failed: {failure.error}"), soft_wrap=True)
             tell(job.name)
     return failures
 
