@@ -52,7 +52,7 @@ def check_network(name: str, value: str, known: Iterable[str]) -> None:
     if isinstance(value, str) and value not in known and Path(value).suffix == ".safetensors":
         if not Path(value).is_file():
             raise ValueError(
-                f"{name} is {shown(value)}, but there is no such file. Known without a file: {', '.join(known)}."
+                f"{name} is {value!r}, but there is no such file. Known without a file: {', '.join(known)}."
             )
         return
     check_choice(name, value, known, "a .safetensors file")

@@ -46,15 +46,22 @@ def run_folder(
     made = _make(folder)
     with _alone(folder):
         try:
+            ours = (folder / SETTINGS).exists()
+            before = set() if ours else set(_results(folder))
             if _kept(folder) is not None:
                 remove_partials(folder)
             _settle(folder, command, settings, grows)
-            yield folder
+            try:
+                yield folder
+            except BaseException:
+                if not ours and set(_results(folder)) == before:
+                    (folder / SETTINGS).unlink(missing_ok=True)  # somebody's folder stays as it was
+                raise
         finally:
             if not _holds_results(folder):
                 (folder / SETTINGS).unlink(missing_ok=True)
-                if made:
-                    _remove_empty(folder)
+                for empty in made:
+                    _remove_empty(empty)
 
 
 def check_folder(folder: Path, command: str) -> None:
@@ -102,17 +109,18 @@ def _exists(path: Path) -> bool:
         ) from error
 
 
-def _make(folder: Path) -> bool:
-    """Make a folder if it is missing; whether it was."""
+def _make(folder: Path) -> list[Path]:
+    """Make a folder if it is missing; it and those above it that were missing too, itself first."""
+    missing = [at for at in (folder, *folder.parents) if not at.exists()]
     try:
-        folder.mkdir(parents=True)
-        return True
-    except FileExistsError:
-        return False
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
+        for at in missing:
+            _remove_empty(at)
         raise FolderError(
             f"out is {str(folder)!r}, which cannot be made ({error.strerror}). Choose another."
         ) from error
+    return missing
 
 
 def _remove_empty(folder: Path) -> None:
@@ -151,17 +159,23 @@ def _kept(folder: Path) -> dict[str, Any] | None:
 
 
 def _holds_results(folder: Path) -> bool:
-    """Whether there is any file but the settings.
+    """Whether there is any file but the settings."""
+    return next(_results(folder), None) is not None
+
+
+def _results(folder: Path) -> Iterator[Path]:
+    """Files but the settings.
 
     Hidden ones are not yet whole; folders inside that were claimed by others are their own.
     """
     for root, folders, files in os.walk(folder):
         if SETTINGS in files and Path(root) != folder:
             folders.clear()
-        elif any(not name.startswith(".") and name != SETTINGS for name in files):
-            return True
+            continue
+        for name in files:
+            if not name.startswith(".") and name != SETTINGS:
+                yield Path(root) / name
         folders[:] = [name for name in folders if not name.startswith(".")]
-    return False
 
 
 def _difference(there: Any, now: Any, grows: tuple[str, ...] = (), name: str = "") -> str:

@@ -144,11 +144,34 @@ def test_nonsense_is_refused_before_any_work(command, words, tmp_path, fails):
     assert [path.name for path in tmp_path.rglob("*")] == ["given"]
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["plan {plan} --out {out}", "episode {plan} --no-video --out {out}", "evaluate {plan} --out {out}"],
-)
-def test_a_plan_that_cannot_be_read_leaves_no_folder(command, tmp_path, fails):
-    (tmp_path / "plan.yaml").write_text("image: no.pgm\nresolution: 0.05\norigin: [0, 0, 0]")
-    fails(*command.format(plan=tmp_path / "plan.yaml", out=tmp_path / "out").split())
-    assert [path.name for path in tmp_path.iterdir()] == ["plan.yaml"]
+#: Commands that begin, and find that what they are given does not do.
+FRUITLESS = [
+    ("plan {}/damaged.yaml", "no.pgm"),
+    ("episode {}/damaged.yaml", "no.pgm"),
+    ("episode {plan} --target 3.1,0.5", "the target (3.1, 0.5) m is in a wall, or outside of the building"),
+    ("episode {plan} --start 3.1,0.5,0", "does not fit at the start (3.1, 0.5) m"),
+    ("replay {}", "{}"),
+    ("trace {plan} --tx 3.1,0.5", "tx is (3.1, 0.5) m, outside of the free space"),
+    ("trace {plan} --tx 1,1 --rx 3.1,0.5", "rx is (3.1, 0.5) m, outside of the free space"),
+    ("trace {plan} --tx 1,1 --grid 20", "no receiver fits"),
+    ("dataset {}/damaged.yaml", "no.pgm"),
+    ("train link-state --data {}", "{}"),
+    ("train mapper --data {}", "holds 0 homes"),
+    ("train pose --data {}", "holds 0 homes"),
+    ("figures plans {}/damaged.yaml", "no.pgm"),
+    ("figures search {}", "{}"),
+    ("bench render --plan {}/damaged.yaml", "no.pgm"),
+    ("bench labels {} {}", "{}"),
+]
+
+
+@pytest.mark.parametrize(("command", "words"), FRUITLESS)
+def test_what_came_to_nothing_leaves_no_folder(command, words, plan_file, tmp_path, fails, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "given"
+    folder.mkdir()
+    (folder / "damaged.yaml").write_text("image: no.pgm\nresolution: 0.05\norigin: [0, 0, 0]")
+    for out in (["--out", tmp_path / "out/deep"], []):
+        message = fails(*command.format(folder, folder, plan=plan_file).split(), *out)
+        assert words.format(folder) in message
+        assert sorted(path.name for path in tmp_path.rglob("*")) == ["damaged.yaml", "given"]
