@@ -45,7 +45,7 @@ logger = logging.getLogger(__name__)
 _config: Any = numba.config  # whose names come from the environment
 
 #: Versions of a function that stay on disk: for types of arguments, processors, states of the source.
-KEPT = 12
+KEPT = 8
 #: Age at which a half-written file is nobody's any more [s].
 LEFT_OVER_S = 3600.0
 

@@ -8,6 +8,7 @@ once: a single link pays for no threads.
 
 import itertools
 import os
+import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -45,15 +46,26 @@ def trace_blocks(
         for i, j in itertools.product(range(0, n_tx, BLOCK_TX), range(0, n_rx, BLOCK_RX))
     ]
 
+    stopped = threading.Event()
+
     def run(block: tuple[slice, slice]) -> list[Table]:
-        return [_packed(table) for table in trace(*block)]
+        tables = []
+        for table in trace(*block):
+            if stopped.is_set():
+                break
+            tables.append(_packed(table))
+        return tables
 
     threads = min(available_cores() if workers is None else workers, len(blocks))
     if threads <= 1:
         done = [run(block) for block in blocks]
     else:
         with ThreadPoolExecutor(threads) as pool:
-            done = list(pool.map(run, blocks))
+            try:
+                done = list(pool.map(run, blocks))
+            except BaseException:  # Ctrl-C: the pool waits for its threads, who need not finish their blocks
+                stopped.set()
+                raise
     rows: Rows = [[] for _ in range(n_tx)]
     for (txs, rxs), tables in zip(blocks, done, strict=True):
         for i, table in zip(range(txs.start, txs.stop), tables, strict=True):
