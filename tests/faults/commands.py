@@ -51,7 +51,8 @@ COMMANDS = {
     "evaluate": Command(
         f"evaluate {{plan}} --targets 2 --policies explore --workers 2 {_QUICK}",
         workers=True,
-        differ=("*.png", "*.html", "timing.parquet"),
+        # A suite names its plans from where it lies.
+        differ=("*.png", "*.html", "timing.parquet", "suite.yaml"),
     ),
     "train link-state": Command(
         "train link-state --data {links} --model reference --epochs 4 --folds 1 --of 2 --workers 2",

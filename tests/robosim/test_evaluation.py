@@ -270,7 +270,7 @@ def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):
     bad = replace(suite.tasks[1], target=(50.0, 50.0))
     result = _evaluate(replace(suite, tasks=(suite.tasks[0], bad)), tmp_path)
     assert {failure.job.task.number for failure in result.errors} == {1}
-    assert "cannot come within 0.3 m" in result.errors[0].error
+    assert "is in a wall, or outside of the building" in result.errors[0].error
     assert {row["task"] for row in result.rows} == {0}
     assert "pair/001-oracle-0 failed and is left out" in result.warnings[0]
 

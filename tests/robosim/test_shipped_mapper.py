@@ -85,7 +85,7 @@ def test_training_from_shards_to_weights(tmp_path):
     with pytest.raises(ValueError, match="expected two or more"):
         train_mapper(tmp_path / "data", tmp_path / "out2", recipe, threads=1, console=QUIET)
     (tmp_path / "data" / "home-00001.npz").write_bytes(b"PK\x03\x04")
-    with pytest.raises(ValueError, match="no shard"):
+    with pytest.raises(ValueError, match="not readable as a shard"):
         read_frames([tmp_path / "data" / "home-00001.npz"])
 
 
