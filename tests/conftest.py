@@ -1,11 +1,20 @@
 """Where the tests find floor plans and data that are not part of this project."""
 
+import signal
+import threading
 from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
 
 from robosim.support.workers import Workers
+
+# A job that a shell runs in the background ignores Ctrl-C, and so would all that the tests start.
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    and threading.current_thread() is threading.main_thread()
+):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
