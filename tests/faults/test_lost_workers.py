@@ -42,4 +42,4 @@ def test_one_is_killed(bench, name, moments, tmp_path):
 
 
 test_one_is_killed.commands = lambda command: command.workers
-test_one_is_killed.daily = ("dataset", "evaluate")
+test_one_is_killed.daily = ("dataset",)
