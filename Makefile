@@ -3,17 +3,23 @@
 #   make demo    a robot finds a transmitter in a building it does not know; a video, a map picture and the result are written
 #   make test    all checks
 #
-# Both make a virtual environment in .venv, and install the system's software renderer if it is missing.
+# Both make a virtual environment in .venv, and install what is missing of the system's packages: a software renderer
+# (OSMesa; EGL where the distribution has no OSMesa; both for the tests) and python3-venv. That takes root or sudo.
+#
+#   make faults  every command disturbed by signals, lost workers and full disks at random moments; hours
+#   make fresh   both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
 
 VENV ?= .venv
 FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
 PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
-APT := $(if $(filter 0,$(shell id -u)),,sudo) apt-get
+FRESH ?= demo test
+MOMENTS ?= 20
 BIN := $(VENV)/bin
+NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test fuzz install system clean
+.PHONY: demo test faults fuzz install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -29,27 +35,41 @@ test: $(VENV)/.test-installed
 fuzz: $(VENV)/.test-installed
 	$(BIN)/python -m tests.fuzz.run $(FUZZ)
 
+faults: $(VENV)/.test-installed
+	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA
+
 install: $(VENV)/.installed
 
-# OSMesa renders without a display; newer distributions that dropped it have EGL.
-system:
-	@if ! ldconfig -p | grep -q -E 'libOSMesa\.so|libEGL_mesa'; then \
-	  echo "Installing the software renderer (OSMesa)"; \
-	  $(APT) update -qq && { $(APT) install -y -qq libosmesa6 || $(APT) install -y -qq libegl1 libgl1-mesa-dri; }; \
-	fi
+python:
+	@test -n "$(PYTHON)" || { echo "robosim needs Python 3.11 to 3.13 (apt-get install python3; on Ubuntu 22.04" \
+	  "python3.11). Install one, or pass PYTHON=/path/to/python."; exit 1; }
 
-$(BIN)/python: | system
-	@test -n "$(PYTHON)" || { echo "robosim needs Python 3.11 to 3.13. Install one, or pass PYTHON=/path/to/python."; exit 1; }
-	@$(PYTHON) -m venv $(VENV) 2>/dev/null || \
-	  { $(APT) update -qq && $(APT) install -y -qq python3-venv && $(PYTHON) -m venv $(VENV); }
+system: python
+	@$(NEEDS)
 
-$(VENV)/.installed: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable .
+system-all: python
+	@$(NEEDS) --all
+
+# pip is what comes last into a new environment: one that was broken off is made anew.
+$(BIN)/pip: | system
+	@rm -rf $(VENV)
+	@$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.installed: pyproject.toml | system $(BIN)/pip
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable .
 	@touch $@
 
-$(VENV)/.test-installed: pyproject.toml | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --editable '.[test]'
+$(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[test]'
 	@touch $@ $(VENV)/.installed
+
+# Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.
+fresh:
+	scripts/fresh-root.sh bookworm make $(FRESH)
+	scripts/fresh-root.sh trixie make $(FRESH)
+	PACKAGES="libegl1 libegl-mesa0 libgl1-mesa-dri" scripts/fresh-root.sh bookworm make $(FRESH)
+	WITHOUT=libosmesa6 scripts/fresh-root.sh bookworm make $(FRESH)
+	AS_USER=1 scripts/fresh-root.sh bookworm make demo
 
 clean:
 	rm -rf $(VENV) out runs

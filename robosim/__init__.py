@@ -4,9 +4,16 @@ Start reading at ``robosim.episode``: one episode, whole, on one page.
 """
 
 import os
+import sys
 from importlib.metadata import version
 
-import gymnasium
+try:
+    import gymnasium
+except KeyboardInterrupt:
+    # As a program (its name is "-m" as long as this is loaded by `python -m robosim`) it ends without a word.
+    if os.path.basename(sys.argv[0]) in ("-m", "robosim"):
+        raise SystemExit(130) from None
+    raise
 
 # MuJoCo's EGL needs a newer PyOpenGL than the one that pyrender asks for: with MUJOCO_GL=egl, as many servers have it
 # set, `import mujoco` would fail. Its renderer is not used here but to compare with.

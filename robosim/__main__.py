@@ -1,7 +1,25 @@
-"""`python -m robosim` is the `robosim` command."""
+"""`python -m robosim` is the `robosim` command.
 
-from robosim.cli import main
+Ctrl-C while this program is still being loaded, or as Python shuts down, ends it without a word too.
+"""
 
-# Processes that commands spawn import this module again.
+import signal
+import sys
+
+
+def main() -> None:
+    """Entry point of the `robosim` command as a program of its own."""
+    try:
+        from robosim.cli import main as command
+
+        command()
+    except KeyboardInterrupt:
+        sys.exit(128 + signal.SIGINT)
+    finally:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+
+
+# Processes that commands spawn may import this module again.
 if __name__ == "__main__":
     main()

@@ -17,6 +17,7 @@ from robosim.belief import BeliefConfig
 from robosim.episode import EpisodeConfig
 from robosim.goals import GoalName
 from robosim.hearing import TRUE_STATES
+from robosim.support.checks import check_choice
 
 AblationName = Literal[
     "fused-no-vision", "fused-no-aod", "fused-no-memory", "fused-true-states", "fused-true-pose"
@@ -28,7 +29,12 @@ POLICIES: tuple[PolicyName, ...] = (*get_args(GoalName), *get_args(AblationName)
 
 
 def configured(config: EpisodeConfig, policy: PolicyName) -> EpisodeConfig:
-    """An episode's configuration with a goal policy, or one of the variants above."""
+    """An episode's configuration with a goal policy, or one of the variants above.
+
+    Raises:
+        ValueError: If there is none of that name.
+    """
+    check_choice("goal", policy, POLICIES)
     for name in get_args(GoalName):
         if name == policy:
             return replace(config, goal=name)

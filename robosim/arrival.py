@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.hearing import Heard
+from robosim.support.checks import check_numbers
 from wireless.paths import LinkState
 
 
@@ -40,6 +41,19 @@ class FollowConfig:
     """See above [m]."""
     leave_steps: int = 50
     """Decisions for which arrivals are left alone, the first time; as many more each time after."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            min_snr_db=(-200, 200, "dB"),
+            ahead_m=(0.01, 100, "m"),
+            every=(1, 1_000_000, "decisions"),
+            reached_m=(0, 100, "m"),
+            dwell_steps=(1, 1_000_000, "decisions"),
+            dwell_window=(1, 1_000_000, "decisions"),
+            dwell_m=(0, 100, "m"),
+            leave_steps=(0, 1_000_000, "decisions"),
+        )
 
 
 class Dwelling:

@@ -22,8 +22,12 @@ from scipy.constants import speed_of_light
 
 from robosim.hearing import Heard
 from robosim.sightlines import Knowledge, bent, in_sight, knowledge
+from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
+
+#: Cells along the side of a grid; more would not fit into memory.
+MOST_CELLS = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +58,26 @@ class BeliefConfig:
     """Whether directions of departure are known; they are not if the target's beams are not."""
     remembers: bool = True
     """Whether measurements are gathered on the way; if not, the belief is that of the last one alone."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            frequency_hz=FREQUENCY_HZ,
+            cell_m=(0.01, 10, "m"),
+            half_side_m=(1, 1000, "m"),
+            arrival_deg=(0.01, 180, "degrees"),
+            departure_deg=(0.01, 180, "degrees"),
+            power_db=(0.01, 200, "dB"),
+            doubt=(0, 1),
+            weight=(0, 1),
+            apart_m=(0, 100, "m"),
+            in_sight=(0, 1),
+        )
+        if self.half_side_m > MOST_CELLS / 2 * self.cell_m:
+            raise ValueError(
+                f"half_side_m is {self.half_side_m:g} and cell_m {self.cell_m:g}, expected a grid of at most "
+                f"{MOST_CELLS} cells a side. Take larger cells."
+            )
 
 
 class TargetBelief:

@@ -23,6 +23,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from robosim.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.floorplan import FloorPlan
 from robosim.outline import check_tolerance, closed_passages, free_cells, placed
+from robosim.support.checks import check_numbers
 from wireless.materials import check_material
 
 logger = logging.getLogger(__name__)
@@ -56,16 +57,14 @@ class BuildingConfig:
 
     def __post_init__(self) -> None:
         check_tolerance(self.tolerance_m)
-        if not (np.isfinite(self.height_m) and self.height_m > 0):
-            raise ValueError(
-                f"height_m is {self.height_m}, expected a positive number of metres, such as 2.5."
-            )
-        if not self.furniture_max_m2 >= 0:
-            raise ValueError(
-                f"furniture_max_m2 is {self.furniture_max_m2}, expected an area [m2], 0 for none."
-            )
+        check_numbers(
+            self,
+            height_m=(0.1, 100, "m, such as 2.5"),
+            furniture_max_m2=(0, 1e6, "m2, 0 for no furniture"),
+            furniture_height_m=(0.01, 100, "m. Leave it out for furniture up to the ceiling"),
+        )
         low = self.furniture_height_m
-        if low is not None and not 0 < low < self.height_m:
+        if low is not None and not low < self.height_m:
             raise ValueError(
                 f"furniture_height_m is {low}, expected a height between 0 and height_m = {self.height_m}. "
                 "Leave it out for furniture up to the ceiling."

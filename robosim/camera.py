@@ -21,7 +21,9 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.rendering.gl_binding import GLSystem, bind_opengl
+from robosim.rendering.gl_binding import bind_opengl
+from robosim.rendering.gl_libraries import GLSystem
+from robosim.support.checks import SIZE_PX, check_numbers
 
 Backend = Literal["pyrender", "embree"]
 
@@ -44,20 +46,18 @@ class CameraConfig:
     """Farther things are not seen [m along the view]."""
 
     def __post_init__(self) -> None:
-        for name in ("width", "height"):
-            size = getattr(self, name)
-            if not 1 <= size <= 4096:
-                raise ValueError(f"{name} is {size}, expected 1 to 4096 pixels.")
-        if not 1.0 <= self.hfov_deg <= 170.0:
+        check_numbers(
+            self,
+            width=SIZE_PX,
+            height=SIZE_PX,
+            hfov_deg=(1, 170, "degrees. Angles here are no radians"),
+            height_m=(-100, 100, "m"),
+            near_m=(1e-4, 1e4, "m"),
+            far_m=(1e-3, 1e5, "m"),
+        )
+        if not self.near_m < self.far_m:
             raise ValueError(
-                f"hfov_deg is {self.hfov_deg}, expected 1 to 170 degrees. Angles here are no radians."
-            )
-        if not np.isfinite(self.height_m):
-            raise ValueError(f"height_m is {self.height_m}, expected a finite height in metres.")
-        if not 0 < self.near_m < self.far_m < np.inf:
-            raise ValueError(
-                f"near_m is {self.near_m} and far_m is {self.far_m}, expected 0 < near_m < far_m, both finite. "
-                "Try 0.05 and 50."
+                f"near_m is {self.near_m} and far_m is {self.far_m}, expected near_m < far_m. Try 0.05 and 50."
             )
 
     @property
@@ -138,7 +138,7 @@ def make_camera(
 
     Raises:
         ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
-        OSError: If neither OSMesa nor EGL is installed.
+        OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
         RuntimeError: If OpenGL serves another platform in this process already.
     """
     if backend == "embree":

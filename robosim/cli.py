@@ -1,15 +1,19 @@
 """The `robosim` command: parses what is asked for, calls what does it, prints what came out.
 
-Bad input ends in one sentence on standard error and exit status 2, never in a traceback.
+Bad input ends in one sentence on standard error and exit status 2, never in a traceback; `--debug` shows that too.
 """
 
+import errno
 import logging
+import signal
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
+from rich.text import Text
 
 from robosim.commands import bench, figures, train, train_policies
 from robosim.commands.collect import collect
@@ -20,8 +24,11 @@ from robosim.commands.machine import doctor
 from robosim.commands.replay import replay, view
 from robosim.commands.scenes import generate, plan
 from robosim.commands.trace import trace
+from robosim.support.interrupt import SIGNALLED, terminated_like_interrupted
 
 _Commands = dict[str, Callable[..., None]]
+#: Errors of a disk that is full, or of a limit on what may be written.
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 _BENCH: _Commands = {
     "render": bench.render,
@@ -68,10 +75,35 @@ _COMMANDS: _Commands = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Entry point of the `robosim` command."""
+    """Entry point of the `robosim` command.
+
+    Ends with status 2 where what was asked for cannot be done, 1 where work failed, 130 after Ctrl-C, 143 after
+    SIGTERM.
+    """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
+    try:
+        with terminated_like_interrupted():
+            _run(words)
+    except KeyboardInterrupt:
+        sys.exit(SIGNALLED + signal.SIGINT)
+    except Exception as error:
+        status, line = _explained(error)
+        if debug:
+            traceback.print_exception(error)
+        # Names of files and other words from outside are text, whatever they look like.
+        Console(stderr=True).print(Text(f"robosim: {line}", "red"), soft_wrap=True)
+        sys.exit(status)
+
+
+def _run(words: list[str]) -> None:
+    for name, value in zip(["", *words], words, strict=False):
+        option, _, rest = value.partition("=")
+        if not value or (option.startswith("--") and "=" in value and not rest):
+            raise ValueError(f"{option or name or 'an argument'} is empty, expected a value.")
     if words and words[0] in _GROUPS:
         group = words.pop(0)
         description, commands = _GROUPS[group]
@@ -80,15 +112,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
         groups = {name: _as_command(text) for name, (text, _) in _GROUPS.items()}
         commands, prog = {**_COMMANDS, **groups}, "robosim"
         description = (
-            "Robots that see and hear in buildings made from floor plans. Each command has its own --help."
+            "Robots that see and hear in buildings made from floor plans. Each command has its own --help; with "
+            "--debug an error shows where it comes from."
         )
-    try:
-        tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=words)
-    except (ValueError, OSError) as error:
-        Console(stderr=True).print(f"robosim: {error}", style="red", highlight=False, soft_wrap=True)
-        sys.exit(2)
-    except KeyboardInterrupt:
-        sys.exit(130)
+    tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=words)
+
+
+def _explained(error: Exception) -> tuple[int, str]:
+    """Exit status and one line for an error."""
+    text = " ".join(str(error).split())
+    if isinstance(error, ChildProcessError):
+        return 1, text
+    if isinstance(error, ValueError):
+        return 2, text
+    if isinstance(error, OSError):
+        if error.errno in _FULL:
+            where = f" ({error.filename})" if error.filename else ""
+            return 1, (
+                f"cannot write{where}: {error.strerror}. What was finished is kept. Make room, or choose another "
+                "--out, and give the same command again."
+            )
+        return 2, text
+    if isinstance(error, MemoryError):
+        return 1, f"out of memory ({text or 'no more could be had'}). Use fewer --workers, or a smaller plan."
+    return 1, f"internal error, {type(error).__name__}: {text}. Please report it with what --debug shows."
 
 
 def _as_command(text: str) -> Callable[..., None]:

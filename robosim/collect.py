@@ -18,15 +18,12 @@ in the homes as in episodes; robots pass through them, and they are no obstacles
 | truth | (n, 3, 64, 8) uint8 | channels of `robosim.true_patch`, bits packed along the last axis |
 """
 
-import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from rich.console import Console
-from rich.progress import Progress
 
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
@@ -36,8 +33,11 @@ from robosim.odometry import NoiseModel
 from robosim.reach import Reach, reach
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array
-from robosim.support.files import whole_file, write_json
-from robosim.support.text_in import read_json
+from robosim.support.checks import SEED, check_numbers
+from robosim.support.files import npz_bytes, write_whole
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from robosim.tasks import make_task
 from robosim.true_patch import TruePatches
 from slam.actions import Action
@@ -77,62 +77,45 @@ class CollectConfig:
     """Noise of motion and odometry."""
 
     def __post_init__(self) -> None:
-        if self.homes < 1 or self.steps < 1:
-            raise ValueError(f"homes = {self.homes}, steps = {self.steps}, expected at least 1 of each.")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}, expected a whole number of 0 or more.")
-        if not 0 <= self.navigable <= 1:
-            raise ValueError(f"navigable = {self.navigable}, expected a share from 0 to 1.")
+        check_numbers(self, homes=(1, 100_000), steps=(1, 10_000, "frames"), seed=SEED, navigable=(0, 1))
 
 
-def collect(config: CollectConfig, out: Path, *, workers: int, console: Console) -> list[Path]:
+def collect(
+    config: CollectConfig, out: Path, *, workers: int, cluster: str | None = None, console: Console
+) -> list[Path]:
     """Write the shards that are not there yet.
 
     Args:
         config: What to collect.
         out: Folder for the shards.
         workers: Processes at once; the files do not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
 
     Returns:
         All shards.
 
     Raises:
-        ValueError: If the folder holds shards that were collected otherwise.
+        FolderError: If the folder holds shards that were collected otherwise, or another process is at work in it.
+        WorkerLost: If a process was killed, when the other homes are done.
     """
-    out = Path(out)
-    _check_same(config, out)
-    paths = [out / f"home-{home:05d}.npz" for home in range(config.homes)]
-    jobs = [
-        joblib.delayed(_write_home)(config, home, path)
-        for home, path in enumerate(paths)
-        if not path.exists()
-    ]
-    with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("homes", total=len(paths), completed=len(paths) - len(jobs))
-        for _ in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(jobs):
-            progress.update(bar, advance=1)
+    # More homes of the same kind may be added.
+    settings = {key: value for key, value in asdict(config).items() if key != "homes"}
+    with run_folder(out, "collect", settings) as folder:
+        paths = [folder / f"home-{home:05d}.npz" for home in range(config.homes)]
+        missing = [home for home, path in enumerate(paths) if not path.exists()]
+        with (
+            Workers(min(workers, len(missing) or 1), cluster, what="homes") as pool,
+            told_units(console, "homes", len(paths), len(paths) - len(missing)) as tell,
+        ):
+            for number, shard in pool.run(_collect_shard, [(config, home) for home in missing]):
+                write_whole(paths[missing[number]], shard)
+                tell(paths[missing[number]].stem)
     return paths
 
 
-def _check_same(config: CollectConfig, out: Path) -> None:
-    """Note in the folder what it holds; more homes of the same kind may be added."""
-    kind: dict[str, Any] = {key: value for key, value in asdict(config).items() if key != "homes"}
-    note = out / "collected.json"
-    if note.exists():
-        there = read_json(note, "the settings of collected frames", "Choose another folder.")
-        if there != json.loads(json.dumps(kind)):
-            raise ValueError(
-                f"{out} holds frames that were collected with other settings ({note}). Choose another folder."
-            )
-    else:
-        write_json(note, kind)
-
-
-def _write_home(config: CollectConfig, home: int, path: Path) -> None:
-    arrays = collect_home(home_building(config, home), config, seed=home)
-    with whole_file(path) as partial:
-        np.savez_compressed(partial, **arrays)  # type: ignore[arg-type]
+def _collect_shard(config: CollectConfig, home: int) -> bytes:
+    return npz_bytes(collect_home(home_building(config, home), config, seed=home))
 
 
 def home_building(config: CollectConfig, home: int) -> Building:

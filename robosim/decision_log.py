@@ -17,7 +17,7 @@ from jaxtyping import Float, UInt8
 from robosim.floorplan import MAX_CELLS, RESOLUTIONS_M
 from robosim.snapshot import GUESS, Arrivals, Layer, Snapshot
 from robosim.support.arrays_in import FAR, Array, read_npz
-from robosim.support.files import whole_file
+from robosim.support.files import npz_bytes, write_whole
 from robosim.support.images_in import opened_image
 from robosim.support.reading import naming, reading
 from slam.grid import GridFrame
@@ -85,8 +85,7 @@ class DecisionWriter:
         columns["text"] = np.array([row["text"] for row in self._rows], np.str_)
         for name, shape in _RAGGED.items():
             columns |= _ragged(name, [row[name] for row in self._rows], shape)
-        with whole_file(path) as partial, partial.open("wb") as file:
-            np.savez_compressed(file, **columns)
+        write_whole(path, npz_bytes(columns))
 
 
 #: Columns of fixed length, with the shape of an entry.

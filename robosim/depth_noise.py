@@ -21,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float32, UInt64
 
+from robosim.support.checks import LEVEL, check_number, check_numbers
 from wireless.compiled import compiled
 
 #: Focal length of the camera that the published numbers belong to [pixels].
@@ -49,18 +50,21 @@ class DepthNoise:
     """Farther things are not measured [m along the view]."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.level) and self.level >= 0):
-            raise ValueError(f"level = {self.level}, expected a number >= 0: 0 for no noise, 1 as published.")
-        for name in ("baseline_m", "step_px", "lateral_px"):
-            if not getattr(self, name) >= 0:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected a number >= 0.")
-        if not 0 < self.fading_deg < self.lost_deg <= 90:
+        check_number("depth noise level", self.level, *LEVEL)
+        check_numbers(
+            self,
+            baseline_m=(0, 10, "m"),
+            step_px=(0, 100, "pixels"),
+            lateral_px=(0, 100, "pixels"),
+            fading_deg=(0.01, 90, "degrees"),
+            lost_deg=(0.01, 90, "degrees"),
+            min_range_m=(0, 1000, "m"),
+            max_range_m=(0.01, 1000, "m"),
+        )
+        if not (self.fading_deg < self.lost_deg and self.min_range_m < self.max_range_m):
             raise ValueError(
-                f"fading_deg = {self.fading_deg}, lost_deg = {self.lost_deg}, expected 0 < fading < lost <= 90."
-            )
-        if not 0 <= self.min_range_m < self.max_range_m:
-            raise ValueError(
-                f"min_range_m = {self.min_range_m}, max_range_m = {self.max_range_m}, expected 0 <= min < max."
+                f"fading_deg is {self.fading_deg} and lost_deg {self.lost_deg}, min_range_m {self.min_range_m} and "
+                f"max_range_m {self.max_range_m}, expected fading below lost and min below max."
             )
 
     def sigma_m(self, depth_m: float) -> float:

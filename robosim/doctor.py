@@ -1,10 +1,11 @@
-"""A look at the machine: what works, how fast, and what to install where something does not.
+"""A look at the machine: what works, how fast, what is used, and what to do where something does not work.
 
-Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash.
+Libraries are imported by the probe that needs them, so that a missing one is a finding and no crash. What to do
+follows from the error (`robosim.remedies`), since any probe may stumble over what it shares with others.
 """
 
-import importlib
 import importlib.metadata
+import json
 import os
 import platform
 import subprocess
@@ -12,14 +13,23 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+
+from robosim.remedies import CACHE_REMEDY, remedy
+from robosim.rendering.gl_binding import default_system
+from robosim.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
 
 if TYPE_CHECKING:
     from robosim.building import Building
+
+_CAMERA = "camera"
+# A camera takes two seconds, where loops have to be compiled some minutes.
+_PATIENCE_S = 900.0
 
 
 @dataclass(frozen=True)
@@ -38,16 +48,18 @@ class Finding:
 
 def examine() -> list[Finding]:
     """Run all checks; none of them raises."""
+    systems = {system: _system(system) for system in SYSTEM_NAMES}
     return [
         _python(),
-        _check("mujoco", _mujoco, "pip install 'mujoco>=4'"),
-        _check("embree", _embree, "pip install embreex"),
-        _check("pyrender on OSMesa", _camera("osmesa"), "apt-get install libosmesa6", needed=False),
-        _check("pyrender on EGL", _camera("egl"), "apt-get install libegl1 libgl1-mesa-dri", needed=False),
-        _check("opencv ArUco", _aruco, "pip install 'opencv-python-headless>=4.10'"),
-        _check("fast marching", _fast_marching, "pip install 'numba>=0.61'"),
-        _check("video (H.264)", _video, "pip install 'av>=14'"),
-        _check("torch", _torch, "pip install torch (the CPU build is enough)", needed=False),
+        _check("compiled loops", "numba", _compiled_loops, needed=False),
+        _check("fast marching", "numba", _fast_marching),
+        _check("mujoco", "mujoco", _mujoco),
+        _check("embree", "embreex", _embree),
+        *systems.values(),
+        _camera(systems),
+        _check("opencv ArUco", "cv2", _aruco),
+        _check("video (H.264)", "av", _video),
+        _check("learned mapper", "torch", _mapper),
     ]
 
 
@@ -59,37 +71,115 @@ def report(findings: list[Finding], console: Console) -> bool:
     )
     table = Table(box=None, pad_edge=False)
     for column in ("part", "", "what was found", "what to do"):
-        table.add_column(column)
+        table.add_column(column, overflow="fold")
     for finding in findings:
-        state = "[green]works" if finding.works else "[red]missing" if finding.needed else "[yellow]missing"
-        table.add_row(finding.part, state, finding.detail, "" if finding.works else finding.fix)
+        state = "[green]works" if finding.works else "[red]fails" if finding.needed else "[yellow]fails"
+        table.add_row(escape(finding.part), state, escape(finding.detail), escape(finding.fix))
     console.print(table)
-    sees = any(f.works for f in findings if f.part.startswith("pyrender"))
-    able = sees and all(f.works for f in findings if f.needed)
-    if able:
+    broken = [finding.part for finding in findings if finding.needed and not finding.works]
+    if not broken:
         console.print("All that the main job needs is here. Next: robosim episode flat --out out/first")
-    elif not sees:
-        console.print(
-            "No way to draw pictures: install OSMesa (apt-get install libosmesa6). Until then pass "
-            "--camera embree, which needs no OpenGL."
-        )
+    elif broken == [_CAMERA]:
+        console.print("No pictures by OpenGL. Until then pass --camera embree, which needs none.")
     else:
-        console.print("Install what is missing above, then run robosim doctor again.")
-    return able
+        console.print(f"Mend first: {', '.join(broken)}. Then run robosim doctor again.")
+    return not broken
 
 
-def _check(part: str, probe: Callable[[], str], fix: str, *, needed: bool = True) -> Finding:
+def _check(part: str, module: str, probe: Callable[[], str | Finding], *, needed: bool = True) -> Finding:
     # A broken library may raise anything at all at import, and the report is there to say so.
     try:
-        return Finding(part, True, probe(), needed=needed)
+        found = probe()
     except Exception as error:
-        reason = str(error).strip().splitlines() or [type(error).__name__]
-        return Finding(part, False, reason[0][:90], fix, needed)
+        trouble = error.trouble if isinstance(error, OpenGLError) else _first_line(error)
+        return Finding(part, False, trouble, remedy(error, module), needed)
+    return found if isinstance(found, Finding) else Finding(part, True, found, needed=needed)
+
+
+def _first_line(error: Exception) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0] if lines else type(error).__name__
 
 
 def _python() -> Finding:
     fits = (3, 11) <= sys.version_info[:2] < (3, 14)
-    return Finding("python", fits, platform.python_version(), "use Python 3.11, 3.12 or 3.13")
+    return Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11, 3.12 or 3.13")
+
+
+def _system(system: GLSystem) -> Finding:
+    """Whether pyrender draws on an OpenGL system, found out in a process of its own.
+
+    A process can use one system only, and a broken driver may take it down.
+    """
+    part = f"pyrender on {SYSTEM_NAMES[system]}"
+    if lack := missing(system):
+        return Finding(part, False, lack.trouble, lack.remedy, needed=False)
+    program = f"from robosim.doctor import tell_camera; tell_camera({system!r})"
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=_PATIENCE_S
+        )
+    except subprocess.TimeoutExpired:
+        detail = f"no picture within {_PATIENCE_S:.0f} s"
+        return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
+    try:
+        return Finding(part, **json.loads(done.stdout.splitlines()[-1]), needed=False)
+    except (IndexError, TypeError, ValueError):
+        last = [line for line in done.stderr.splitlines() if line.strip()][-1:]
+        detail = " ".join([f"the driver ended the process with status {done.returncode}.", *last])
+        return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
+
+
+def tell_camera(system: GLSystem) -> None:
+    """Draw a room on one OpenGL system, check a depth, and write what came of it to standard output as JSON."""
+    finding = _check("", "pyrender", lambda: _measure_camera(system))
+    told = {"works": finding.works, "detail": finding.detail, "fix": finding.fix}
+    sys.stdout.write(json.dumps(told) + "\n")
+
+
+def _measure_camera(system: GLSystem) -> str:
+    from robosim.camera import CameraConfig, camera_pose, make_camera
+    from robosim.rendering.shading import shaded_mesh
+
+    config = CameraConfig()
+    camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=system)
+    pose = camera_pose(np.array([1.0, 1.0, 0.0]), config)
+    depth = float(camera.render(pose).depth[config.height // 2, config.width // 2])
+    if abs(depth - 3.0) > 0.01:
+        raise RuntimeError(f"a wall 3 m away is drawn at {depth:.3f} m")
+    rate = _rate(lambda: camera.render(pose))
+    camera.close()
+    return f"{rate:,.0f} RGB-D frames/s at {config.width} x {config.height}"
+
+
+def _camera(systems: dict[GLSystem, Finding]) -> Finding:
+    """Which system a camera takes, and why; whether it works there."""
+    setting = os.environ.get("PYOPENGL_PLATFORM", "")
+    asked = setting.lower() in SYSTEM_NAMES
+    working = [system for system, finding in systems.items() if finding.works]
+    try:
+        taken = default_system()
+    except OpenGLError as error:
+        fix = f"unset PYOPENGL_PLATFORM: {SYSTEM_NAMES[working[0]]} works" if working else error.remedy
+        return Finding(_CAMERA, False, error.trouble, fix)
+    name = SYSTEM_NAMES[taken]
+    if asked:
+        why = f"PYOPENGL_PLATFORM={setting} asks for it"
+    elif taken == "osmesa":
+        why = "the first choice"
+    else:
+        why = "OSMesa, the first choice, is not installed"
+    if setting and not asked:
+        why += f"; PYOPENGL_PLATFORM={setting} is neither osmesa nor egl, and is left aside"
+    if systems[taken].works:
+        return Finding(_CAMERA, True, f"draws on {name}: {why}")
+    if not working:
+        fix = systems[taken].fix or INSTALL["osmesa"]
+    elif asked:
+        fix = f"unset PYOPENGL_PLATFORM: {SYSTEM_NAMES[working[0]]} works"
+    else:
+        fix = f"set PYOPENGL_PLATFORM={working[0]}, which works"
+    return Finding(_CAMERA, False, f"would draw on {name} ({why}), which does not work", fix)
 
 
 def _rate(action: Callable[[], object], least_s: float = 0.3) -> float:
@@ -104,6 +194,27 @@ def _rate(action: Callable[[], object], least_s: float = 0.3) -> float:
 
 def _version(name: str) -> str:
     return f"{name} {importlib.metadata.version(name)}"
+
+
+def _compiled_loops() -> Finding:
+    import numba
+
+    from slam import marching
+
+    function = marching._march
+    folder = function.stats.cache_path if isinstance(function, numba.core.dispatcher.Dispatcher) else None
+    if folder:
+        return Finding("compiled loops", True, f"{_version('numba')}, kept in {folder}", needed=False)
+    found = f"{_version('numba')}, compiled anew by each process (about a minute)"
+    return Finding("compiled loops", False, found, CACHE_REMEDY, needed=False)
+
+
+def _fast_marching() -> str:
+    from slam.marching import march
+
+    speed = np.ones((240, 240))
+    rate = _rate(lambda: march(speed, (120, 120), 1.0))
+    return f"{1000 / rate:.1f} ms for 240 x 240 cells"
 
 
 def _mujoco() -> str:
@@ -132,37 +243,6 @@ def _embree() -> str:
     return f"{_version('embreex')}, {rate / 1e6:.1f} million rays/s"
 
 
-def _camera(kind: Literal["osmesa", "egl"]) -> Callable[[], str]:
-    # A process of its own: OpenGL serves one platform a process, and a broken driver may take it down.
-    program = f"from robosim.doctor import measure_camera; measure_camera({kind!r})"
-
-    def probe() -> str:
-        command = [sys.executable, "-c", program]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-        lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
-        if done.returncode or not lines:
-            raise RuntimeError(lines[-1] if lines else f"the probe ended with status {done.returncode}")
-        return lines[-1]
-
-    return probe
-
-
-def measure_camera(kind: Literal["osmesa", "egl"]) -> None:
-    """Draw a room on one OpenGL platform, check a depth, and write the frame rate to standard output."""
-    from robosim.camera import CameraConfig, camera_pose, make_camera
-    from robosim.rendering.shading import shaded_mesh
-
-    config = CameraConfig()
-    camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=kind)
-    pose = camera_pose(np.array([1.0, 1.0, 0.0]), config)
-    depth = float(camera.render(pose).depth[config.height // 2, config.width // 2])
-    if abs(depth - 3.0) > 0.01:
-        raise RuntimeError(f"a wall 3 m away is drawn at {depth:.3f} m")
-    rate = _rate(lambda: camera.render(pose))
-    camera.close()
-    sys.stdout.write(f"{rate:,.0f} RGB-D frames/s at {config.width} x {config.height}\n")
-
-
 def _aruco() -> str:
     import cv2
 
@@ -174,14 +254,6 @@ def _aruco() -> str:
     return f"opencv {cv2.__version__}, a marker is recognised"
 
 
-def _fast_marching() -> str:
-    from slam.marching import march
-
-    speed = np.ones((240, 240))
-    rate = _rate(lambda: march(speed, (120, 120), 1.0))
-    return f"{_version('numba')}, {1000 / rate:.1f} ms for 240 x 240 cells"
-
-
 def _video() -> str:
     import av
 
@@ -189,9 +261,20 @@ def _video() -> str:
     return _version("av")
 
 
-def _torch() -> str:
-    torch = importlib.import_module("torch")
-    return f"torch {torch.__version__}, {torch.get_num_threads()} threads"
+def _mapper() -> str:
+    import torch
+
+    from robosim.support.assets import shipped_network
+    from slam.egocentric import AHEAD
+    from slam.mapper.prediction import MapPredictor
+    from slam.mapper.weights import load_mapper
+    from slam.projection import CameraModel, scan_from_depth
+
+    predictor = MapPredictor(load_mapper(shipped_network("mapper"))[0])
+    scan = scan_from_depth(np.full((128, 128), 2.0, np.float32), CameraModel())
+    unknown = np.full(AHEAD.shape, 0.5, np.float32)
+    rate = _rate(lambda: predictor.predict(scan, unknown))
+    return f"torch {torch.__version__}, {1000 / rate:.1f} ms a frame"
 
 
 def _room() -> "Building":

@@ -7,6 +7,8 @@ the loop one part of the system. The mapper never sees the true pose, and only t
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
+from signal import SIGINT, SIGTERM
+from typing import get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -19,10 +21,12 @@ from robosim.goals import GoalName, GoalPolicy, make_policy
 from robosim.hearing import TRUE_STATES, Heard, Listener
 from robosim.link_state import read_classifier
 from robosim.moment import Moment
-from robosim.navigation import ControllerName, make_navigator
+from robosim.navigation import MAPPERS, ControllerName, make_navigator
 from robosim.reach import Reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.assets import shipped_weights
+from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.tasks import Task
@@ -59,10 +63,11 @@ class EpisodeConfig:
     """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
-        if self.max_steps < 1:
-            raise ValueError(f"max_steps = {self.max_steps}, expected at least one action.")
-        if self.seed < 0:
-            raise ValueError(f"seed = {self.seed}, expected a whole number of 0 or more.")
+        for name, kind in (("goal", GoalName), ("explorer", ExplorerName), ("controller", ControllerName)):
+            check_choice(name, getattr(self, name), get_args(kind))
+        check_network("mapper", self.mapper, MAPPERS)
+        check_network("link_states", self.link_states, (*shipped_weights(), TRUE_STATES))
+        check_numbers(self, seed=SEED, max_steps=STEPS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +110,7 @@ def run_episode(
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
 
-    Ctrl-C ends the episode after the step that is under way; what was done until then is returned.
+    Ctrl-C or SIGTERM ends the episode after the step that is under way; what was done until then is returned.
 
     Args:
         building: Where.
@@ -129,7 +134,7 @@ def run_episode(
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
 
-    with closing(simulator), noted_interrupt() as interrupt:
+    with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
         view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
         mapper.reset(task.start)
         action = None
@@ -139,7 +144,7 @@ def run_episode(
             with watch.stage("judging"):
                 coverage.update(simulator.pose, simulator.true_depth)
                 log.see(simulator.pose, estimate.pose, coverage.fraction)
-                log.ended = "interrupted" if interrupt.asked else _verdict(log, policy, config)
+                log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
             if log.ended != "running":
                 break
             with watch.stage("link state"):

@@ -10,11 +10,9 @@ workers gives the same weights.
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import joblib
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
@@ -27,13 +25,16 @@ from robosim.grid_walk import GridWalk
 from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.simulator import SimulatorConfig
-from robosim.support.files import whole_file, write_json
+from robosim.support.checkpoint import Checkpoint
+from robosim.support.checks import SEED, check_numbers
+from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
-from robosim.support.reading import FileError, reading
-from slam.checkpoints import load_checkpoint, restore_optimiser
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.optimiser import restore_optimiser
 from slam.ppo import PpoConfig, Walk, improve
 
 Weights = dict[str, Float32[np.ndarray, "..."]]
@@ -61,9 +62,15 @@ class ExplorerRecipe:
     """How weights are improved."""
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "homes", "decisions", "held_out", "every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_numbers(
+            self,
+            rounds=(1, 100_000),
+            homes=(1, 100_000),
+            decisions=(1, 100_000),
+            held_out=(1, _TEST - _HELD_OUT, "homes"),
+            every=(1, 100_000, "rounds"),
+            seed=SEED,
+        )
 
 
 def walk_home(
@@ -142,7 +149,13 @@ def _held_mean(coverage: Float[np.ndarray, "m"], decisions: int) -> float:
 
 
 def train_explorer(
-    out: Path, recipe: ExplorerRecipe, *, workers: int, console: Console, about: str = ""
+    out: Path,
+    recipe: ExplorerRecipe,
+    *,
+    workers: int,
+    cluster: str | None = None,
+    console: Console,
+    about: str = "",
 ) -> dict[str, Any]:
     """Train, compare and write explorer.safetensors with its card, result.json and the curve.
 
@@ -150,6 +163,7 @@ def train_explorer(
         out: Folder for everything, and to go on from.
         recipe: How.
         workers: Processes that walk; the result does not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
         about: The command that does it again, for the card.
 
@@ -157,50 +171,51 @@ def train_explorer(
         The card.
 
     Raises:
-        ValueError: If the folder holds a run of another recipe.
+        FolderError: If the folder holds a run of another recipe.
+        WorkerLost: If a process was killed; what was learnt until then is kept.
     """
     start = time.perf_counter()
-    shown = console if console.is_terminal else None
-    with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
-        best, curve = _learn(out, recipe, parallel, shown)
+    with (
+        run_folder(out, "train explorer", asdict(recipe)),
+        Workers(workers, cluster, what="walks") as pool,
+    ):
+        best, curve = _learn(Checkpoint(out / "checkpoint.pt"), recipe, pool, console)
         homes = range(_TEST, _TEST + recipe.held_out)
+        ratings: tuple[ExplorerName, ...] = ("nearest", "cheapest", "gain", "learned")
         scores: dict[str, list[float]] = {}
-        for rating in ("nearest", "cheapest", "gain", "learned"):
-            weights = best if rating == "learned" else None
-            jobs = (joblib.delayed(mean_coverage)(home, recipe, rating, weights) for home in homes)
-            with tracked(parallel(jobs), f"comparing {rating}", shown, len(homes)) as done:
-                scores[rating] = list(done)
-    card: dict[str, Any] = {
-        "data": f"{recipe.rounds * recipe.homes} invented homes, one walk each",
-        "command": about,
-        "recipe": asdict(recipe),
-        "features": FEATURES,
-        "parameters": sum(int(np.size(value)) for value in best.values()),
-        "test_homes": recipe.held_out,
-        "mean_coverage": {rating: round(float(np.mean(values)), 4) for rating, values in scores.items()},
-        "better_than_gain": _interval(np.array(scores["learned"]) - scores["gain"]),
-        "seconds": round(time.perf_counter() - start, 1),
-    }
-    with whole_file(out / "explorer.safetensors") as file:
-        file.write_bytes(save(best))
-    write_json(out / "explorer.json", card)
-    write_json(out / "result.json", {**card, "curve": curve, "scores": scores})
-    _plot(curve, out / "curves.png")
+        with tracked(ratings, "comparing", console) as shown:
+            for rating in shown:
+                weights = best if rating == "learned" else None
+                calls = [(home, recipe, rating, weights) for home in homes]
+                scores[rating] = pool.in_order(mean_coverage, calls)
+        card: dict[str, Any] = {
+            "data": f"{recipe.rounds * recipe.homes} invented homes, one walk each",
+            "command": about,
+            "recipe": asdict(recipe),
+            "features": FEATURES,
+            "parameters": sum(int(np.size(value)) for value in best.values()),
+            "test_homes": recipe.held_out,
+            "mean_coverage": {rating: round(float(np.mean(values)), 4) for rating, values in scores.items()},
+            "better_than_gain": _interval(np.array(scores["learned"]) - scores["gain"]),
+            "seconds": round(time.perf_counter() - start, 1),
+        }
+        write_whole(out / "explorer.safetensors", save(best))
+        write_json(out / "explorer.json", card)
+        write_json(out / "result.json", {**card, "curve": curve, "scores": scores})
+        _plot(curve, out / "curves.png")
     return card
 
 
 def _learn(
-    out: Path, recipe: ExplorerRecipe, parallel: Any, console: Console | None
+    checkpoint: Checkpoint, recipe: ExplorerRecipe, pool: Workers, console: Console
 ) -> tuple[Weights, list[dict[str, float]]]:
     """The best weights, and one row of the curve for each round."""
     torch.manual_seed(recipe.seed)
     first = initial_weights(np.random.default_rng([recipe.seed, 4]))
     weights = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
     optimiser = torch.optim.Adam(weights.values(), lr=recipe.ppo.rate)
-    checkpoint = out / "checkpoint.pt"
     state: dict[str, Any] = {"round": 0, "curve": [], "best": None, "score": -np.inf}
-    if checkpoint.exists():
-        state = resume(checkpoint, recipe, weights, optimiser)
+    state |= resume(checkpoint, recipe, weights, optimiser)
 
     def now() -> Weights:
         return {name: value.detach().numpy().copy() for name, value in weights.items()}
@@ -208,39 +223,42 @@ def _learn(
     with tracked(range(state["round"], recipe.rounds), "rounds", console) as rounds:
         for n in rounds:
             if n % recipe.every == 0:
-                _validate(state, now(), recipe, parallel)
+                _validate(state, now(), recipe, pool)
             homes = range(_LEARN + n * recipe.homes, _LEARN + (n + 1) * recipe.homes)
-            walks = list(parallel(joblib.delayed(chance_walk)(now(), home, recipe) for home in homes))
+            walks = pool.in_order(chance_walk, [(now(), home, recipe) for home in homes])
             rng = np.random.default_rng([recipe.seed, n, 5])
             told = improve(weights, optimiser, [walk for walk in walks if len(walk.taken)], recipe.ppo, rng)
             seen = [_held_mean(walk.coverage, recipe.decisions) for walk in walks]
             state["round"] = n + 1
             state["curve"].append({"round": n + 1, "coverage": float(np.mean(seen)), **told})
-            _keep(checkpoint, weights, optimiser, recipe, state)
-    _validate(state, now(), recipe, parallel)
+            learnt = {name: value.detach() for name, value in weights.items()}
+            checkpoint.save({"weights": learnt, "optimiser": optimiser.state_dict(), "state": state})
+    _validate(state, now(), recipe, pool)
     return {name: value.numpy() for name, value in state["best"].items()}, state["curve"]
 
 
 def resume(
-    checkpoint: Path,
+    checkpoint: Checkpoint,
     recipe: ExplorerRecipe,
     weights: dict[str, torch.Tensor],
     optimiser: torch.optim.Optimizer,
 ) -> dict[str, Any]:
-    """Put weights and optimiser into the state of a checkpoint; how far the training had come.
+    """Put weights and optimiser into the state of a checkpoint; how far the training had come, if it had begun.
 
     Raises:
-        FileError: If it is damaged, or of another recipe.
+        FileError: If it is damaged.
     """
-    with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
-        kept = load_checkpoint(file)
-        if kept["recipe"] != repr(recipe):
-            raise FileError("belongs to another recipe. Choose another folder, or the same options.")
+    state: dict[str, Any] = {}
+
+    def put(kept: dict[str, Any]) -> None:
         restore_optimiser(optimiser, kept["optimiser"])
+        state.update(_checked(kept["state"], recipe, weights))
         with torch.no_grad():
             for name, value in weights.items():
                 value.copy_(kept["weights"][name])
-        return _checked(kept["state"], recipe, weights)
+
+    checkpoint.restore(put)
+    return state
 
 
 def _checked(
@@ -256,37 +274,16 @@ def _checked(
     return state
 
 
-def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, parallel: Any) -> None:
+def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, pool: Workers) -> None:
     """Score weights on the homes held out, and keep them if they are the best so far."""
-    score_of = partial(mean_coverage, recipe=recipe, rating="learned", weights=weights)
-    scores = parallel(
-        joblib.delayed(score_of)(home) for home in range(_HELD_OUT, _HELD_OUT + recipe.held_out)
-    )
-    score = float(np.mean(list(scores)))
+    homes = range(_HELD_OUT, _HELD_OUT + recipe.held_out)
+    scores = pool.in_order(mean_coverage, [(home, recipe, "learned", weights) for home in homes])
+    score = float(np.mean(scores))
     if not state["curve"]:
         state["curve"].append({"round": 0})
     state["curve"][-1]["held_out"] = score
     if score > state["score"]:
         state["score"], state["best"] = score, {k: torch.from_numpy(v) for k, v in weights.items()}
-
-
-def _keep(
-    checkpoint: Path,
-    weights: dict[str, torch.Tensor],
-    optimiser: torch.optim.Optimizer,
-    recipe: ExplorerRecipe,
-    state: dict[str, Any],
-) -> None:
-    with whole_file(checkpoint) as file:
-        torch.save(
-            {
-                "recipe": repr(recipe),
-                "weights": {name: value.detach() for name, value in weights.items()},
-                "optimiser": optimiser.state_dict(),
-                "state": state,
-            },
-            file,
-        )
 
 
 def _interval(difference: Float[np.ndarray, "n"]) -> dict[str, float]:

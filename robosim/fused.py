@@ -16,6 +16,7 @@ from robosim.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.belief import BeliefConfig, TargetBelief
 from robosim.moment import Moment
 from robosim.sightlines import in_sight, knowledge
+from robosim.support.checks import check_numbers
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.cost_map import CostConfig, cut_box, known_box
 from slam.exploration import FrontierExplorer
@@ -54,6 +55,19 @@ class FusedConfig:
     """Decisions within `dwell_m` of one place after which a goal is given up."""
     dwell_m: float = 0.5
     """See above [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            sure=(0, 1),
+            view_m=(0.1, 100, "m"),
+            head_start=(0, 1e6, "decisions"),
+            keep=(0, 1000),
+            every=(1, 1_000_000, "decisions"),
+            candidates=(1, 10_000, "frontiers"),
+            dwell_steps=(1, 1_000_000, "decisions"),
+            dwell_m=(0, 100, "m"),
+        )
 
 
 class Fused:

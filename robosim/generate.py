@@ -24,6 +24,7 @@ from robosim.generator.layout import Layout, lay_out
 from robosim.generator.rect import Rect
 from robosim.generator.rooms import hull_places, largest_piece
 from robosim.planfiles import write_ros
+from robosim.support.checks import SEED, check_choice, check_number, check_numbers
 
 #: Radius of the agent that the published navigable areas were made for [m].
 AGENT_RADIUS_M = 0.1
@@ -31,11 +32,6 @@ AGENT_RADIUS_M = 0.1
 OUTER_WALL_M = 0.25
 #: What the raster may take from each side of a door [m].
 RASTER_M = 0.06
-
-
-def _check_range(name: str, value: float | None, low: float, high: float) -> None:
-    if value is not None and not low <= value <= high:
-        raise ValueError(f"{name} = {value:g}, expected {low:g} to {high:g}.")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,19 +58,22 @@ class GeneratorConfig:
     """Free is where an agent of 0.1 m radius may stand, as in the published grids, rather than all floor."""
 
     def __post_init__(self) -> None:
-        if self.style not in STYLES:
-            raise ValueError(f"style = '{self.style}', expected one of {', '.join(sorted(STYLES))}.")
-        _check_range("area_m2", self.area_m2, 4, 2000)
-        _check_range("rooms", self.rooms, 1, 100)
-        _check_range("furniture", self.furniture, 0, 5)
-        _check_range("rotation_deg", self.rotation_deg, -360, 360)
-        _check_range("hull_radius_m", self.hull_radius_m, 0.02, 1)
-        _check_range("resolution_m", self.resolution_m, 0.01, 0.1)
+        check_choice("style", self.style, STYLES)
+        check_numbers(
+            self,
+            area_m2=(4, 2000, "m2"),
+            rooms=(1, 100),
+            furniture=(0, 5),
+            rotation_deg=(-360, 360, "degrees"),
+            door_width_m=(0, 2, "m"),
+            hull_radius_m=(0.02, 1, "m"),
+            resolution_m=(0.01, 0.1, "m"),
+        )
         narrowest, widest = self.door_width_m
         least = self.passage_m + 2 * RASTER_M
-        if not least - 1e-9 <= narrowest <= widest <= 2.0:
+        if not least - 1e-9 <= narrowest <= widest:
             raise ValueError(
-                f"door_width_m = {self.door_width_m}, expected a narrowest and a widest from {least:.2f} m "
+                f"door_width_m is {self.door_width_m}, expected a narrowest and a widest from {least:.2f} m "
                 f"(for a hull of {self.hull_radius_m:g} m radius) to 2 m. Widen the doors, or take "
                 "a smaller hull."
             )
@@ -96,8 +95,7 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
         A plan whose free cells are 4-connected, and so are the places of the hull's centre in it. Cells well
         outside of the building are unknown.
     """
-    if seed < 0:
-        raise ValueError(f"seed is {seed}, expected a whole number of 0 or more.")
+    check_number("seed", seed, *SEED, whole=True)
     rng = np.random.default_rng(seed)
     draft = _draft(rng, config)
     style = STYLES[config.style]

@@ -24,6 +24,7 @@ from robosim.arrival import FollowArrival
 from robosim.belief import TargetBelief
 from robosim.fused import Fused, FusedConfig
 from robosim.moment import Moment
+from robosim.support.checks import check_choice
 from robosim.tasks import Task
 from slam.exploration import FrontierExplorer
 from slam.poses import to_map
@@ -135,6 +136,7 @@ def make_policy(
     Raises:
         ValueError: If there is none of that name.
     """
+    check_choice("goal", name, get_args(GoalName))
     if name == "oracle":
         return Oracle(task.target)
     if name == "explore":
@@ -143,6 +145,4 @@ def make_policy(
         return Visual(explorer)
     if name in _TRUSTED:
         return Wireless(explorer, _TRUSTED[name])
-    if name == "fused":
-        return Fused(explorer, fused)
-    raise ValueError(f"Unknown goal policy {name!r}. Known: {', '.join(get_args(GoalName))}.")
+    return Fused(explorer, fused)

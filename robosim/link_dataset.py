@@ -11,17 +11,9 @@ processes as are given, and a run that was killed goes on from those it finds, t
 """
 
 import importlib.metadata
-import json
-import multiprocessing
-import os
 import platform
-import signal
-import threading
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +22,9 @@ from rich.console import Console
 
 from robosim.building import make_building
 from robosim.floorplan import FloorPlan, MapError
-from robosim.link_formats import deepmimo_folder, write_deepmimo_scene, write_transmitters
+from robosim.link_formats import deepmimo_folder, deepmimo_scene, transmitters_file
 from robosim.link_progress import LinkProgress, link_progress
 from robosim.link_units import (
-    LINKS,
     MMWROBOTNAV,
     LinkSetConfig,
     Site,
@@ -45,17 +36,15 @@ from robosim.link_units import (
 from robosim.radio_scene import RadioScene
 from robosim.receivers import receiver_grid
 from robosim.senders import random_senders
-from robosim.support.files import plain, write_json
-from robosim.support.interrupt import noted_interrupt
+from robosim.support.files import write_files, write_json
 from robosim.support.progress import tracked
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from wireless.link_records import COLUMNS, read_columns
 from wireless.paths import LinkState
-from wireless.run_folder import alone, claim
 
 #: Spawn key of transmitters' places; those of units are their numbers.
 _PLACES = 1 << 31
-#: What decides how arrays are multiplied: with one thread, the same on every run.
-_ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB")}
 Unit = tuple[Site, int]
 
 
@@ -65,6 +54,7 @@ def make_dataset(
     out: Path,
     *,
     workers: int = 1,
+    cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
     """Make a data set in a folder, or what is missing of it there.
@@ -74,30 +64,24 @@ def make_dataset(
         config: What is in the data set.
         out: The folder, made if it is missing.
         workers: Processes. No result depends on it.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown; nowhere if not given.
 
     Returns:
         What `manifest.json` holds, and under "timing" the links, seconds and links a second of this run.
 
     Raises:
-        DatasetError: If the folder belongs to other settings or another process is at work in it.
+        FolderError: If the folder belongs to other settings or another process is at work in it.
         MapError: If two plans have one name, or one has no free area.
         ValueError: If a setting does not fit a plan.
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least one process.")
     out, console = Path(out), console or Console(quiet=True)
     _check_names(plans)
     with tracked(plans, "plans", console) as shown:
         sites = [_site(plan, config) for plan in shown]
-    out.mkdir(parents=True, exist_ok=True)
-    with alone(out):
-        begun = any((out / LINKS).glob("*.parquet")) or (out / "paths.parquet").exists()
-        claim(out, _settings(sites, config), begun=begun)
-        for left in out.rglob(".*.partial-*"):
-            left.unlink(missing_ok=True)
+    with run_folder(out, "dataset", _settings(sites, config)):
         with link_progress(console, sum(len(s.senders) * s.n_rx for s in sites), out) as progress:
-            _make_units(sites, config, out, workers, progress)
+            _make_units(sites, config, out, workers, cluster, progress)
         manifest = _manifest(sites, config, out)
         _finish_formats(sites, config, out, manifest)
         write_json(out / "manifest.json", manifest)
@@ -124,7 +108,7 @@ def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
 
 def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
     """All that the data depend on, in JSON's own types."""
-    settings = {
+    return {
         "version": importlib.metadata.version("robosim"),
         "config": plain_config(config),
         "plans": [
@@ -132,11 +116,15 @@ def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
             for site in sites
         ],
     }
-    return json.loads(json.dumps(plain(settings)))
 
 
 def _make_units(
-    sites: list[Site], config: LinkSetConfig, out: Path, workers: int, progress: LinkProgress
+    sites: list[Site],
+    config: LinkSetConfig,
+    out: Path,
+    workers: int,
+    cluster: str | None,
+    progress: LinkProgress,
 ) -> None:
     """Make the units that have no file."""
     units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.senders))]
@@ -146,61 +134,11 @@ def _make_units(
     progress.report(done, total)
     if not missing:
         return
-    with _pool(min(workers, len(missing))) as pool, noted_interrupt() as interrupt:
-        try:
-            with _ctrl_c_held_back():
-                futures = [pool.submit(make_unit, site, tx, config, out) for site, tx in missing]
-            for future in as_completed(futures):
-                done += future.result()
-                progress.report(done, total)
-                if interrupt.asked:
-                    raise KeyboardInterrupt
-        except BrokenProcessPool:
-            raise ChildProcessError(
-                "a process ended before its work was done, perhaps for lack of memory. What was finished is kept: "
-                "go on with the same command, and fewer workers."
-            ) from None
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """Processes of one thread each."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context, initializer=_begin) as pool:
-            yield pool
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
-
-
-@contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
-    """Ctrl-C comes when the block ends; to processes that start inside of it never: they finish what they are at."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _begin() -> None:
-    """What a process does first: see to it that it ends when its parent is killed."""
-    parent = multiprocessing.parent_process()
-
-    def follow() -> None:
-        if parent is not None:
-            parent.join()
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
+    with Workers(min(workers, len(missing)), cluster, what="transmitters") as pool:
+        for number, files in pool.run(make_unit, [(site, tx, config) for site, tx in missing]):
+            write_files(out, files)
+            done += missing[number][0].n_rx
+            progress.report(done, total)
 
 
 def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, Any]:
@@ -244,12 +182,11 @@ def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifes
     for site in sites:
         name = site.plan.name
         if "mmwrobotnav" in config.formats:
-            write_transmitters(out / MMWROBOTNAV / name, name, site.senders)
+            write_files(out / MMWROBOTNAV / name, transmitters_file(name, site.senders))
         if "deepmimo" in config.formats:
             reached = np.zeros(site.n_rx, bool)
             for tx in range(len(site.senders)):
                 reached |= read_columns(unit_path(out, name, tx), ["n_paths"])["n_paths"] > 0
             scene = RadioScene(site.plan, config.radio)
-            write_deepmimo_scene(
-                deepmimo_folder(out, name), scene, len(site.senders), site.n_rx, int(reached.sum())
-            )
+            files = deepmimo_scene(scene, len(site.senders), site.n_rx, int(reached.sum()))
+            write_files(deepmimo_folder(out, name), files)

@@ -7,29 +7,24 @@ from jaxtyping import Float
 
 from robosim.radio_scene import RadioScene
 from robosim.receivers import ReceiverGrid
-from robosim.support.files import whole_file
-from wireless.deepmimo_scenario import scenario_name, write_matrices, write_scenario
-from wireless.estimated_csv import write_estimated_csv
+from wireless.deepmimo_scenario import scenario_name, scene_files, transmitter_files
+from wireless.estimated_csv import estimated_csv
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths
-from wireless.traced_csv import write_traced_csv
+from wireless.traced_csv import traced_csv
 
 #: Folder below which `deepmimo.load` looks for scenarios.
 SCENARIOS = "deepmimo_scenarios"
+#: Contents of files by their names.
+Files = dict[str, bytes]
 
 
-def write_csv(
-    folder: Path,
-    scene: RadioScene,
-    grid: ReceiverGrid,
-    paths: Paths,
-    tx: int,
-    estimates: PathEstimates | None = None,
-) -> None:
+def csv_files(
+    scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
+) -> Files:
     """`NAME_Tx_K.csv` with the traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` if there are estimates.
 
     Args:
-        folder: Where to.
         scene: The building.
         grid: The receivers.
         paths: Paths of this transmitter, and perhaps of others.
@@ -37,27 +32,19 @@ def write_csv(
         estimates: What a receiver makes out of its links, in the frame of the scene.
     """
     config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
-    with whole_file(folder / f"{start}.csv") as partial:
-        write_traced_csv(
-            partial,
-            paths,
-            tx,
-            grid.cell,
-            grid.shape,
-            tx_power_dbm=config.tx_power_dbm,
-            threshold_db=config.threshold_db,
-        )
+    power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
+    files = {f"{start}.csv": traced_csv(paths, tx, grid.cell, grid.shape, **power)}
     if estimates is not None:
         state = paths.link_state(config.threshold_db)[tx]
-        with whole_file(folder / f"{start}_beam_search.csv") as partial:
-            write_estimated_csv(partial, estimates, grid.position, state, grid.cell, grid.shape)
+        content = estimated_csv(estimates, grid.position, state, grid.cell, grid.shape)
+        files[f"{start}_beam_search.csv"] = content
+    return files
 
 
-def write_transmitters(folder: Path, name: str, senders: Float[np.ndarray, "n 3"]) -> None:
+def transmitters_file(name: str, senders: Float[np.ndarray, "n 3"]) -> Files:
     """`NAME_tx_pos.csv`: where transmitters are."""
-    with whole_file(folder / f"{name}_tx_pos.csv") as partial:
-        rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(senders)]
-        partial.write_text("\n".join([",x,y,z", *rows]) + "\n", encoding="ascii")
+    rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(senders)]
+    return {f"{name}_tx_pos.csv": ("\n".join([",x,y,z", *rows]) + "\n").encode("ascii")}
 
 
 def deepmimo_folder(out: Path, name: str) -> Path:
@@ -65,16 +52,14 @@ def deepmimo_folder(out: Path, name: str) -> Path:
     return out / SCENARIOS / scenario_name(name)
 
 
-def write_deepmimo_paths(folder: Path, scene: RadioScene, paths: Paths, tx: int) -> None:
-    """Paths of a transmitter into the folder of a scenario."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_matrices(folder, paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
+def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
+    """Paths of a transmitter in a scenario."""
+    return transmitter_files(paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
 
 
-def write_deepmimo_scene(folder: Path, scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> None:
-    """What a scenario has beside its paths, last of all: with it the scenario is complete."""
-    write_scenario(
-        folder,
+def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
+    """What a scenario has beside its paths, to be written last: with it the scenario is complete."""
+    return scene_files(
         mesh=scene.building.mesh,
         materials=scene.building.materials,
         face_material=scene.face_material,

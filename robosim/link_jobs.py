@@ -5,9 +5,11 @@ that was finished, and give the same weights for any number of processes.
 """
 
 import csv
-import multiprocessing
-from concurrent.futures import Future, ProcessPoolExecutor, wait
-from dataclasses import asdict, dataclass, fields
+import io
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,13 +21,14 @@ from rich.progress import (
     MofNCompleteColumn,
     Progress,
     SpinnerColumn,
-    TextColumn,
     TimeElapsedColumn,
 )
 
 from robosim.made_links import read_homes
-from robosim.support.files import whole_file
-from robosim.support.reading import reading
+from robosim.support.checkpoint import Checkpoint
+from robosim.support.files import write_whole
+from robosim.support.progress import text_column
+from robosim.support.workers import Workers
 from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.training import Epoch, Recipe, train
 
@@ -48,27 +51,50 @@ class Job:
     """Folder of the run."""
 
 
-def run_jobs(jobs: list[Job], workers: int, console: Console) -> dict[str, tuple[Any, list[Epoch]]]:
-    """Networks and epochs of all jobs, by their names."""
-    (jobs[0].out / "jobs").mkdir(parents=True, exist_ok=True)
-    total = sum(job.recipe.epochs for job in jobs)
-    context = multiprocessing.get_context("spawn")
+def run_jobs(
+    jobs: list[Job], *, workers: int, cluster: str | None = None, console: Console
+) -> dict[str, tuple[Any, list[Epoch]]]:
+    """Networks and epochs of all jobs, by their names.
+
+    Args:
+        jobs: Networks to train. Each keeps its state in its folder after every epoch: processes of a cluster have to
+            see that folder.
+        workers: Processes.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown.
+
+    Raises:
+        KeyboardInterrupt: After Ctrl-C, at once: the epochs that were finished are kept.
+        WorkerLost: If a process was killed, when the other networks are trained.
+    """
+    trained = {}
     with (
-        ProcessPoolExecutor(min(workers, len(jobs)), mp_context=context) as pool,
-        _progress(console) as progress,
+        Workers(min(workers, len(jobs)), cluster, what="networks", resumable=True) as pool,
+        _epochs_shown(jobs, console),
     ):
-        bar = progress.add_task("training", total=total, note="epochs")
-        futures: dict[str, Future[tuple[Any, list[Epoch]]]] = {
-            job.name: pool.submit(run_job, job) for job in jobs
-        }
-        try:
-            while wait(futures.values(), timeout=0.5).not_done:
-                if any(future.done() and future.exception() for future in futures.values()):
-                    break
+        for number, found in pool.run(run_job, [(job,) for job in jobs]):
+            trained[jobs[number].name] = found
+    return trained
+
+
+@contextmanager
+def _epochs_shown(jobs: list[Job], console: Console) -> Iterator[None]:
+    """A bar of the epochs that are finished, looked up now and then."""
+    ended = threading.Event()
+    with _progress(console) as progress:
+        bar = progress.add_task("training", total=sum(job.recipe.epochs for job in jobs), note="epochs")
+
+        def follow() -> None:
+            while not ended.wait(0.5):
                 progress.update(bar, completed=sum(_epochs_done(job) for job in jobs))
-            return {name: future.result() for name, future in futures.items()}
+
+        thread = threading.Thread(target=follow, daemon=True)
+        thread.start()
+        try:
+            yield
         finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+            ended.set()
+            thread.join()
 
 
 def run_job(job: Job) -> tuple[Any, list[Epoch]]:
@@ -90,7 +116,7 @@ def run_job(job: Job) -> tuple[Any, list[Epoch]]:
         state,
         job.recipe,
         watch=(links.tokens[held], links.state[held]),
-        checkpoint=job.out / "jobs" / f"{job.name}.pt",
+        checkpoint=Checkpoint(job.out / "jobs" / f"{job.name}.pt"),
         report=keep,
     )
 
@@ -116,10 +142,11 @@ def _read_curve(job: Job) -> list[dict[str, Any]]:
 
 
 def _write_curve(job: Job, rows: list[dict[str, Any]]) -> None:
-    with whole_file(_curve(job)) as partial, open(partial, "w", newline="") as file:
-        writer = csv.DictWriter(file, list(rows[0]))
-        writer.writeheader()
-        writer.writerows(rows)
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]))
+    writer.writeheader()
+    writer.writerows(rows)
+    write_whole(_curve(job), text.getvalue().encode())
 
 
 def _epochs_done(job: Job) -> int:
@@ -129,10 +156,10 @@ def _epochs_done(job: Job) -> int:
 def _progress(console: Console) -> Progress:
     return Progress(
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        text_column("{task.description}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
+        text_column("{task.fields[note]}"),
         TimeElapsedColumn(),
         console=console,
         refresh_per_second=2,

@@ -7,7 +7,10 @@ from datetime import timedelta
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
+from rich.text import Text
+
+from robosim.support.progress import text_column
 
 
 class LinkProgress:
@@ -58,13 +61,15 @@ def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgr
     """
     columns = (
         SpinnerColumn(),
-        TextColumn("{task.description}"),
+        text_column("{task.description}"),
         BarColumn(bar_width=24),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
+        text_column("{task.fields[note]}"),
     )
     with Progress(*columns, console=console, refresh_per_second=4) as progress:
         bar = progress.add_task("links", total=total, note="")
         yield LinkProgress(
-            lambda done, note: progress.update(bar, completed=done, note=note), progress.console.print, out
+            lambda done, note: progress.update(bar, completed=done, note=note),
+            lambda line: progress.console.print(Text(line)),
+            out,
         )

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robosim.support.assets import shipped_weights
-from robosim.support.reading import shown
+from robosim.support.checks import check_network
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
@@ -34,9 +34,5 @@ def read_classifier(name: str | Path) -> "LinkStateClassifier":
     from wireless.linkstate.classifier import load_classifier
 
     shipped = shipped_weights()
-    path = shipped.get(str(name), Path(name))
-    if path.suffix != ".safetensors":
-        raise ValueError(
-            f"classifier is {shown(str(name))!r}, expected a .safetensors file or one of {', '.join(shipped)}."
-        )
-    return load_classifier(path)
+    check_network("classifier", str(name), shipped)
+    return load_classifier(shipped.get(str(name), Path(name)))

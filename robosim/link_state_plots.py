@@ -34,7 +34,8 @@ def plot_curves(runs: dict[str, list[Epoch]], path: Path) -> None:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.grid(alpha=0.3)
         if axes.lines:
-            axes.legend(fontsize=7)
+            for text in axes.legend(fontsize=7).get_texts():
+                text.set_parse_math(False)  # names of folders may have dollars in them
     save_figure(figure, path)
 
 
@@ -46,7 +47,9 @@ def plot_confusions(matrices: dict[str, Shaped[np.ndarray, "4 4"]], path: Path) 
     for part, (name, matrix) in zip(axes[0], matrices.items(), strict=True):
         _draw_confusion(part, matrix)
         right = np.trace(matrix) / max(matrix.sum(), 1)
-        part.set_title(f"{name}\n{matrix.sum():,} links, {100 * right:.1f} % right", fontsize=9)
+        part.set_title(
+            f"{name}\n{matrix.sum():,} links, {100 * right:.1f} % right", fontsize=9, parse_math=False
+        )
     save_figure(figure, path)
 
 

@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console
+from rich.text import Text
 
 from robosim.link_jobs import Job, links_of, run_jobs
 from robosim.link_state_plots import plot_curves, plot_scores
 from robosim.link_ways import score_ways, train_ways
 from robosim.made_links import make_homes
-from robosim.support.files import write_json
+from robosim.support.files import write_files, write_json
+from robosim.support.run_folder import run_folder
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, read_links
@@ -42,6 +44,7 @@ def train_link_state(
     members: int,
     homes: int,
     workers: int,
+    cluster: str | None = None,
     command: str,
     console: Console,
 ) -> dict[str, Any]:
@@ -58,6 +61,7 @@ def train_link_state(
         members: Networks of a classifier.
         homes: Generated homes that every network sees besides, see `robosim.made_links`.
         workers: Processes.
+        cluster: Address of a dask scheduler that is used instead; its processes have to see the folders.
         command: What was asked for, for the card.
         console: Where to print.
 
@@ -66,6 +70,8 @@ def train_link_state(
 
     Raises:
         ValueError: If there are too few buildings, or neither held-out nor test buildings.
+        FolderError: If the folder holds networks of another recipe or of other data.
+        WorkerLost: If a process was killed, when what could be done without it is.
     """
     start = time.perf_counter()
     links = links_of(data)
@@ -77,73 +83,87 @@ def train_link_state(
         )
     if any(len(part) == len(links.names) for part in parts):
         raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
-    console.print(f"{len(links.state)} links of {len(links.names)} buildings in {data}")
-    held = {f"fold{i}": part for i, part in enumerate(parts)} | {"all": ()}
-    jobs = {
-        name: [
-            Job(
-                name=f"{name}-{i}",
-                data=data,
-                held_out=part,
-                homes=homes,
-                recipe=replace(recipe, seed=recipe.seed + i),
-                out=out,
-            )
-            for i in range(members)
-        ]
-        for name, part in held.items()
-    }
-    fresh = not any(out.glob("*/*"))
-    make_homes(homes, out / "homes", workers, console)
-    trained = run_jobs([job for group in jobs.values() for job in group], workers, console)
-    made = {
-        name: LinkStateClassifier(
-            [trained[job.name][0] for job in group],
-            model=recipe.model,
-            inputs=recipe.inputs,
-            options=recipe.options,
-            states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),
-        )
-        for name, group in jobs.items()
-    }
-    plot_curves({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
-    final = made["all"]
-    told = _told({f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links)
-    validation = _validate(told, parts, links, out, console)
-    known = ~np.isnan(told[:, 0]) & reached(links.tokens)
-    final.temperature = fit_temperature(told[known], links.state[known].astype(int))
-    if len(parts) > 1:
-        fitted = np.where(np.isnan(told), np.nan, scaled(np.nan_to_num(told, nan=1.0), final.temperature))
-        way, validation["ways"] = train_ways(links, fitted, parts, recipe.inputs, final.states, recipe.seed)
-        if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
-            final.way = way
-        for name in ("alone", "fused"):
-            _print(validation["ways"][name], f"places along ways through held-out buildings, {name}", console)
-    card: dict[str, Any] = {
-        "command": command,
+    console.print(Text(f"{len(links.state)} links of {len(links.names)} buildings in {data}"))
+    # More folds, members and tests may be asked for of the same networks.
+    settings = {
         "data": f"{data.name}: {', '.join(links.names)}",
         "links": len(links.state),
+        "of": of,
         "homes": homes,
         "recipe": asdict(recipe),
-        "members": members,
-        "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
-        "validation": validation,
-        "single_call_ms": _call_ms(final, links),
-        # A run that goes on does not know how long the first part took.
-        "seconds": round(time.perf_counter() - start, 1) if fresh else None,
-        "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
     }
-    if test is not None:
-        there = read_links(test)
-        card["test"] = _score(final.predict_tokens(there.tokens), there, out / "test.png")
-        card["test"]["ways"] = score_ways(final, there)
-        for name, found in card["test"]["ways"].items():
-            rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
-            console.print(f"ways {name} in test buildings, {found['places']} places: {', '.join(rates)}")
-        _print(card["test"], f"test buildings: {', '.join(there.names)}", console)
-    final.card = card
-    final.save(out / "link-state.safetensors")
-    write_json(out / "result.json", card)
+    with run_folder(out, "train link-state", settings):
+        held = {f"fold{i}": part for i, part in enumerate(parts)} | {"all": ()}
+        jobs = {
+            name: [
+                Job(
+                    name=f"{name}-{i}",
+                    data=data,
+                    held_out=part,
+                    homes=homes,
+                    recipe=replace(recipe, seed=recipe.seed + i),
+                    out=out,
+                )
+                for i in range(members)
+            ]
+            for name, part in held.items()
+        }
+        fresh = not any(out.glob("jobs/*"))
+        make_homes(homes, out / "homes", workers=workers, cluster=cluster, console=console)
+        every = [job for group in jobs.values() for job in group]
+        trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
+        made = {
+            name: LinkStateClassifier(
+                [trained[job.name][0] for job in group],
+                model=recipe.model,
+                inputs=recipe.inputs,
+                options=recipe.options,
+                states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),
+            )
+            for name, group in jobs.items()
+        }
+        plot_curves({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
+        final = made["all"]
+        told = _told({f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links)
+        validation = _validate(told, parts, links, out, console)
+        known = ~np.isnan(told[:, 0]) & reached(links.tokens)
+        final.temperature = fit_temperature(told[known], links.state[known].astype(int))
+        if len(parts) > 1:
+            fitted = np.where(np.isnan(told), np.nan, scaled(np.nan_to_num(told, nan=1.0), final.temperature))
+            way, validation["ways"] = train_ways(
+                links, fitted, parts, recipe.inputs, final.states, recipe.seed
+            )
+            if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
+                final.way = way
+            for name in ("alone", "fused"):
+                _print(
+                    validation["ways"][name], f"places along ways through held-out buildings, {name}", console
+                )
+        card: dict[str, Any] = {
+            "command": command,
+            "data": f"{data.name}: {', '.join(links.names)}",
+            "links": len(links.state),
+            "homes": homes,
+            "recipe": asdict(recipe),
+            "members": members,
+            "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
+            "validation": validation,
+            "single_call_ms": _call_ms(final, links),
+            # A run that goes on does not know how long the first part took.
+            "seconds": round(time.perf_counter() - start, 1) if fresh else None,
+            "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
+        }
+        if test is not None:
+            there = read_links(test)
+            card["test"] = _score(final.predict_tokens(there.tokens), there, out / "test.png")
+            card["test"]["ways"] = score_ways(final, there)
+            for name, found in card["test"]["ways"].items():
+                rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
+                console.print(f"ways {name} in test buildings, {found['places']} places: {', '.join(rates)}")
+            _print(card["test"], f"test buildings: {', '.join(there.names)}", console)
+        final.card = card
+        write_files(out, final.files("link-state"))
+        write_json(out / "result.json", card)
     return card
 
 

@@ -1,25 +1,26 @@
 """Units of a data set of links: one transmitter of one building, traced, sounded and estimated.
 
 A unit depends on its own settings and seed alone, and is worked on by one thread: neither the number of workers nor
-the order of units changes a byte. Its table of links is written last of its files, so that where it is, the unit is
-complete.
+the order of units changes a byte. The process that works on it hands its files back as bytes. Its table of links is
+written last of them, so that where it is, the unit is complete.
 """
 
+import io
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.building import BuildingConfig
 from robosim.floorplan import FloorPlan
-from robosim.link_formats import deepmimo_folder, write_csv, write_deepmimo_paths
+from robosim.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import ReceiverGrid, receiver_grid
-from robosim.support.files import whole_file
-from wireless.codebook import terminal_named
+from robosim.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.support.checks import SEED, check_choice, check_numbers
+from wireless.codebook import TERMINALS, terminal_named
 from wireless.estimates import PathEstimates
 from wireless.estimation import PathEstimator, estimator_named
 from wireless.estimation_sage import SageEstimator
@@ -59,10 +60,14 @@ class LinkSetConfig:
     """How links are traced."""
 
     def __post_init__(self) -> None:
-        if self.tx_per_plan < 1:
-            raise ValueError(f"tx_per_plan is {self.tx_per_plan}, expected at least one transmitter a plan.")
-        if self.seed < 0:
-            raise ValueError(f"seed is {self.seed}, expected a whole number of 0 or more.")
+        check_numbers(self, tx_per_plan=(1, 10_000, "transmitters"), seed=SEED)
+        check_step(self.grid_m)
+        check_choice("estimator", self.estimator, get_args(Estimator))
+        check_choice("headings", self.headings, get_args(Headings))
+        for name in ("tx", "rx"):
+            check_choice(name, getattr(self, name), TERMINALS)
+        for name in self.formats:
+            check_choice("formats", name, get_args(Format))
 
     @property
     def sounding(self) -> SoundingConfig:
@@ -94,9 +99,13 @@ def unit_path(out: Path, name: str, tx: int) -> Path:
     return out / LINKS / f"{name}_Tx_{tx + 1}.parquet"
 
 
-def make_unit(site: Site, tx: int, config: LinkSetConfig, out: Path) -> int:
-    """Trace, sound and estimate all links of a transmitter, and write them; returns how many there are."""
-    scene, grid = _scene(site, config.radio, config.grid_m)
+def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
+    """Trace, sound and estimate all links of a transmitter.
+
+    Returns:
+        The files of the unit by their paths below the folder of the data set, the table of links last.
+    """
+    scene, grid = prepared(site, config.radio, config.grid_m)
     paths = scene.tracer.trace(site.senders[tx : tx + 1], grid.position, workers=1)
     rng = stream(config.seed, site.digest, tx)
     heading = np.zeros(len(grid.position))
@@ -105,10 +114,6 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig, out: Path) -> int:
     rays = Rays.from_paths(paths, rx_heading_rad=heading)
     estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
     paths = replace(paths, tx_position=site.senders, tx=paths.tx + tx)
-    if "mmwrobotnav" in config.formats:
-        write_csv(out / MMWROBOTNAV / site.plan.name, scene, grid, paths, tx, estimates)
-    if "deepmimo" in config.formats:
-        write_deepmimo_paths(deepmimo_folder(out, site.plan.name), scene, paths, tx)
     table = link_table(
         paths,
         tx,
@@ -118,14 +123,24 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig, out: Path) -> int:
         rx_heading_rad=heading,
         threshold_db=config.radio.threshold_db,
     )
-    with whole_file(unit_path(out, site.plan.name, tx)) as partial:
-        write_links(partial, table)
-    return len(grid.position)
+    name = site.plan.name
+    files: Files = {}
+    if "mmwrobotnav" in config.formats:
+        files |= _below(Path(MMWROBOTNAV) / name, csv_files(scene, grid, paths, tx, estimates))
+    if "deepmimo" in config.formats:
+        files |= _below(deepmimo_folder(Path(), name), deepmimo_paths(scene, paths, tx))
+    buffer = io.BytesIO()
+    write_links(buffer, table)
+    return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
+
+
+def _below(folder: Path, files: Files) -> Files:
+    return {(folder / name).as_posix(): content for name, content in files.items()}
 
 
 @lru_cache(maxsize=1)
-def _scene(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
-    """The building and its receivers, kept for the next transmitter."""
+def prepared(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
+    """The building and its receivers, kept for the next unit of the same process."""
     scene = RadioScene(site.plan, config)
     return scene, receiver_grid(scene.building, grid_m, config.height_m)
 

@@ -8,9 +8,7 @@ would have found, as strong as it says (`robosim.bench.label_links`), received b
 A home is one file, written whole; its seed alone decides what is in it.
 """
 
-import multiprocessing
-from concurrent.futures import ProcessPoolExecutor
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,9 +22,10 @@ from robosim.building import make_building
 from robosim.generate import GeneratorConfig, generate_plan
 from robosim.receivers import receiver_grid
 from robosim.support.arrays_in import Array, read_npz
-from robosim.support.files import whole_file
-from robosim.support.progress import tracked
+from robosim.support.files import npz_bytes, write_whole
+from robosim.support.progress import told_units
 from robosim.support.reading import reading
+from robosim.support.workers import Workers
 from wireless.estimation_public import PublicReceiver
 from wireless.linkstate.tokens import make_tokens
 from wireless.mmwrobotnav import link_states
@@ -46,28 +45,31 @@ _MADE = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
 Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, "n"]]
 
 
-def make_homes(count: int, folder: Path, workers: int, console: Console) -> None:
+def make_homes(
+    count: int, folder: Path, *, workers: int, cluster: str | None = None, console: Console
+) -> None:
     """Write what is missing of so many homes.
 
     Args:
         count: Number of homes.
         folder: Where to.
         workers: Processes; the files do not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
+
+    Raises:
+        WorkerLost: If a process was killed, when the other homes are made.
     """
     missing = [seed for seed in _seeds(count) if not _file(folder, seed).exists()]
     if not missing:
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    context = multiprocessing.get_context("spawn")
     with (
-        ProcessPoolExecutor(min(workers, len(missing)), mp_context=context) as pool,
-        tracked(
-            pool.map(partial(_write_home, folder), missing), "making homes", console, len(missing)
-        ) as done,
+        Workers(min(workers, len(missing)), cluster, what="homes") as pool,
+        told_units(console, "made homes", count, count - len(missing)) as tell,
     ):
-        for _ in done:
-            pass
+        for number, content in pool.run(_home_file, [(seed,) for seed in missing]):
+            write_whole(_file(folder, missing[number]), content)
+            tell("")
 
 
 def read_homes(count: int, folder: Path) -> Made:
@@ -106,10 +108,9 @@ def make_home(seed: int) -> Made:
     return np.concatenate(tokens), np.concatenate(states)
 
 
-def _write_home(folder: Path, seed: int) -> None:
+def _home_file(seed: int) -> bytes:
     tokens, state = make_home(seed)
-    with whole_file(_file(folder, seed)) as partial_file, open(partial_file, "wb") as file:
-        np.savez(file, tokens=tokens, state=state)
+    return npz_bytes({"tokens": tokens, "state": state}, compressed=False)
 
 
 @cache

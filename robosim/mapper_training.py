@@ -4,6 +4,7 @@ Every tenth home is held out, for the choice of the best weights and for the sco
 map on the same frames stand beside them.
 """
 
+import signal
 import time
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -17,13 +18,16 @@ from rich.progress import Progress
 from robosim.collect import SHARD, CollectConfig, collect
 from robosim.mapper_plots import plot_curve
 from robosim.support.arrays_in import read_npz
-from robosim.support.files import write_json
+from robosim.support.checkpoint import Checkpoint
+from robosim.support.files import write_files, write_json
+from robosim.support.interrupt import noted_interrupt
 from robosim.support.reading import reading
+from robosim.support.run_folder import run_folder
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN
 from slam.mapper.features import Features
 from slam.mapper.network import parameters
 from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
-from slam.mapper.weights import save_mapper
+from slam.mapper.weights import mapper_files
 from slam.threads import torch_threads
 
 #: One home in so many is held out.
@@ -52,34 +56,40 @@ def train_mapper(
 
     Raises:
         ValueError: If there are too few homes.
+        FolderError: If the folder holds a run of another recipe or of other homes.
     """
     start = time.perf_counter()
     learnt, held_out = split_homes(data)
-    with torch_threads(threads), Progress(console=console, transient=True) as progress:
+    settings = {"recipe": asdict(recipe), "homes": [path.name for path in (*learnt, *held_out)]}
+    with (
+        run_folder(out, "train mapper", settings),
+        torch_threads(threads),
+        Progress(console=console, transient=True) as progress,
+    ):
         reading = progress.add_task("reading", total=len(learnt) + len(held_out))
         frames, held = (read_frames(part, lambda: progress.advance(reading)) for part in (learnt, held_out))
         learning = progress.add_task("learning", total=recipe.steps)
-        network, curve = train(
-            frames,
-            held,
-            recipe,
-            out / "checkpoint.pt",
-            lambda step: progress.update(learning, completed=step),
-        )
-    classical = classical_scores(held)
-    best = min(curve, key=lambda row: row["loss"])
-    card: dict[str, Any] = {
-        "data": f"{len(learnt)} homes, {len(frames)} frames; held out {len(held_out)}, {len(held)} frames",
-        "command": about,
-        "recipe": asdict(recipe),
-        "parameters": parameters(network),
-        "validation": best,
-        "validation_classical": classical,
-        "seconds": round(time.perf_counter() - start, 1),
-    }
-    save_mapper(network, card, out / "mapper.safetensors")
-    write_json(out / "result.json", {**card, "curve": curve})
-    plot_curve(curve, classical, out / "curves.png")
+        with noted_interrupt("this batch", (signal.SIGINT, signal.SIGTERM)) as interrupt:
+
+            def on_step(step: int) -> None:
+                progress.update(learning, completed=step)
+                interrupt.stop()
+
+            network, curve = train(frames, held, recipe, Checkpoint(out / "checkpoint.pt"), on_step)
+        classical = classical_scores(held)
+        best = min(curve, key=lambda row: row["loss"])
+        card: dict[str, Any] = {
+            "data": f"{len(learnt)} homes, {len(frames)} frames; held out {len(held_out)}, {len(held)} frames",
+            "command": about,
+            "recipe": asdict(recipe),
+            "parameters": parameters(network),
+            "validation": best,
+            "validation_classical": classical,
+            "seconds": round(time.perf_counter() - start, 1),
+        }
+        write_files(out, mapper_files(network, card, "mapper"))
+        write_json(out / "result.json", {**card, "curve": curve})
+        plot_curve(curve, classical, out / "curves.png")
     return card
 
 

@@ -5,10 +5,11 @@ hull, and the mean error of its odometry for each action, which a calibration ru
 """
 
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
+from robosim.support.checks import check_choice, check_network
 from slam.actions import Action
 from slam.choosing import load_chooser
 from slam.control import ControlConfig, Controller
@@ -21,6 +22,9 @@ from slam.projection import Band, CameraModel
 from slam.steering import load_steering
 
 ControllerName = Literal["planned", "learned"]
+
+#: Mappers by name; a file of weights makes another.
+MAPPERS = ("neural", "classical", "learned-pose")
 
 
 class Navigator(NamedTuple):
@@ -48,8 +52,9 @@ def make_navigator(
         controller: Who chooses actions: the best of all turns and runs, or a network that has watched that.
 
     Raises:
-        ValueError: If the mapper is unknown or its file is damaged.
+        ValueError: If a part is unknown or a file damaged.
     """
+    check_choice("controller", controller, get_args(ControllerName))
     radius_m = config.robot.radius_m
     odometry = (
         # So sure of it that no scan moves the pose.
@@ -80,6 +85,7 @@ def make_navigator(
 
 
 def _mapper(name: str, config: MapperConfig) -> Mapper:
+    check_network("mapper", name, MAPPERS)
     if name == "classical":
         return ClassicalMapper(config)
     from slam.learned_matching import LearnedMatcher  # brings torch, which takes seconds
@@ -90,10 +96,6 @@ def _mapper(name: str, config: MapperConfig) -> Mapper:
         return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
     path = shipped_network("mapper") if name == "neural" else Path(name)
-    if path.suffix != ".safetensors":
-        raise ValueError(
-            f"mapper is {name!r}, expected classical, neural, learned-pose, or a .safetensors file."
-        )
     return NeuralMapper(load_mapper(path)[0], config)
 
 

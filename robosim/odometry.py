@@ -22,11 +22,12 @@ published models.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float
 
+from robosim.support.checks import LEVEL, check_choice, check_number
 from slam.actions import FORWARD_M, TURN_RAD, Action
 
 NoiseVariant = Literal["published", "corrected"]
@@ -66,10 +67,8 @@ class NoiseModel:
     """Whether odometry tells motions as they were; the robot still does not quite do what it is told."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.level) and self.level >= 0):
-            raise ValueError(f"level = {self.level}, expected a number >= 0: 0 for no noise, 1 as published.")
-        if self.variant not in ("published", "corrected"):
-            raise ValueError(f"variant = {self.variant!r}, expected 'published' or 'corrected'.")
+        check_number("noise level", self.level, *LEVEL)
+        check_choice("variant", self.variant, get_args(NoiseVariant))
 
     def actuation(self, action: Action, rng: np.random.Generator) -> Float[np.ndarray, "3"]:
         """Motion dx [m], dy [m], dyaw [rad] that the robot makes of an action, if nothing is in the way."""

@@ -23,6 +23,7 @@ import shapely
 from jaxtyping import Bool, Float, Int
 
 from robosim.floorplan import FloorPlan, MapError
+from robosim.support.checks import check_number
 
 #: Steps east, north, west and south between corners of cells, as (ix, iy).
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
@@ -159,12 +160,9 @@ def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
 
 
 def check_tolerance(tolerance_m: float) -> None:
-    """Complain of a tolerance that is negative or not finite."""
-    if not (np.isfinite(tolerance_m) and tolerance_m >= 0):
-        raise ValueError(
-            f"tolerance_m is {tolerance_m}, expected a finite number of metres >= 0. Use 0 for the exact "
-            "outline, 1.4 cells to straighten the steps of slanted walls."
-        )
+    """Complain of a tolerance that would do without walls, or is none."""
+    hint = "m. Use 0 for the exact outline, 1.4 cells to straighten the steps of slanted walls"
+    check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
 
 
 def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:

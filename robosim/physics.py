@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.collision import WallSolids
+from robosim.support.checks import check_numbers
 
 #: Collision bits: walls meet the hull only, the floor wheels and casters only.
 WALL, FLOOR = 1, 2
@@ -37,19 +38,13 @@ class PhysicsConfig:
     """Friction of the hull on walls. At 0.1 a robot that scrapes along loses half of its way."""
 
     def __post_init__(self) -> None:
-        if not 1e-4 <= self.timestep_s <= 0.01:
-            raise ValueError(
-                f"timestep_s = {self.timestep_s}, expected 0.0001 to 0.01: "
-                "beyond, contacts are too soft to hold."
-            )
-        if not self.timestep_s <= self.control_period_s <= 0.1:
-            raise ValueError(
-                f"control_period_s = {self.control_period_s}, expected a time from timestep_s, "
-                f"{self.timestep_s}, to 0.1."
-            )
-        for name in ("floor_friction", "wall_friction"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0):
-                raise ValueError(f"{name} = {getattr(self, name)}, expected a number >= 0.")
+        check_numbers(
+            self,
+            timestep_s=(1e-4, 0.01, "s: beyond, contacts are too soft to hold"),
+            control_period_s=(self.timestep_s, 0.1, "s, from timestep_s on"),
+            floor_friction=(0, 100),
+            wall_friction=(0, 100),
+        )
 
     @property
     def control_steps(self) -> int:

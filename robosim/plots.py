@@ -55,6 +55,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
         f"(shortest {log.task.shortest_m:.1f} m), {100 * result['coverage']:.0f} % seen, "
         f"pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
         fontsize=9,
+        parse_math=False,  # names may have dollars in them
     )
     axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
     save_figure(figure, path)
@@ -71,6 +72,7 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
         f"{building.plan.name}: {building.free.area:.1f} m2 of free floor; places of a hull of radius "
         f"{places.radius_m} m in {places.n_parts} part(s)",
         fontsize=9,
+        parse_math=False,
     )
     save_figure(figure, path)
 

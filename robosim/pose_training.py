@@ -16,13 +16,14 @@ from rich.console import Console
 from rich.progress import Progress
 
 from robosim.mapper_training import read_shard, split_homes
-from robosim.support.files import write_json
+from robosim.support.files import write_files, write_json
+from robosim.support.run_folder import run_folder
 from slam.mapper.features import Features
 from slam.mapper.network import parameters
 from slam.mapper.pose_network import INPUTS
 from slam.mapper.pose_training import Pairs, PoseRecipe, pose_scores, train_pose
 from slam.mapper.training import coded
-from slam.mapper.weights import save_pose
+from slam.mapper.weights import pose_files
 from slam.poses import between
 from slam.threads import torch_threads
 
@@ -48,25 +49,30 @@ def train_pose_network(
     """
     start = time.perf_counter()
     learnt, held_out = split_homes(data)
-    with torch_threads(threads):
-        with Progress(console=console, transient=True) as progress:
-            reading = progress.add_task("reading", total=len(learnt) + len(held_out))
-            pairs, held = (read_pairs(part, lambda: progress.advance(reading)) for part in (learnt, held_out))
-            learning = progress.add_task("learning", total=recipe.steps)
-            network, curve = train_pose(pairs, recipe, lambda step: progress.update(learning, completed=step))
-        scores = pose_scores(network, held)
-        call_ms = _call_ms(network)
-    card: dict[str, Any] = {
-        "data": f"{len(learnt)} homes, {len(pairs)} pairs; held out {len(held_out)}, {len(held)} pairs",
-        "command": about,
-        "recipe": asdict(recipe),
-        "parameters": parameters(network),
-        "validation": scores,
-        "single_call_ms": round(call_ms, 3),
-        "seconds": round(time.perf_counter() - start, 1),
-    }
-    save_pose(network, card, out / "pose.safetensors")
-    write_json(out / "result.json", {**card, "curve": curve})
+    with run_folder(out, "train pose"):
+        with torch_threads(threads):
+            with Progress(console=console, transient=True) as progress:
+                reading = progress.add_task("reading", total=len(learnt) + len(held_out))
+                pairs, held = (
+                    read_pairs(part, lambda: progress.advance(reading)) for part in (learnt, held_out)
+                )
+                learning = progress.add_task("learning", total=recipe.steps)
+                network, curve = train_pose(
+                    pairs, recipe, lambda step: progress.update(learning, completed=step)
+                )
+            scores = pose_scores(network, held)
+            call_ms = _call_ms(network)
+        card: dict[str, Any] = {
+            "data": f"{len(learnt)} homes, {len(pairs)} pairs; held out {len(held_out)}, {len(held)} pairs",
+            "command": about,
+            "recipe": asdict(recipe),
+            "parameters": parameters(network),
+            "validation": scores,
+            "single_call_ms": round(call_ms, 3),
+            "seconds": round(time.perf_counter() - start, 1),
+        }
+        write_files(out, pose_files(network, card, "pose"))
+        write_json(out / "result.json", {**card, "curve": curve})
     return card
 
 

@@ -12,7 +12,7 @@ Left out: Doppler, shadowing by the robot's own body, other transmitters.
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 import shapely
@@ -20,12 +20,15 @@ from jaxtyping import Float
 
 from robosim.building import Building
 from robosim.radio_scene import make_tracer
-from wireless.codebook import terminal_named
+from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
+from wireless.codebook import TERMINALS, terminal_named
 from wireless.estimates import PathEstimates
-from wireless.estimation import PathEstimator, estimator_named
+from wireless.estimation import ESTIMATORS, PathEstimator, estimator_named
 from wireless.paths import LinkState, Paths
 from wireless.raytrace import TracerConfig
 from wireless.sounding import Rays, Sounder, SoundingConfig
+
+RadioEngine = Literal["live", "cached"]
 
 #: Side of the squares that a cached radio traces once [m]; the grid of the reference's tables.
 SQUARE_M = 0.15
@@ -35,7 +38,7 @@ SQUARE_M = 0.15
 class RadioLinkConfig:
     """How the target sends, and how the robot listens."""
 
-    engine: Literal["live", "cached"] = "live"
+    engine: RadioEngine = "live"
     """live: traced at the robot's true place. cached: at the middle of its square of 0.15 m."""
     frequency_hz: float = 28e9
     """Carrier frequency."""
@@ -51,6 +54,13 @@ class RadioLinkConfig:
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths there are."""
+
+    def __post_init__(self) -> None:
+        check_choice("engine", self.engine, get_args(RadioEngine))
+        check_choice("transmitter", self.transmitter, TERMINALS)
+        check_choice("receiver", self.receiver, TERMINALS)
+        check_choice("estimator", self.estimator, ESTIMATORS)
+        check_numbers(self, frequency_hz=FREQUENCY_HZ, height_m=(0, 100, "m"))
 
 
 @cache

@@ -1,5 +1,6 @@
 """A floor plan made ready for radio: its building, the tracer of it, and what places in it are fit."""
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float
 from robosim.building import Building, BuildingConfig, make_building
 from robosim.floorplan import FloorPlan
 from robosim.receivers import check_height
-from wireless.dataset import mesh_digest
+from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
 from wireless.raytrace import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -34,12 +35,13 @@ class RadioConfig:
     """How the plan becomes walls."""
 
     def __post_init__(self) -> None:
-        if not np.isfinite(self.tx_power_dbm):
-            raise ValueError(f"tx_power_dbm is {self.tx_power_dbm}, expected a power such as 23.")
-        if self.threshold_dbm is not None and not np.isfinite(self.threshold_dbm):
-            raise ValueError(
-                f"threshold_dbm is {self.threshold_dbm}, expected a power such as -100, or None."
-            )
+        check_numbers(
+            self,
+            frequency_hz=FREQUENCY_HZ,
+            height_m=(0, 100, "m"),
+            tx_power_dbm=(-200, 200, "dBm, such as 23"),
+            threshold_dbm=(-400, 200, "dBm, such as -100"),
+        )
 
     @property
     def threshold_db(self) -> float:
@@ -82,8 +84,12 @@ class RadioScene:
 
     @property
     def digest(self) -> str:
-        """A text that changes with the building."""
-        return mesh_digest(self.building.mesh, self.building.materials, self.face_material)
+        """A text that changes with any vertex, face or material of the building."""
+        seen = hashlib.sha256()
+        for array in (self.building.mesh.vertices, self.building.mesh.faces, self.face_material):
+            seen.update(np.ascontiguousarray(array, float).tobytes())
+        seen.update("|".join(self.building.materials).encode())
+        return seen.hexdigest()[:16]
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
         """Points (x, y) or (x, y, z) [m] as positions.
@@ -97,10 +103,15 @@ class RadioScene:
         """
         at = np.array([[*point, self.config.height_m][:3] for point in points], float).reshape(-1, 3)
         for x, y, z in at:
+            for value in (x, y):
+                check_number(name, float(value), -FARTHEST, FARTHEST, "m")
             check_height(self.building, float(z), f"height of {name} ({x:g}, {y:g})")
             point = shapely.Point(x, y)
             if self.building.free.distance(point) > ON_EDGE_M:
-                near = shapely.shortest_line(self.building.free, point).coords[0]
+                # Rounded to centimetres it must not be in a wall again.
+                inside = self.building.free.buffer(-0.01)
+                room = self.building.free if inside.is_empty else inside
+                near = shapely.shortest_line(room, point).coords[0]
                 raise ValueError(
                     f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}; the "
                     f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."

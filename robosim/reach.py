@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from robosim.building import Building
 from robosim.floorplan import FloorPlan
+from robosim.support.checks import RADIUS_M, check_number
 from slam.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
@@ -40,6 +41,8 @@ class Reach:
     radius_m: float
     parts: Int[np.ndarray, "ny nx"]
     """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1."""
+    free: shapely.Geometry
+    """The floor between the walls, in `map` [m]."""
 
     @cached_property
     def n_parts(self) -> int:
@@ -129,10 +132,9 @@ def reach(building: Building, radius_m: float) -> Reach:
         radius_m: Radius of the hull [m].
 
     Raises:
-        ValueError: If the radius is not positive.
+        ValueError: If the radius is none of a robot.
     """
-    if not radius_m > 0:
-        raise ValueError(f"radius_m = {radius_m}, expected a positive length in metres.")
+    check_number("radius_m", radius_m, *RADIUS_M)
     plan = building.plan
     places = building.free.buffer(-radius_m)
     shapely.prepare(places)
@@ -142,4 +144,4 @@ def reach(building: Building, radius_m: float) -> Reach:
     size = np.bincount(labels.ravel(), minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
-    return Reach(plan, radius_m, rank[labels])
+    return Reach(plan, radius_m, rank[labels], building.free)

@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from robosim.building import Building
 from robosim.floorplan import FloorPlan
+from robosim.support.checks import check_number
 
 #: Cells across a block of the published grids.
 BLOCK = 3
@@ -51,8 +52,7 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     """
     plan = building.plan
     width, height = plan.shape[1] * plan.resolution_m, plan.shape[0] * plan.resolution_m
-    if not (np.isfinite(step_m) and step_m > 0):
-        raise ValueError(f"grid is {step_m} m, expected a positive step between receivers, such as 0.15.")
+    check_step(step_m)
     if width * height / step_m**2 > MAX_RECEIVERS:
         raise ValueError(
             f"grid is {step_m:g} m, which makes more than {MAX_RECEIVERS} places on a plan of {width:g} x "
@@ -66,6 +66,15 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     if not len(grid.position):
         raise ValueError(f"grid is {step_m:g} m, and no receiver fits into {plan.name}; take a finer one.")
     return grid
+
+
+def check_step(step_m: float) -> None:
+    """Complain of a step between receivers that makes no grid.
+
+    Raises:
+        ValueError: If it does not.
+    """
+    check_number("grid", step_m, 0.01, 100, "m between receivers, such as 0.15")
 
 
 def check_height(building: Building, height_m: float, name: str) -> None:

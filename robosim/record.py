@@ -52,7 +52,7 @@ class EpisodeLog:
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
-    """Why the episode ended: arrived, explored, out of steps, interrupted."""
+    """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
 
     def see(self, pose: Float[np.ndarray, "3"], estimate: Float[np.ndarray, "3"], coverage: float) -> None:
         """Add a moment: the true and the estimated pose, and the coverage so far."""

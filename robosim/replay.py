@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 
 from robosim.decision_log import read_decisions
 from robosim.picture import Picture
-from robosim.support.files import whole_file
+from robosim.support.files import write_whole
 from robosim.video import VideoWriter
 
 _COLUMNS = 3
@@ -45,8 +45,8 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
                 kept.append(frame)
     finally:
         writer.close()
-    with whole_file(sheet) as partial:
-        cv2.imwrite(str(partial), cv2.cvtColor(_tiled(kept), cv2.COLOR_RGB2BGR))
+    _, content = cv2.imencode(".png", cv2.cvtColor(_tiled(kept), cv2.COLOR_RGB2BGR))
+    write_whole(sheet, content.tobytes())
     return [video, sheet]
 
 

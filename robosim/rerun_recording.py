@@ -36,6 +36,7 @@ from robosim.picture import (
     building_rings,
 )
 from robosim.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
+from robosim.support.files import partial_path
 from robosim.tasks import Task
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
@@ -73,7 +74,7 @@ class RerunRecording:
         rr = self._rr = rerun_sdk()
         self.path, self._camera, self._radio_m = Path(path), camera, radio_height_m
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._partial = self.path.with_name(f".{self.path.stem}.partial-{os.getpid()}{self.path.suffix}")
+        self._partial = partial_path(self.path)
         self._to = rr.RecordingStream("robosim")
         self._to.save(self._partial, default_blueprint=_layout())
         self._log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from robosim.motion import SpeedProfile
 from robosim.physics import FLOOR, WALL, PhysicsConfig
+from robosim.support.checks import RADIUS_M, check_numbers
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
@@ -51,12 +52,20 @@ class RobotConfig:
     """Highest acceleration of a wheel [m/s^2]."""
 
     def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if not (math.isfinite(value) and value > 0):
-                raise ValueError(f"{name} = {value}, expected a positive number.")
+        check_numbers(
+            self,
+            radius_m=RADIUS_M,
+            mass_kg=(0.01, 10_000, "kg"),
+            wheel_radius_m=(0.001, 1, "m"),
+            track_m=(0.001, 10, "m"),
+            rotor_inertia_kgm2=(1e-9, 100, "kg m2"),
+            mast_m=(0.01, 10, "m"),
+            max_speed_mps=(0.001, 10, "m/s"),
+            max_accel_mps2=(0.001, 1000, "m/s2"),
+        )
         if self.track_m > 2 * self.radius_m:
             raise ValueError(
-                f"track_m = {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "
+                f"track_m is {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "
                 "wheels outside of the hull would pass through walls."
             )
 

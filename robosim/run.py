@@ -1,6 +1,8 @@
 """One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
 
 import importlib.metadata
+from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -8,11 +10,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
 from robosim.building import Building, make_building
 from robosim.decision_log import DECISIONS, DecisionWriter
-from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
+from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.picture import Picture, building_rings
 from robosim.planfiles import write_ros
@@ -22,10 +24,25 @@ from robosim.record import EpisodeLog
 from robosim.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
 from robosim.support.files import write_json
+from robosim.support.interrupt import noted_interrupt
+from robosim.support.progress import text_column
+from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.tasks import Task, make_task
 from robosim.video import VideoWriter
 from slam.grid import MapEstimate
+
+#: What an episode leaves, in the order in which it is told.
+FILES = (
+    "result.json",
+    "map.png",
+    "map.yaml",
+    "map.pgm",
+    "trajectory.tum",
+    "estimate.tum",
+    DECISIONS,
+    "episode.mp4",
+)
 
 
 def record_episode(
@@ -60,13 +77,29 @@ def record_episode(
 
     Raises:
         MapError: If the task cannot be done in the plan.
+        FolderError: If the folder cannot be used.
         ValueError: If weights cannot be read, or a Rerun recording is asked for and Rerun is not installed.
     """
     if rerun:
         rerun_sdk()
     check_weights(config)
-    out = Path(out)
-    console = console or Console(quiet=True)
+    with run_folder(out, "episode") as folder:
+        # Files of an earlier episode must not stand beside this one's.
+        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
+            (folder / name).unlink(missing_ok=True)
+        return _record(plan, config, folder, start, target, video, rerun, console or Console(quiet=True))
+
+
+def _record(
+    plan: FloorPlan,
+    config: EpisodeConfig,
+    out: Path,
+    start: Float[np.ndarray, "3"] | None,
+    target: Float[np.ndarray, "2"] | None,
+    video: bool,
+    rerun: bool,
+    console: Console,
+) -> dict[str, Any]:
     watch = Stopwatch()
     with watch.stage("scene"):
         building = make_building(plan, config=config.building)
@@ -76,12 +109,13 @@ def record_episode(
     rings = building_rings(building)
     picture = Picture(rings, task.target, anticipates=config.mapper not in ("classical", "learned-pose"))
     decisions = DecisionWriter(rings, task.target)
-    # A film of an earlier episode must not stand beside this one's files.
-    for name in ("episode.mp4", "replay.mp4", "sheet.png", RECORDING):
-        (out / name).unlink(missing_ok=True)
-    writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
-    recording = _recording(out, building, task, config) if rerun else None
-    with _progress(console) as progress:
+    with ExitStack() as files, _progress(console) as progress:
+        writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
+        if writer is not None:
+            files.callback(_timed, writer.close, watch, "video")
+        recording = _recording(out, building, task, config) if rerun else None
+        if recording is not None:
+            files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
         def look(decision: Decision) -> None:
@@ -97,21 +131,21 @@ def record_episode(
                 with watch.stage("rerun"):
                     recording.add(decision)
 
-        try:
-            log, estimate = run_episode(building, places, task, config, look, watch)
-        finally:
-            for name, file in (("video", writer), ("rerun", recording)):
-                if file is not None:
-                    with watch.stage(name):
-                        file.close()
-    # The picture last: it takes a second, in which an impatient second Ctrl-C would cost the result.
-    result = _result(plan, building, config, log, watch)
-    write_json(out / "result.json", result)
-    log.save_trajectories(out)
-    decisions.save(out / DECISIONS)
-    write_ros(built_plan(estimate, plan.name), out / "map.yaml")
-    plot_episode(out / "map.png", building, log, estimate)
+        log, estimate = run_episode(building, places, task, config, look, watch)
+    # The result last: where it is, all is. An impatient second Ctrl-C shall not cost it.
+    with noted_interrupt("writing the files"):
+        log.save_trajectories(out)
+        decisions.save(out / DECISIONS)
+        write_ros(built_plan(estimate, plan.name), out / "map.yaml")
+        plot_episode(out / "map.png", building, log, estimate)
+        result = _result(plan, building, config, log, watch)
+        write_json(out / "result.json", result)
     return result
+
+
+def _timed(action: Callable[[], None], watch: Stopwatch, stage: str) -> None:
+    with watch.stage(stage):
+        action()
 
 
 def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
@@ -161,10 +195,10 @@ def _status(decision: Decision) -> str:
 
 def _progress(console: Console) -> Progress:
     return Progress(
-        TextColumn("{task.description}"),
+        text_column("{task.description}"),
         BarColumn(bar_width=12),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[note]}"),
+        text_column("{task.fields[note]}"),
         console=console,
         refresh_per_second=4,
     )

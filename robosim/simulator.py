@@ -6,13 +6,13 @@ differs from what it did (sensing), both after Active Neural SLAM, and its depth
 """
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building import Building
-from robosim.camera import RGBD, Camera, CameraConfig, camera_pose, make_camera
+from robosim.camera import RGBD, Backend, Camera, CameraConfig, camera_pose, make_camera
 from robosim.depth_noise import DepthNoise
 from robosim.kinematic import KinematicWorld
 from robosim.odometry import NoiseModel
@@ -20,6 +20,7 @@ from robosim.radio import RadioLink, RadioLinkConfig
 from robosim.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
 from robosim.rendering.shading import shaded_mesh
 from robosim.robot import RobotConfig
+from robosim.support.checks import check_choice
 from robosim.support.stopwatch import Stopwatch
 from robosim.target import target_mesh
 from robosim.tasks import Task
@@ -29,7 +30,6 @@ from slam.poses import between
 from wireless.estimates import PathEstimates
 
 Physics = Literal["dynamic", "kinematic"]
-CameraEngine = Literal["pyrender", "embree"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class SimulatorConfig:
 
     physics: Physics = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
-    camera: CameraEngine = "pyrender"
+    camera: Backend = "pyrender"
     """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
@@ -52,6 +52,11 @@ class SimulatorConfig:
     """How the target sends and the robot listens."""
     recognition: Recognition = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
+
+    def __post_init__(self) -> None:
+        check_choice("physics", self.physics, get_args(Physics))
+        check_choice("camera", self.camera, get_args(Backend))
+        check_choice("recognition", self.recognition, get_args(Recognition))
 
 
 @dataclass(frozen=True, eq=False)

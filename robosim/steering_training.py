@@ -8,13 +8,11 @@ that was interrupted goes on with the round it was in.
 Reference: Ross, Gordon and Bagnell, A reduction of imitation learning to no-regret online learning, AISTATS 2011.
 """
 
-import json
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 import torch
 from jaxtyping import Float, Float32, Int
@@ -27,16 +25,18 @@ from robosim.odometry import NoiseModel
 from robosim.reach import reach
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array, read_npz
-from robosim.support.files import whole_file, write_json
+from robosim.support.checks import SEED, STEPS, check_numbers
+from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.reading import reading
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from robosim.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
 from slam.control import ControlConfig, Controller
 from slam.planning import Plan
 from slam.steering import HIDDEN, INPUTS, LearnedController, initial_weights
 from slam.weights import Weights
-from wireless.run_folder import claim
 
 #: Number of the first home to compare in; homes to learn from begin at 0.
 _TEST = 100_000
@@ -66,9 +66,22 @@ class SteeringRecipe:
     """Seed of homes, targets, noise and weights."""
 
     def __post_init__(self) -> None:
-        for name in ("rounds", "homes", "epochs", "held_out", "max_steps", "batch"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_numbers(
+            self,
+            rounds=(1, 1000),
+            homes=(1, _TEST),
+            epochs=(1, 10_000),
+            held_out=(1, 100_000, "homes"),
+            max_steps=STEPS,
+            rate=(1e-8, 1),
+            batch=(1, 1_000_000, "decisions"),
+            seed=SEED,
+        )
+        if self.rounds * self.homes > _TEST:
+            raise ValueError(
+                f"rounds is {self.rounds} and homes {self.homes}, expected at most {_TEST} homes in all: "
+                "others are held out."
+            )
 
 
 class Watched(LearnedController):
@@ -175,7 +188,13 @@ _ROUND = {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")}
 
 
 def train_steering(
-    out: Path, recipe: SteeringRecipe, *, workers: int, console: Console, about: str = ""
+    out: Path,
+    recipe: SteeringRecipe,
+    *,
+    workers: int,
+    cluster: str | None = None,
+    console: Console,
+    about: str = "",
 ) -> dict[str, Any]:
     """Train, compare and write steering.safetensors with its card.
 
@@ -183,6 +202,7 @@ def train_steering(
         out: Folder for everything.
         recipe: How.
         workers: Processes that drive; the result does not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
         about: The command that does it again, for the card.
 
@@ -190,52 +210,60 @@ def train_steering(
         The card.
 
     Raises:
-        ValueError: If the folder holds a run of another recipe.
+        FolderError: If the folder holds a run of another recipe.
+        WorkerLost: If a process was killed; rounds that were finished are kept.
     """
-    claim(out, json.loads(json.dumps(asdict(recipe))), begun=False)
     start = time.perf_counter()
-    shown = console if console.is_terminal else None
-    with joblib.Parallel(n_jobs=workers, return_as="generator") as parallel:
+    with (
+        run_folder(out, "train steering", asdict(recipe)),
+        Workers(workers, cluster, what="drives") as pool,
+    ):
         weights: Weights = initial_weights(np.random.default_rng(recipe.seed))
         senses, advised, curve = np.zeros((0, INPUTS), np.float32), np.zeros(0, np.int64), []
-        for n in range(recipe.rounds):
-            kept = out / f"round-{n + 1}.npz"
-            if not kept.exists():
-                homes = range(n * recipe.homes, (n + 1) * recipe.homes)
-                own = n / max(1, recipe.rounds - 1)
-                jobs = (joblib.delayed(lesson)(home, recipe, weights, own) for home in homes)
-                with tracked(parallel(jobs), f"round {n + 1} of {recipe.rounds}", shown, len(homes)) as seen:
-                    told = [np.concatenate(part) for part in zip(*seen, strict=True)]
-                with whole_file(kept) as file:
-                    np.savez_compressed(file, senses=told[0], advised=told[1])
-            new_senses, new_advised = read_round(kept)
-            if n:
-                pupil = LearnedController(weights, ControlConfig())
-                agreed = float(np.mean(np.argmax(pupil.scores(new_senses), axis=1) == new_advised))
-                curve.append({"round": n + 1, "decisions": len(new_senses), "agreed": round(agreed, 4)})
-            senses, advised = np.vstack([senses, new_senses]), np.append(advised, new_advised)
-            weights = learn(senses, advised, recipe, n)
+        with tracked(range(recipe.rounds), "rounds", console) as rounds:
+            for n in rounds:
+                new_senses, new_advised = _round(out / f"round-{n + 1}.npz", n, recipe, weights, pool)
+                if n:
+                    pupil = LearnedController(weights, ControlConfig())
+                    agreed = float(np.mean(np.argmax(pupil.scores(new_senses), axis=1) == new_advised))
+                    curve.append({"round": n + 1, "decisions": len(new_senses), "agreed": round(agreed, 4)})
+                senses, advised = np.vstack([senses, new_senses]), np.append(advised, new_advised)
+                weights = learn(senses, advised, recipe, n)
         config = ControlConfig(radius_m=SimulatorConfig().robot.radius_m)
         controllers = {"planned": Controller(config), "learned": LearnedController(weights, config)}
         scores = {}
         for name, controller in controllers.items():
             homes = range(_TEST, _TEST + recipe.held_out)
-            jobs = (joblib.delayed(drive)(home, recipe, controller) for home in homes)
-            with tracked(parallel(jobs), f"comparing {name}", shown, len(homes)) as rows:
-                drives = list(rows)
+            drives = pool.in_order(drive, [(home, recipe, controller) for home in homes])
             scores[name] = {key: round(float(np.mean([row[key] for row in drives])), 4) for key in drives[0]}
-    card: dict[str, Any] = {
-        "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} invented homes",
-        "command": about,
-        "recipe": asdict(recipe),
-        "hidden": HIDDEN,
-        "parameters": sum(int(np.size(value)) for value in weights.values()),
-        "agreement": curve,
-        "test_homes": recipe.held_out,
-        "mean_of_drives": scores,
-        "seconds": round(time.perf_counter() - start, 1),
-    }
-    with whole_file(out / "steering.safetensors") as file:
-        file.write_bytes(save(dict(weights)))
-    write_json(out / "steering.json", card)
+        card: dict[str, Any] = {
+            "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} invented homes",
+            "command": about,
+            "recipe": asdict(recipe),
+            "hidden": HIDDEN,
+            "parameters": sum(int(np.size(value)) for value in weights.values()),
+            "agreement": curve,
+            "test_homes": recipe.held_out,
+            "mean_of_drives": scores,
+            "seconds": round(time.perf_counter() - start, 1),
+        }
+        write_whole(out / "steering.safetensors", save(dict(weights)))
+        write_json(out / "steering.json", card)
     return card
+
+
+def _round(
+    kept: Path, n: int, recipe: SteeringRecipe, weights: Weights, pool: Workers
+) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, "n"]]:
+    """What the drives of a round showed; from its file, if it was driven before."""
+    if not kept.exists():
+        homes = range(n * recipe.homes, (n + 1) * recipe.homes)
+        own = n / max(1, recipe.rounds - 1)
+        seen = pool.in_order(lesson, [(home, recipe, weights, own) for home in homes])
+        senses, advised = (np.concatenate(part) for part in zip(*seen, strict=True))
+        write_whole(kept, npz_bytes({"senses": senses, "advised": advised}))
+    with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
+        found = read_npz(file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")})
+        if not np.isin(found["advised"], list(Action)).all():
+            raise ValueError("an advice is no action")
+        return found["senses"], found["advised"]

@@ -18,6 +18,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
+from robosim.support.checks import check_numbers
+
 #: The dictionary of the markers: 50 of them, with 4 by 4 cells inside of a black frame.
 DICTIONARY = cv2.aruco.DICT_4X4_50
 _MARKER_CELLS = 6
@@ -46,11 +48,16 @@ class TargetConfig:
     """Width of the rod up to the ceiling [m]."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.marker_id < 50:
-            raise ValueError(f"marker_id is {self.marker_id}, expected 0 to 49: DICT_4X4_50 has 50 markers.")
-        for name in ("marker_m", "margin_m", "radio_m", "rod_m"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected more than 0 and up to 1 metre.")
+        check_numbers(
+            self,
+            marker_id=(0, 49, "since DICT_4X4_50 has 50 markers"),
+            marker_m=(0.001, 1, "m"),
+            margin_m=(0.001, 1, "m"),
+            radio_m=(0.001, 1, "m"),
+            rod_m=(0.001, 1, "m"),
+            marker_height_m=(0.01, 100, "m"),
+            radio_height_m=(0.01, 100, "m"),
+        )
         lowest = self.radio_height_m + self.radio_m / 2 + self.box_m / 2
         if not (self.radio_height_m > self.radio_m / 2 and self.marker_height_m >= lowest):
             raise ValueError(

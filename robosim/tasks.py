@@ -8,15 +8,20 @@ import logging
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from jaxtyping import Float
 
 from robosim.floorplan import MapError
 from robosim.reach import Reach
+from robosim.support.checks import FARTHEST, check_number
 
 _log = logging.getLogger(__name__)
 
 #: The robot has arrived once its true position is this near to the target [m].
 ARRIVAL_M = 0.3
+
+#: A target this far from free space still counts as on its edge [m].
+ON_EDGE_M = 1e-6
 
 #: Targets tried before a building is taken to be too small for the distance asked for.
 _TRIES = 20
@@ -48,7 +53,9 @@ def make_task(
     places the farthest pair found is taken, and a warning logged.
 
     Raises:
-        MapError: If the hull fits nowhere or not at the start, or cannot drive from there to the target.
+        MapError: If the hull fits nowhere or not at the start, cannot drive from there to the target, or that is
+            in a wall.
+        ValueError: If start or target are no places, whatever the plan.
     """
     if not reach.n_parts:
         raise MapError(
@@ -112,19 +119,35 @@ def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:
 
 
 def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | None) -> None:
-    """Raise a MapError that suggests a better place if the hull cannot be where it is asked to be."""
-    for what, point, near_m in (("start", start, 0.0), ("target", target, ARRIVAL_M)):
-        if point is None or (reach.part_near(point[:2], near_m) if near_m else reach.part_at(point[:2])):
-            continue
-        centres = reach.plan.centres(reach.parts > 0)
-        nearest = centres[np.argmin(np.hypot(*(centres - point[:2]).T))]
-        problem = (
-            f"does not fit at the {what}" if not near_m else f"cannot come within {near_m} m of the {what}"
-        )
-        raise MapError(
-            f"{reach.plan.name}: the robot's hull (radius {reach.radius_m} m) {problem} ({point[0]:g}, "
-            f"{point[1]:g}) m. The nearest place where it can be is ({nearest[0]:.2f}, {nearest[1]:.2f}) m."
-        )
+    """Raise an error that suggests a better place if start or target cannot be where they are asked to be."""
+    for what, place, count in (("start", start, 3), ("target", target, 2)):
+        if place is not None and not (np.shape(place) == (count,) and (np.abs(place[:2]) <= FARTHEST).all()):
+            raise ValueError(
+                f"{what} is {place}, expected {count} numbers, the first two up to {FARTHEST:g} m."
+            )
+    if start is not None:
+        check_number("yaw of the start", float(start[2]), -2 * np.pi, 2 * np.pi, "rad: a turn to either side")
+    hull = f"the robot's hull (radius {reach.radius_m} m)"
+    if start is not None and not reach.part_at(start[:2]):
+        raise _better(reach, f"{hull} does not fit at the start {_at(start)}", start[:2])
+    if target is not None and reach.free.distance(shapely.Point(target)) > ON_EDGE_M:
+        raise _better(reach, f"the target {_at(target)} is in a wall, or outside of the building", target)
+    if target is not None and not reach.part_near(target, ARRIVAL_M):
+        raise _better(reach, f"{hull} cannot come within {ARRIVAL_M} m of the target {_at(target)}", target)
+
+
+def _better(reach: Reach, problem: str, point: Float[np.ndarray, "2"]) -> MapError:
+    """An error that names the nearest point that would do."""
+    centres = reach.plan.centres(reach.parts > 0)
+    nearest = centres[np.argmin(np.hypot(*(centres - point).T))]
+    return MapError(
+        f"{reach.plan.name}: {problem}. The nearest place where the hull can be is ({nearest[0]:.2f}, "
+        f"{nearest[1]:.2f}) m."
+    )
+
+
+def _at(point: np.ndarray) -> str:
+    return f"({point[0]:g}, {point[1]:g}) m"
 
 
 def _centre(reach: Reach, cell: np.ndarray) -> np.ndarray:

@@ -1,6 +1,8 @@
 """Video by PyAV, which brings its own ffmpeg."""
 
+import contextlib
 import os
+from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
 
@@ -8,6 +10,8 @@ import av
 import cv2
 import numpy as np
 from jaxtyping import UInt8
+
+from robosim.support.files import partial_path
 
 
 class VideoWriter:
@@ -31,9 +35,10 @@ class VideoWriter:
             raise ValueError(f"size = {size}, expected even numbers of pixels. Pad the frame by one.")
         self.path = Path(path)
         self.path.parent.mkdir(parents=True, exist_ok=True)
-        self._partial = self.path.with_name(f".{self.path.stem}.partial-{os.getpid()}{self.path.suffix}")
-        self._file = av.open(str(self._partial), "w")
+        self._partial = partial_path(self.path)
         self._empty = True
+        self._sink = _Sink(self._partial)
+        self._file = av.open(self._sink, "w", format="mp4")
         options = {"preset": "ultrafast", "crf": "28", "tune": "fastdecode"}
         self._stream = self._file.add_stream("libx264", rate=Fraction(fps), options=options)
         self._stream.width, self._stream.height = size
@@ -42,20 +47,84 @@ class VideoWriter:
         self._stream.codec_context.thread_count = 1
 
     def add(self, frame: UInt8[np.ndarray, "h w 3"]) -> None:
-        """Append an RGB frame."""
+        """Append an RGB frame.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
         self._empty = False
         # OpenCV converts five times faster than ffmpeg's scaler does.
         planes = np.asarray(cv2.cvtColor(frame, cv2.COLOR_RGB2YUV_I420), np.uint8)
         for packet in self._stream.encode(av.VideoFrame.from_ndarray(planes, format="yuv420p")):
             self._file.mux(packet)
+        self._sink.check()
 
     def close(self) -> None:
-        """Finish the file and give it its name; without a frame there will be no file."""
-        if self._empty:
+        """Finish the file and give it its name; without a frame there will be no file.
+
+        Raises:
+            OSError: If it could not be written; no file is left then.
+        """
+        try:
+            if not self._empty:
+                for packet in self._stream.encode():
+                    self._file.mux(packet)
             self._file.close()
+            self._sink.close()
+            if not self._empty:
+                os.replace(self._partial, self.path)
+        finally:
+            self._sink.abandon()
             self._partial.unlink(missing_ok=True)
-            return
-        for packet in self._stream.encode():
-            self._file.mux(packet)
+
+
+class _Sink:
+    """A file that ffmpeg writes to, and that never fails there.
+
+    On a full disk ffmpeg ends in a segmentation fault when it closes the file. It is told that all went well, and the
+    error is raised where it can be handled.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open("wb")
+        self._error: OSError | None = None
+
+    def write(self, content: bytes) -> int:
+        """Write, or do not."""
+        return self._try(lambda: self._file.write(content), len(content))
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Go to a place in the file."""
+        return self._try(lambda: self._file.seek(offset, whence), 0)
+
+    def tell(self) -> int:
+        """The place in the file."""
+        return self._try(self._file.tell, 0)
+
+    def _try(self, action: Callable[[], int], otherwise: int) -> int:
+        if self._error is None:
+            try:
+                return action()
+            except OSError as error:
+                self._error = error
+        return otherwise
+
+    def _flushed(self) -> int:
+        self._file.flush()
+        return 0
+
+    def check(self) -> None:
+        """Raise what went wrong."""
+        if self._error is not None:
+            raise self._error
+
+    def close(self) -> None:
+        """End the file, and raise what went wrong."""
+        self._try(self._flushed, 0)
+        self.check()
         self._file.close()
-        os.replace(self._partial, self.path)
+
+    def abandon(self) -> None:
+        """End the file, whole or not."""
+        with contextlib.suppress(OSError):
+            self._file.close()

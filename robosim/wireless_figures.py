@@ -25,11 +25,13 @@ from robosim.floorplan import FloorPlan
 from robosim.gallery import Picture, write_index
 from robosim.link_pictures import choose_telling, link_figure
 from robosim.link_state import read_classifier
+from robosim.outline import check_tolerance
 from robosim.plots import save_figure
 from robosim.radio_plots import draw_state
 from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import receiver_grid
+from robosim.receivers import check_step, receiver_grid
 from robosim.support.assets import shipped_weights
+from robosim.support.checks import SEED, check_network, check_numbers
 from robosim.support.progress import tracked
 from robosim.training_figures import draw_training
 from wireless.antenna_figures import arrays_figure
@@ -61,6 +63,13 @@ class FiguresConfig:
     """Folders of training runs."""
     seed: int = 0
     """Of places, phases and noise."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, links=(1, 1_000_000), seed=SEED)
+        check_step(self.grid_m)
+        check_tolerance(self.tolerance_m)
+        if self.classifier is not None:
+            check_network("classifier", self.classifier, shipped_weights())
 
     @property
     def radio(self) -> RadioConfig:

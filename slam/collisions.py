@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from slam.actions import FORWARD_M, Action
+from slam.checks import check_numbers
 from slam.grid import GridFrame
 from slam.poses import to_map
 
@@ -39,10 +40,16 @@ class CollisionConfig:
     """Decisions for which a first mark lasts; doubled at each further bump in the same place."""
 
     def __post_init__(self) -> None:
-        if not self.radius_m > 0:
-            raise ValueError(f"radius_m = {self.radius_m}, expected a positive radius in metres.")
-        if not 0 < self.short_m <= FORWARD_M:
-            raise ValueError(f"short_m = {self.short_m}, expected above 0 and at most {FORWARD_M} m.")
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            short_m=(1e-6, FORWARD_M, "m, the length of a step"),
+            touch_m=(0, 1, "m"),
+            depth_m=(0, 1, "m"),
+            max_width_m=(0.01, 5, "m"),
+            patience=(1, 1_000_000, "stops"),
+            memory_steps=(1, 1_000_000, "decisions"),
+        )
 
 
 class CollisionMarks:

@@ -25,6 +25,7 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.checks import check_numbers
 from slam.clearance import Clearance
 from slam.planning import Plan
 from slam.poses import between, wrap
@@ -58,14 +59,24 @@ class ControlConfig:
     """Greatest turn rate of the continuous controller [rad/s]."""
 
     def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            slacks_m=(-1, 1, "m"),
+            slack_prices=(0, 1e6, "decisions"),
+            reach_steps=(1, 1000, "steps"),
+            forward_m=(0.001, 10, "m"),
+            turn_rad=(1e-4, math.pi, "rad"),
+            arrived_m=(0, 10, "m"),
+            stuck_decisions=(1, 1_000_000, "decisions"),
+            stuck_radius_m=(0, 100, "m"),
+            speed_mps=(0.001, 10, "m/s"),
+            turn_rate_radps=(0.001, 20, "rad/s"),
+        )
         if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
             raise ValueError(
-                f"slacks_m = {self.slacks_m}, slack_prices = {self.slack_prices}, expected as many prices as "
+                f"slacks_m is {self.slacks_m} and slack_prices {self.slack_prices}, expected as many prices as "
                 "slacks, the slacks in rising order."
-            )
-        if not (self.forward_m > 0 and self.turn_rad > 0):
-            raise ValueError(
-                f"forward_m = {self.forward_m}, turn_rad = {self.turn_rad}, expected positive amounts."
             )
 
 

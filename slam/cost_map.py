@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from slam.checks import check_numbers
 from slam.clearance import Clearance
 from slam.grid import GridFrame, MapEstimate
 
@@ -43,15 +44,17 @@ class CostConfig:
     """Cost per metre through unknown cells."""
 
     def __post_init__(self) -> None:
-        if not self.radius_m > 0:
-            raise ValueError(f"radius_m = {self.radius_m}, expected a positive radius in metres.")
-        if not self.comfort_m > 0:
-            raise ValueError(f"comfort_m = {self.comfort_m}, expected a positive number of metres.")
-        if self.unknown_cost < 1 or self.wall_weight < 0:
-            raise ValueError(
-                f"unknown_cost = {self.unknown_cost}, wall_weight = {self.wall_weight}, expected at least 1 "
-                "and at least 0."
-            )
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            slack_m=(0, 1, "m"),
+            overlap_m=(0, 1, "m"),
+            comfort_m=(0.001, 10, "m"),
+            wall_weight=(0, 1e4),
+            squeeze_m=(0.001, 1, "m"),
+            squeeze_weight=(0, 1e4),
+            unknown_cost=(1, 1e4),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, TURN_RAD
+from slam.checks import check_choice, check_numbers
 from slam.choosing import Offer, describe
 from slam.cost_map import EASES, Box, CostConfig, cut_box, known_box
 from slam.frontiers import Frontier, find_frontiers, unseen_area
@@ -64,12 +65,20 @@ class ExplorerConfig:
     """Decisions near a frontier that show nothing new after which it is given up."""
 
     def __post_init__(self) -> None:
-        if self.rating not in get_args(ExplorerName):
-            known = ", ".join(get_args(ExplorerName))
-            raise ValueError(f"rating = {self.rating!r}, expected one of: {known}.")
-        for name in ("min_cells", "candidates", "every", "patience"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_choice("rating", self.rating, get_args(ExplorerName))
+        check_numbers(
+            self,
+            view_m=(0.1, 100, "m"),
+            min_cells=(1, 10_000, "cells"),
+            piece_m=(0.05, 100, "m"),
+            depth_m=(0, 100, "m"),
+            gain_weight=(0, 1e6),
+            max_gain_m2=(0, 1e6, "m2"),
+            keep=(0, 1e6, "decisions"),
+            candidates=(1, 10_000, "frontiers"),
+            every=(1, 1_000_000, "decisions"),
+            patience=(1, 1_000_000, "decisions"),
+        )
 
 
 class FrontierExplorer:

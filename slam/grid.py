@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 
+from slam.checks import shown
+
 
 @dataclass(frozen=True, kw_only=True)
 class GridFrame:
@@ -26,10 +28,13 @@ class GridFrame:
     """Rows (y) and columns (x)."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.resolution_m) and self.resolution_m > 0):
-            raise ValueError(f"resolution_m = {self.resolution_m}, expected a positive number of metres.")
-        if len(self.shape) != 2 or min(self.shape) < 1:
-            raise ValueError(f"shape = {self.shape}, expected (rows, columns), both at least 1.")
+        # Made several times a decision, so in the fastest way.
+        if len(self.origin_xy) != 2 or not all(abs(value) <= 1e9 for value in self.origin_xy):
+            raise ValueError(f"origin_xy is {shown(self.origin_xy)}, expected two numbers up to 1e9 m.")
+        if not 1e-6 <= self.resolution_m <= 1e6:
+            raise ValueError(f"resolution_m is {self.resolution_m:g}, expected 1e-6 to 1e6 m.")
+        if len(self.shape) != 2 or not all(1 <= count <= 1_000_000 for count in self.shape):
+            raise ValueError(f"shape is {shown(self.shape)}, expected (rows, columns), both 1 to 1000000.")
 
     def to_cells(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch 2"]:
         """Continuous cell coordinates (column, row) of points (x, y) [m].

@@ -18,6 +18,7 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
+from slam.checks import check_numbers
 from slam.egocentric import cut_ahead
 from slam.mapper.features import Features
 from slam.mapper.pose_network import INPUTS, UNIT, PoseNetwork
@@ -39,8 +40,7 @@ class LearnedMatchConfig:
     """Share of the patch that must be known; with less the prediction stands."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.trust <= 1:
-            raise ValueError(f"trust = {self.trust}, expected a part above 0, at most 1.")
+        check_numbers(self, trust=(1e-6, 1), known=(0, 1))
 
 
 class LearnedMatcher:

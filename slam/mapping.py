@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import Action
+from slam.checks import check_numbers
 from slam.collisions import CollisionConfig, CollisionMarks
 from slam.grid import GridFrame, MapEstimate
 from slam.occupancy import OccupancyConfig, OccupancyGrid
@@ -60,12 +61,12 @@ class MapperConfig:
     """Biases and noise of odometry."""
 
     def __post_init__(self) -> None:
-        if not 0.005 <= self.resolution_m <= 0.5:
-            raise ValueError(f"resolution_m = {self.resolution_m}, expected 0.005 to 0.5 metres.")
-        if self.max_side_m < 20:
-            raise ValueError(
-                f"max_side_m = {self.max_side_m}, expected at least 20 m: the camera sees 10 m far."
-            )
+        check_numbers(
+            self,
+            resolution_m=(0.005, 0.5, "m"),
+            max_side_m=(20, 1000, "m: the camera sees 10 m far"),
+            radius_m=(0.01, 5, "m"),
+        )
 
 
 @runtime_checkable

@@ -10,20 +10,10 @@ gives the same times and is what the tests compare with, ends the process if Ctr
 Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
 
-import inspect
-from collections.abc import Callable
-from typing import TypeVar
-
-import numba
 import numpy as np
 from jaxtyping import Float
 
-T = TypeVar("T")
-
-
-def _compiled(function: Callable[..., T]) -> Callable[..., T]:
-    """Machine code; type checkers that wrap functions, as the tests do, are taken off first."""
-    return numba.njit(cache=True, nogil=True)(inspect.unwrap(function))
+from slam.compiled import compiled
 
 
 def march(
@@ -57,7 +47,7 @@ def march(
     return time[2:-2, 2:-2].copy()
 
 
-@_compiled
+@compiled
 def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[float, float]:
     """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
     before = time[i - step] if done[i - step] else np.inf
@@ -73,7 +63,7 @@ def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[floa
     return 1.0, before
 
 
-@_compiled
+@compiled
 def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> None:
     """Move an entry of the heap up to where its time belongs."""
     cell = heap[at]
@@ -88,7 +78,7 @@ def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> Non
     place[cell] = at
 
 
-@_compiled
+@compiled
 def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> None:
     """Move the heap's first entry down to where its time belongs."""
     cell, at = heap[0], 0
@@ -107,7 +97,7 @@ def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> N
     place[cell] = at
 
 
-@_compiled
+@compiled
 def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
     """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
     done = np.zeros(len(time), np.bool_)
@@ -135,7 +125,7 @@ def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
                 _rise(heap, place, time, place[i])
 
 
-@_compiled
+@compiled
 def _arrival(time: np.ndarray, done: np.ndarray, cost: float, i: int, width: int) -> float:
     """Time of the front at a cell, from its accepted neighbours."""
     ay, ty = _upwind(time, done, i, width)

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import Action
+from slam.checks import check_numbers
 from slam.egocentric import AHEAD, belief_ahead
 from slam.grid import GridFrame, MapEstimate
 from slam.mapper.network import MapNetwork
@@ -39,11 +40,7 @@ class FusionConfig:
     """Bound of the log-odds."""
 
     def __post_init__(self) -> None:
-        for name in ("in_view", "hidden"):
-            if not 0 < getattr(self, name) <= 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected a weight above 0, at most 1.")
-        if not self.limit > 0:
-            raise ValueError(f"limit = {self.limit}, expected positive log-odds.")
+        check_numbers(self, in_view=(1e-6, 1), hidden=(1e-6, 1), limit=(0.01, 1000))
 
 
 class NeuralMapper:

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from slam.checks import check_numbers
 from slam.grid import GridFrame
 from slam.poses import to_map
 from slam.projection import Scan, dense_points
@@ -37,15 +38,14 @@ class OccupancyConfig:
     """Cells nearer than this count as seen [m]."""
 
     def __post_init__(self) -> None:
-        if not (self.hit > 0 and self.miss > 0 and self.limit > 0):
-            raise ValueError(
-                f"hit = {self.hit}, miss = {self.miss}, limit = {self.limit}, expected positive log-odds."
-            )
-        if not 0 < self.explored_range_m <= self.free_range_m:
-            raise ValueError(
-                f"explored_range_m = {self.explored_range_m}, free_range_m = {self.free_range_m}, expected "
-                "0 < explored <= free."
-            )
+        check_numbers(
+            self,
+            hit=(1e-6, 1000),
+            miss=(1e-6, 1000),
+            limit=(0.01, 1000),
+            free_range_m=(0.01, 1000, "m"),
+            explored_range_m=(0.01, self.free_range_m, "m, at most free_range_m"),
+        )
 
 
 class OccupancyGrid:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.actions import Action
+from slam.checks import check_numbers
 
 Bias = tuple[float, float, float]
 
@@ -39,9 +40,16 @@ class OdometryConfig:
     """The same for the turn [rad]."""
 
     def __post_init__(self) -> None:
-        for name in ("position_std_m", "yaw_std_rad"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected a positive standard deviation.")
+        check_numbers(
+            self,
+            forward_bias=(-1, 1, "m and rad"),
+            left_bias=(-1, 1, "m and rad"),
+            right_bias=(-1, 1, "m and rad"),
+            position_std_m=(1e-9, 10, "m"),
+            yaw_std_rad=(1e-9, 10, "rad"),
+            bias_position_std_m=(1e-9, 10, "m"),
+            bias_yaw_std_rad=(1e-9, 10, "rad"),
+        )
 
 
 class OdometryCorrector:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float
 
+from slam.checks import check_numbers
 from slam.clearance import Clearance
 from slam.cost_map import EASES, CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.grid import MapEstimate
@@ -50,12 +51,19 @@ class PlannerConfig:
     """A goal farther outside of the known map is replaced by a point on the way to it [m]; bounds the work."""
 
     def __post_init__(self) -> None:
-        if self.near_every < 1 or self.far_every < 1:
-            raise ValueError(
-                f"near_every = {self.near_every}, far_every = {self.far_every}, expected at least 1 decision."
-            )
-        if not 1.0 <= self.near_m[0] < self.near_m[1]:
-            raise ValueError(f"near_m = {self.near_m}, expected two rising distances of at least 1 m.")
+        check_numbers(
+            self,
+            border_m=(0, 100, "m"),
+            direct_m=(0, 1000, "m"),
+            near_m=(1, 1000, "m"),
+            near_margin_m=(0.05, 100, "m"),
+            near_every=(1, 1_000_000, "decisions"),
+            far_every=(1, 1_000_000, "decisions"),
+            look_m=(0.05, 100, "m"),
+            max_far_m=(0, 1000, "m"),
+        )
+        if not self.near_m[0] < self.near_m[1]:
+            raise ValueError(f"near_m is {self.near_m}, expected two rising distances.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ import torch
 from jaxtyping import Float, Float32, Int
 from torch import Tensor
 
+from slam.checks import check_numbers
 from slam.choosing import FEATURES, evaluate
 
 
@@ -41,6 +42,19 @@ class PpoConfig:
     """Worth of undecidedness."""
     value: float = 0.5
     """Weight of the squared error of the value."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            discount=(0, 1),
+            trace=(0, 1),
+            clip=(1e-6, 10),
+            passes=(1, 10_000),
+            batch=(1, 1_000_000, "choices"),
+            rate=(1e-8, 1),
+            entropy=(0, 100),
+            value=(0, 100),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
+from slam.checks import check_numbers
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:
@@ -33,15 +35,17 @@ class CameraModel:
     """Farther depths are taken for missing [m]."""
 
     def __post_init__(self) -> None:
-        if not 1.0 <= self.hfov_deg < 180.0:
+        check_numbers(
+            self,
+            hfov_deg=(1, 179, "degrees. The angle is not in radians"),
+            height_m=(0.01, 100, "m"),
+            min_depth_m=(0, 100, "m"),
+            max_depth_m=(0.01, 1000, "m"),
+        )
+        if not self.min_depth_m < self.max_depth_m:
             raise ValueError(
-                f"hfov_deg = {self.hfov_deg}, expected 1 to below 180 degrees. The angle is in degrees."
-            )
-        if not self.height_m > 0:
-            raise ValueError(f"height_m = {self.height_m}, expected a positive height in metres.")
-        if not 0 <= self.min_depth_m < self.max_depth_m:
-            raise ValueError(
-                f"min_depth_m = {self.min_depth_m}, max_depth_m = {self.max_depth_m}, expected 0 <= min < max."
+                f"min_depth_m is {self.min_depth_m} and max_depth_m {self.max_depth_m}, expected the first below "
+                "the other."
             )
 
     def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, "w"], Float32[np.ndarray, "h"]]:
@@ -67,8 +71,11 @@ class Band:
     """Upper edge [m]: what is higher passes over the robot."""
 
     def __post_init__(self) -> None:
-        if not 0 <= self.low_m < self.high_m:
-            raise ValueError(f"low_m = {self.low_m}, high_m = {self.high_m}, expected 0 <= low < high.")
+        check_numbers(self, low_m=(0, 100, "m"), high_m=(0, 100, "m"))
+        if not self.low_m < self.high_m:
+            raise ValueError(
+                f"low_m is {self.low_m} and high_m {self.high_m}, expected the first below the other."
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

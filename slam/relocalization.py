@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, Float32
 
+from slam.checks import check_numbers
 from slam.grid import GridFrame
 from slam.occupancy import OccupancyGrid
 from slam.poses import to_map, wrap
@@ -48,14 +49,20 @@ class RelocalizationConfig:
     """Frames after which the map is taken to be wrong rather than the pose: scans are entered again."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.settled < self.contradiction <= 1:
+        check_numbers(
+            self,
+            contradiction=(0, 1),
+            settled=(1e-6, 1),
+            near_m=(0, 10, "m"),
+            min_points=(1, 1_000_000, "points"),
+            search_m=(0.01, 100, "m"),
+            search_rad=(1e-3, math.pi, "rad"),
+            narrow_tries=(0, 1_000_000, "frames"),
+            tries=(1, 1_000_000, "frames"),
+        )
+        if not self.settled < self.contradiction:
             raise ValueError(
-                f"settled = {self.settled}, contradiction = {self.contradiction}, expected shares with "
-                "0 < settled < contradiction <= 1."
-            )
-        if not (self.search_m > 0 and 0 < self.search_rad <= math.pi):
-            raise ValueError(
-                f"search_m = {self.search_m}, search_rad = {self.search_rad}, expected above 0, and at most pi."
+                f"settled is {self.settled} and contradiction {self.contradiction}, expected the first below the other."
             )
 
 

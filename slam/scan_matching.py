@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from slam.checks import check_numbers
 from slam.poses import to_map, wrap
 from slam.projection import Scan
 from slam.surfaces import SurfaceGrid
@@ -41,10 +42,14 @@ class MatchConfig:
     """With fewer paired points the prediction stands."""
 
     def __post_init__(self) -> None:
-        if not self.sigma_m > 0:
-            raise ValueError(f"sigma_m = {self.sigma_m}, expected a positive number of metres.")
-        if self.iterations < 1:
-            raise ValueError(f"iterations = {self.iterations}, expected at least 1.")
+        check_numbers(
+            self,
+            sigma_m=(1e-6, 10, "m"),
+            outlier_m=(1e-6, 10, "m"),
+            iterations=(1, 1000, "steps"),
+            max_range_m=(0.01, 1000, "m"),
+            min_pairs=(1, 1_000_000, "points"),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,8 +1,20 @@
 """Where the tests find floor plans and data that are not part of this project."""
 
+import signal
+import threading
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
+
+from robosim.support.workers import Workers
+
+# A job that a shell runs in the background ignores Ctrl-C, and so would all that the tests start.
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    and threading.current_thread() is threading.main_thread()
+):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 
@@ -13,3 +25,18 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("needs the real floor plans in ../shared, which are not part of this project")
     return SHARED
+
+
+@pytest.fixture
+def in_process(monkeypatch) -> None:
+    """Let workers' calls run in this process: faster where there are few, and a test can reach into them."""
+
+    def submit(self, function, arguments):
+        future = Future()
+        try:
+            future.set_result(function(*arguments))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+    monkeypatch.setattr(Workers, "_submit", submit)

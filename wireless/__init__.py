@@ -8,7 +8,6 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
     LinkState      line of sight, first order, higher order, outage
     Interaction    what happens to a path at a point
     SceneError     a mesh that cannot be traced
-    trace_grid     many links into a folder, going on after an interruption
 
     terminal_named   antenna arrays and beams of the reference's base station or robot
     Rays             paths as two terminals see them
@@ -19,7 +18,6 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
 """
 
 from wireless.codebook import terminal_named
-from wireless.dataset import trace_grid
 from wireless.estimates import PathEstimates
 from wireless.estimation import estimator_named
 from wireless.paths import Interaction, LinkState, Paths
@@ -39,5 +37,4 @@ __all__ = [
     "TracerConfig",
     "estimator_named",
     "terminal_named",
-    "trace_grid",
 ]

@@ -43,8 +43,8 @@ class PatchElement:
     """Thickness of the substrate, in wavelengths in air (0.254 mm at 28 GHz)."""
 
     def __post_init__(self) -> None:
-        if not self.permittivity >= 1:
-            raise ValueError(f"permittivity is {self.permittivity:g}, expected 1 (air) or more.")
+        if not 1 <= self.permittivity <= 1e6:
+            raise ValueError(f"permittivity is {self.permittivity:g}, expected 1 (air) to 1e6.")
         if not 0 < self.thickness_wl < 0.1:
             raise ValueError(
                 f"thickness_wl is {self.thickness_wl:g}, expected between 0 and 0.1 wavelengths: "
@@ -79,6 +79,12 @@ class SectorElement:
     """Full width at half power, in azimuth and in elevation."""
     floor_db: float = 30.0
     """Most that any direction is weaker than the best."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.width_deg <= 360:
+            raise ValueError(f"width_deg is {self.width_deg:g}, expected 1 to 360 degrees.")
+        if not 0 <= self.floor_db <= 200:
+            raise ValueError(f"floor_db is {self.floor_db:g}, expected 0 to 200 dB.")
 
     def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Size of the far field, one straight ahead."""

@@ -8,7 +8,8 @@ once: a single link pays for no threads.
 
 import itertools
 import os
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -30,14 +31,14 @@ def available_cores() -> int:
 
 
 def trace_blocks(
-    n_tx: int, n_rx: int, trace: Callable[[slice, slice], list[Table]], workers: int | None = None
+    n_tx: int, n_rx: int, trace: Callable[[slice, slice], Iterable[Table]], workers: int | None = None
 ) -> Rows:
     """Trace all links.
 
     Args:
         n_tx: Number of transmitters.
         n_rx: Number of receivers.
-        trace: Traces a block of transmitters and receivers: a table for each of these transmitters.
+        trace: Traces a block of transmitters and receivers: a table for each of these transmitters, one by one.
         workers: Threads; None for one on each available core.
     """
     blocks = [
@@ -45,15 +46,26 @@ def trace_blocks(
         for i, j in itertools.product(range(0, n_tx, BLOCK_TX), range(0, n_rx, BLOCK_RX))
     ]
 
+    stopped = threading.Event()
+
     def run(block: tuple[slice, slice]) -> list[Table]:
-        return [_packed(table) for table in trace(*block)]
+        tables = []
+        for table in trace(*block):
+            if stopped.is_set():
+                break
+            tables.append(_packed(table))
+        return tables
 
     threads = min(available_cores() if workers is None else workers, len(blocks))
     if threads <= 1:
         done = [run(block) for block in blocks]
     else:
         with ThreadPoolExecutor(threads) as pool:
-            done = list(pool.map(run, blocks))
+            try:
+                done = list(pool.map(run, blocks))
+            except BaseException:  # Ctrl-C: the pool waits for its threads, who need not finish their blocks
+                stopped.set()
+                raise
     rows: Rows = [[] for _ in range(n_tx)]
     for (txs, rxs), tables in zip(blocks, done, strict=True):
         for i, table in zip(range(txs.start, txs.stop), tables, strict=True):

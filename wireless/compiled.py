@@ -1,46 +1,115 @@
-"""How inner loops are compiled.
+"""How inner loops are compiled, and called.
 
-Loops over triangles and paths are compiled by numba at their first call (about a minute for all), and kept
-on disk for the next run. They let go of the interpreter lock, so that threads may trace side by side. Type
+Loops over triangles, paths or cells are compiled by numba at their first call, and kept on disk for the next
+process (`compiled_files`). They let go of the interpreter lock, so that threads may work side by side. Type
 checkers that wrap functions (as the tests do) are taken off first: the compiler reads plain functions only.
 
-Numba compiles what a function calls into it, from other files too, but notices changes of its own file only.
-So what is kept is thrown away here whenever any source of this package has changed.
+A signal waits until a loop is through. Numba makes Python objects of what a loop returns by calling Python, and
+does not look whether that failed: were Ctrl-C's KeyboardInterrupt raised there, where the first chance for it is
+if the loop ran in the main thread, an array would be made of no class, and the process end in a segmentation
+fault. While functions compile, a signal waits for the one at hand: LLVM calls back into Python, where the
+exception would be printed and lost.
+
+This file and `compiled_files` stand in `slam` and in `wireless` alike, as neither imports the other; a test
+compares them.
 """
 
-import contextlib
+import _signal  # `signal` makes enumerations of what these return: ten times the time
 import inspect
-import logging
+import threading
 from collections.abc import Callable
-from pathlib import Path
-from typing import TypeVar, cast
+from signal import SIGALRM, SIGINT, SIGTERM, raise_signal
+from types import FrameType
+from typing import Any, TypeVar, cast
 
 import numba
+from numba.core.registry import CPUDispatcher
 
-logger = logging.getLogger(__name__)
+from .compiled_files import CompiledFiles
 
 F = TypeVar("F", bound=Callable[..., object])
 
 
-def _forget_outdated(folder: Path) -> None:
-    """Delete compiled functions if they were made from other sources than those in the folder now."""
-    sources = sorted((p.name, p.stat().st_mtime_ns, p.stat().st_size) for p in folder.glob("*.py"))
-    kept, stamp = folder / "__pycache__", folder / "__pycache__" / "compiled.stamp"
-    with contextlib.suppress(OSError):  # not ours to write: numba keeps its files elsewhere then
-        if stamp.exists() and stamp.read_text() == repr(sources):
-            return
-        for file in kept.glob("*.nb[ci]"):
-            file.unlink(missing_ok=True)
-        kept.mkdir(exist_ok=True)
-        stamp.write_text(repr(sources))
-        logger.warning(
-            "The first use of the radio compiles its inner loops: about a minute, kept for later runs."
-        )
-
-
-_forget_outdated(Path(__file__).parent)
-
-
 def compiled(function: F) -> F:
     """The same function, compiled to machine code; its annotations are for the reader."""
-    return cast(F, numba.njit(cache=True, nogil=True, error_model="numpy")(inspect.unwrap(function)))
+    plain = inspect.unwrap(function)
+    config: Any = numba.config
+    if config.DISABLE_JIT:  # for debuggers
+        return cast(F, plain)
+    return cast(F, _Loop(plain, None, {"nopython": True, "nogil": True, "error_model": "numpy"}))
+
+
+class _Loop(CPUDispatcher):
+    """A compiled function that no signal interrupts half-way."""
+
+    def __init__(
+        self,
+        function: Callable[..., object],
+        local_types: dict[str, Any] | None,
+        options: dict[str, Any],
+    ):
+        super().__init__(function, local_types, options)
+        self._cache = CompiledFiles(self, between=_signals.let_in)
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        # Signals are handled in the main thread alone.
+        if _signals.wait or threading.current_thread() is not threading.main_thread():
+            return super().__call__(*args, **kwargs)
+        with _signals:
+            return super().__call__(*args, **kwargs)
+
+
+class _Signals:
+    """Signals whose handlers may raise: kept while a loop runs, raised again after it."""
+
+    #: Ctrl-C, a polite end, a time limit.
+    NUMBERS = (SIGINT, SIGTERM, SIGALRM)
+
+    def __init__(self) -> None:
+        self._handler: dict[int, Any] = {}
+        self._came: list[int] = []
+
+    @property
+    def wait(self) -> bool:
+        """Whether signals are being kept."""
+        return bool(self._handler)
+
+    def __enter__(self) -> None:
+        try:
+            for number in self.NUMBERS:
+                handler = _signal.getsignal(number)
+                if callable(handler):
+                    self._handler[number] = handler
+                    _signal.signal(number, self._note)
+        except BaseException:  # of a signal that is not kept yet
+            self._release()
+            raise
+
+    def __exit__(self, *error: object) -> None:
+        self._release()
+        came, self._came = self._came, []
+        for number in came:
+            raise_signal(number)
+
+    def let_in(self) -> None:
+        """Raise what came so far."""
+        if self._came:
+            self.__exit__()
+            self.__enter__()
+
+    def _note(self, number: int, frame: FrameType | None) -> None:
+        self._came.append(number)
+
+    def _release(self) -> None:
+        """Give signals back to their handlers, all of them even if one raises meanwhile."""
+        try:
+            while self._handler:
+                number = next(iter(self._handler))
+                _signal.signal(number, self._handler[number])
+                del self._handler[number]
+        finally:
+            if self._handler:
+                self._release()
+
+
+_signals = _Signals()

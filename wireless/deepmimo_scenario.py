@@ -11,10 +11,9 @@ in lower case. Left out: antennas (gains are between isotropic ones), more than 
 Reference: DeepMIMO 4.0, deepmimo.net.
 """
 
+import io
 import json
 import re
-from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -36,17 +35,10 @@ def scenario_name(name: str) -> str:
     return re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("._") or "scenario"
 
 
-def write_matrices(
-    folder: str | PathLike[str],
-    paths: Paths,
-    tx: int,
-    *,
-    horizontal: bool = False,
-) -> None:
-    """Write the paths of one transmitter to all receivers.
+def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dict[str, bytes]:
+    """The paths of one transmitter to all receivers, as files by their names in the folder of the scenario.
 
     Args:
-        folder: Of the scenario.
         paths: Paths of this transmitter, and perhaps of others.
         tx: Number of the transmitter.
         horizontal: Whether phases are of horizontal polarisation at both ends; else of vertical.
@@ -74,13 +66,13 @@ def write_matrices(
         "rx_pos": some.rx_position.astype(np.float32),
         "tx_pos": some.tx_position[tx : tx + 1].astype(np.float32),
     }
-    for name, matrix in matrices.items():
-        file = Path(folder) / f"{name}_t{_TX_SET:03}_tx{tx:03}_r{_RX_SET:03}.npz"
-        _save(file, {name: matrix})
+    return {
+        f"{name}_t{_TX_SET:03}_tx{tx:03}_r{_RX_SET:03}.npz": _npz({name: matrix})
+        for name, matrix in matrices.items()
+    }
 
 
-def write_scenario(
-    folder: str | PathLike[str],
+def scene_files(
     *,
     mesh: trimesh.Trimesh,
     materials: tuple[str, ...],
@@ -90,11 +82,12 @@ def write_scenario(
     n_tx: int,
     n_rx: int,
     n_rx_active: int,
-) -> None:
-    """Write what a scenario has beside its paths: the parameters, which `load` needs, and the building.
+) -> dict[str, bytes]:
+    """What a scenario has beside its paths: the building, and the parameters that `load` needs.
+
+    They are files by their names in the folder of the scenario.
 
     Args:
-        folder: Of the scenario.
         mesh: The building.
         materials: Its radio materials, by the names of `wireless.materials`.
         face_material: What each face is made of, index into materials.
@@ -104,14 +97,9 @@ def write_scenario(
         n_rx: Number of receivers.
         n_rx_active: Number of receivers that any transmitter reaches.
     """
-    folder = Path(folder)
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, np.float32)
     used = np.unique(face_material)
-    _save(folder / "vertices.npz", {"vertices": vertices})
-    _save(folder / "faces.npz", {str(m): faces[face_material == m] for m in used})
-    _save(folder / "materials.npz", {str(m): np.full((face_material == m).sum(), m) for m in used})
     objects = [{"name": materials[m], "label": "buildings", "id": int(m), "mesh_key": str(m)} for m in used]
-    (folder / "objects.json").write_text(json.dumps(objects, indent=2), encoding="utf-8")
     params = {
         "version": VERSION,
         "rt_params": _rt_params(frequency_hz, config),
@@ -129,11 +117,19 @@ def write_scenario(
             f"txrx_set_{_RX_SET}": _set("rx", _RX_SET, n_rx, n_rx_active),
         },
     }
-    (folder / "params.json").write_text(json.dumps(params, indent=2, allow_nan=False), encoding="utf-8")
+    return {
+        "vertices.npz": _npz({"vertices": vertices}),
+        "faces.npz": _npz({str(m): faces[face_material == m] for m in used}),
+        "materials.npz": _npz({str(m): np.full((face_material == m).sum(), m) for m in used}),
+        "objects.json": json.dumps(objects, indent=2).encode(),
+        "params.json": json.dumps(params, indent=2, allow_nan=False).encode(),
+    }
 
 
-def _save(file: Path, arrays: dict[str, np.ndarray]) -> None:
-    np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
+def _npz(arrays: dict[str, np.ndarray]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
 
 
 def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:

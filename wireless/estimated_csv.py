@@ -11,7 +11,7 @@ Reference: the public repository mmwRobotNav (Yin et al., IEEE OJ-COMS 2022).
 """
 
 import csv
-from os import PathLike
+import io
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -24,18 +24,16 @@ _LINK = ("", "lineIndex", "rxPos_1", "rxPos_2", "rxPosInd_1", "rxPosInd_2", "lin
 _PATH = ("aoaAzResult", "aodAzResult", "snrResult", "peakFracResult")
 
 
-def write_estimated_csv(
-    path: str | PathLike[str],
+def estimated_csv(
     estimates: PathEstimates,
     rx_position: Float[np.ndarray, "n 3"],
     state: UInt8[np.ndarray, "n"],
     cell: Int[np.ndarray, "n 2"],
     grid_shape: tuple[int, int],
-) -> None:
-    """Write the links of one transmitter.
+) -> bytes:
+    """The links of one transmitter, as the content of a file.
 
     Args:
-        path: The file.
         estimates: Estimated paths, in the frame of the scene.
         rx_position: Where receivers are [m].
         state: True link states.
@@ -47,8 +45,9 @@ def write_estimated_csv(
     link = np.column_stack([np.arange(len(line)), line, np.round(rx_position[:, :2], 9), row, column, state])
     values = [np.degrees(estimates.aoa_rad), np.degrees(estimates.aod_rad), estimates.snr_db]
     paths = np.column_stack([*(np.where(found, v, 0.0) for v in values), np.zeros(found.shape)])
-    with open(path, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file)
-        writer.writerow([*_LINK, *(f"{name}_{i}" for name in _PATH for i in range(1, N_PATHS + 1))])
-        for start, rest in zip(link, paths, strict=True):
-            writer.writerow([*(f"{v:.10g}" for v in start), *(f"{v:.9g}" for v in rest)])
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow([*_LINK, *(f"{name}_{i}" for name in _PATH for i in range(1, N_PATHS + 1))])
+    for start, rest in zip(link, paths, strict=True):
+        writer.writerow([*(f"{v:.10g}" for v in start), *(f"{v:.9g}" for v in rest)])
+    return text.getvalue().encode("ascii")

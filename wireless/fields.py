@@ -5,7 +5,8 @@ phi (counter-clockwise) of the departure direction, is turned and weakened at ea
 theta and phi of the arrival direction, which points from the receiver back along the path: so a free path
 has gain +1 for theta to theta and -1 for phi to phi (straight up and down, where azimuth is 0, the reverse).
 All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfolded length, and behind an
-edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D.
+edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D. Paths shorter than lambda / (2 pi), within the
+reactive near field, are as strong as at that length (-6 dB), lest more arrive than was sent.
 
 Walls are half-spaces, layers of one thickness, or two such layers with air between. At an edge the field
 splits along and around it (b0 and phi of UTD); the two faces reflect as whole walls would, with their plane
@@ -309,6 +310,7 @@ def path_gain(
     spread = 1 / total
     if before > 0:
         spread = 1 / np.sqrt(before * (total - before) * total)
+    spread *= min(1.0, wavenumber * total)  # nearer than the far field begins, no stronger
     factor = spread / (2 * wavenumber) * np.exp(-1j * wavenumber * total)
     for i in range(3):
         out[i] = -way[i]

@@ -20,6 +20,7 @@ polarisation (`wireless.paths.Paths.write_parquet` has them).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 from typing import BinaryIO
@@ -165,8 +166,8 @@ def link_table(
     )
 
 
-def write_links(path: str | PathLike[str], table: pa.Table) -> None:
-    """Write what `link_table` made."""
+def write_links(path: str | PathLike[str] | BytesIO, table: pa.Table) -> None:
+    """Write what `link_table` made into a file."""
     pq.write_table(table, path, compression="zstd")
 
 

@@ -21,6 +21,8 @@ from wireless.compiled import compiled
 #: What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it.
 NEAR_M = 1e-9
 LEAF = 4
+#: What `sight` tells.
+FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
 SAME_M = 1e-6
 
@@ -148,22 +150,29 @@ def _box_missed(
 
 
 @compiled
-def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
-    """Whether triangle t is between p and q."""
+def _depth(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> float:
+    """How deep in triangle t the way from p to q meets it, below -NEAR_M if it does not."""
     dp, dq = 0.0, 0.0
     for i in range(3):
         dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
         dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
     if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
-        return False
-    f = dp / (dp - dq)
+        return -np.inf
+    f, least = dp / (dp - dq), np.inf
     for k in range(3):
         depth = 0.0
         for i in range(3):
             depth += tree.inward[t, k, i] * (p[i] + f * (q[i] - p[i]) - tree.triangle[t, k, i])
         if depth < -NEAR_M:
-            return False
-    return True
+            return -np.inf
+        least = min(least, depth)
+    return least
+
+
+@compiled
+def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
+    """Whether triangle t is between p and q."""
+    return _depth(tree, t, p, q) >= -NEAR_M
 
 
 @compiled
@@ -185,6 +194,65 @@ def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) ->
             stack[depth], stack[depth + 1] = one, other
             depth += 2
     return -1
+
+
+@compiled
+def sight(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
+    """`FREE` if no triangle is between p and q, `TOUCHED` if the way only meets sides of some, or `HIDDEN`."""
+    stack = np.empty(64, np.int64)
+    stack[0], depth, found = 0, 1, FREE
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if _box_missed(tree.low[box], tree.high[box], p, q):
+            continue
+        one, other = tree.child[box]
+        if one >= 0:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+            continue
+        for t in range(-1 - one, -1 - one + other):
+            inside = _depth(tree, t, p, q)
+            if inside > NEAR_M:
+                return HIDDEN
+            if inside >= -NEAR_M:
+                found = TOUCHED
+    return found
+
+
+@compiled
+def crosses(
+    tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
+) -> bool:
+    """Whether a way from p to q changes sides of a triangle that it turns on."""
+    stack = np.empty(64, np.int64)
+    stack[0], depth = 0, 1
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if not box_holds(tree, box, at, NEAR_M):
+            continue
+        one, other = tree.child[box]
+        if one >= 0:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+            continue
+        for t in range(-1 - one, -1 - one + other):
+            off, dp, dq, least = 0.0, 0.0, 0.0, np.inf
+            for i in range(3):
+                off += tree.normal[t, i] * (at[i] - tree.triangle[t, 0, i])
+                dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
+                dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
+            if abs(off) >= NEAR_M or abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+                continue
+            for k in range(3):
+                into = 0.0
+                for i in range(3):
+                    into += tree.inward[t, k, i] * (at[i] - tree.triangle[t, k, i])
+                least = min(least, into)
+            if least >= -NEAR_M:
+                return True
+    return False
 
 
 @compiled

@@ -12,6 +12,7 @@ there are none.
 
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
 
@@ -167,7 +168,7 @@ class Paths:
         }
         return pa.table(columns, metadata=scene)
 
-    def write_parquet(self, path: str | PathLike[str]) -> None:
+    def write_parquet(self, path: str | PathLike[str] | BytesIO) -> None:
         """Write all columns to a Parquet file, positions and frequency in its metadata."""
         pq.write_table(self.to_table(), path, compression="zstd")
 

@@ -19,6 +19,8 @@ from wireless.triangulation import Triangulation
 
 #: How far points may be from the walls [m].
 REACH_M = 20e3
+#: A point this close to a wall is on it [m].
+NEAR_M = 1e-9
 #: Gaps between walls that exceed 180 degrees by less [rad] are no corner: nothing to be seen diffracts there.
 FLAT_RAD = 1e-4
 
@@ -193,6 +195,9 @@ def _in_gap(
 class Locator:
     """Finds the triangles that points lie in; on a border, all that touch it.
 
+    Triangles are as exact as the lattice, walls more so: a point beside a wall lies on its own side only, one on
+    the wall (within `NEAR_M`) on both.
+
     Args:
         plan: Where to look.
         near_m: Points this close to a triangle lie in it.
@@ -203,6 +208,12 @@ class Locator:
         self._corners = plan.vertex[plan.tri_vertex]
         low, high = self._corners.min(axis=1) - near_m, self._corners.max(axis=1) + near_m
         self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
+        way = np.roll(self._corners, -1, axis=1) - self._corners
+        self._way = way / np.linalg.norm(way, axis=2)[..., None]
+        self._wall = np.roll(plan.tri_wall, -2, axis=1)
+        along = plan.wall_along[self._wall]
+        self._along = along * np.sign(np.einsum("tki,tki->tk", along, way))[..., None]
+        self._point = plan.wall_point[self._wall]
 
     def __call__(
         self, points: Float[np.ndarray, "n 2"]
@@ -219,11 +230,19 @@ class Locator:
         if not far < REACH_M:
             raise ValueError(f"A point is {far:g} m from the walls, expected finite and under {REACH_M:g} m.")
         point, triangle = self._tree.query(shapely.points(points))
-        start = self._corners[triangle]
-        way = np.roll(start, -1, axis=1) - start
-        off = points[point][:, None] - start
-        left = (way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]) / np.linalg.norm(way, axis=2)
-        inside = np.all(left >= -self._near_m, axis=1)
+        at = points[point][:, None]
+        inside = np.all(_left(self._way[triangle], at - self._corners[triangle]) >= -self._near_m, axis=1)
         point, triangle = point[inside], triangle[inside]
+        if len(point) > len(points):  # some point is on a border
+            left = _left(self._along[triangle], at[inside] - self._point[triangle])
+            behind = np.any((self._wall[triangle] >= 0) & (left < -NEAR_M), axis=1)
+            # Beside a corner the lattice may leave a point in none.
+            kept = ~behind | ~np.isin(point, point[~behind])
+            point, triangle = point[kept], triangle[kept]
         order = np.lexsort((triangle, point))
         return np.searchsorted(point[order], np.arange(len(points) + 1)), triangle[order]
+
+
+def _left(way: Float[np.ndarray, "m 3 2"], off: Float[np.ndarray, "m 3 2"]) -> Float[np.ndarray, "m 3"]:
+    """How far to the left of unit vectors something is."""
+    return way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]

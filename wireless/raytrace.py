@@ -11,7 +11,7 @@ Left out: more than one diffraction on a path, scattering by rough walls.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -28,12 +28,16 @@ from wireless.links import trace_links, views_of
 from wireless.materials import permittivity
 from wireless.occlusion import make_boxes
 from wireless.paths import Paths
-from wireless.plan import Locator, make_plan
+from wireless.plan import REACH_M, Locator, make_plan
 from wireless.space import trace_space
 from wireless.table import Setting, Table
 
 logger = logging.getLogger(__name__)
 
+#: Most reflections of a path, walls that it passes, and paths of a link. The list of a link takes memory for each of
+#: its paths; each reflection more takes a half to three times longer (12 of them: a second a link of a home's exact
+#: outline, where 3 take 30 ms), and costs a drywall's path some 10 dB.
+MOST_IN_A_ROW, MOST_PATHS = 12, 5000
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
 
@@ -47,17 +51,17 @@ class TracerConfig:
     """Which paths are looked for, and how many are kept."""
 
     max_reflections: int = 3
-    """Most reflections on a path without diffraction."""
+    """Most reflections on a path without diffraction; 12 at most."""
     diffraction: bool = True
     """Whether edges diffract."""
     diffraction_reflections: int = 1
-    """Most reflections, before and after together, on a path with diffraction."""
+    """Most reflections, before and after together, on a path with diffraction; 12 at most."""
     diffraction_side_reflections: int | None = None
     """Most of them on either side of the edge; None for no such limit."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 0
-    """Most walls that a path goes straight through; needs wall_thickness_m."""
+    """Most walls that a path goes straight through, 12 at most; needs wall_thickness_m."""
     max_interactions: int | None = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: float | None = None
@@ -65,7 +69,7 @@ class TracerConfig:
     wall_gap_m: float = 0.0
     """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
     max_paths: int = 25
-    """Most paths of a link; the strongest are kept."""
+    """Most paths of a link, 5000 at most; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
     scene: Literal["auto", "plan", "space"] = "auto"
@@ -76,20 +80,19 @@ class TracerConfig:
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "space"):
             raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
-        for name, low in (
-            ("max_reflections", 0),
-            ("diffraction_reflections", 0),
-            ("max_transmissions", 0),
-            ("max_paths", 1),
+        for name, low, high in (
+            ("max_reflections", 0, MOST_IN_A_ROW),
+            ("diffraction_reflections", 0, MOST_IN_A_ROW),
+            ("max_transmissions", 0, MOST_IN_A_ROW),
+            ("max_paths", 1, MOST_PATHS),
         ):
-            if getattr(self, name) < low:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected at least {low}.")
-        side = self.diffraction_side_reflections
-        if side is not None and side < 0:
-            raise ValueError(f"diffraction_side_reflections is {side}, expected at least 0, or None.")
-        most = self.max_interactions
-        if most is not None and most < 0:
-            raise ValueError(f"max_interactions is {most}, expected at least 0, or None.")
+            value = getattr(self, name)
+            if not (_whole(value) and low <= value <= high):
+                raise ValueError(f"{name} is {value}, expected a whole number from {low} to {high}.")
+        for name in ("diffraction_side_reflections", "max_interactions"):
+            value = getattr(self, name)
+            if value is not None and not (_whole(value) and value >= 0):
+                raise ValueError(f"{name} is {value}, expected a whole number of at least 0, or None.")
         if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
             raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
         if not 0 <= self.wall_gap_m < np.inf:
@@ -114,6 +117,11 @@ class TracerConfig:
             raise ValueError(
                 f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
             )
+
+
+def _whole(value: object) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
 class _PlanScene:
@@ -156,23 +164,14 @@ class _PlanScene:
         around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
         order, through = self._setting.side_reflections, self._setting.max_through
 
-        def trace(txs: slice, rxs: slice) -> list[Table]:
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
             views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
             targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
             tx_start, tx_triangle = _part(*around_tx, txs)
-            return [
-                trace_links(
-                    self.plan,
-                    self._setting,
-                    one,
-                    tx_triangle[tx_start[i] : tx_start[i + 1]],
-                    some,
-                    *targets,
-                    views,
-                )
-                for i, one in enumerate(tx[txs])
-            ]
+            for i, one in enumerate(tx[txs]):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                yield trace_links(self.plan, self._setting, one, around, some, *targets, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 
@@ -203,10 +202,11 @@ class _SpaceScene:
     ) -> Rows:
         """Paths of each transmitter, to receivers in blocks."""
 
-        def trace(txs: slice, rxs: slice) -> list[Table]:
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some = rx[rxs]
             boxes = make_boxes(some, some)
-            return [trace_space(self.space, self._setting, one, some, boxes) for one in tx[txs]]
+            for one in tx[txs]:
+                yield trace_space(self.space, self._setting, one, some, boxes)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 
@@ -223,7 +223,8 @@ class Tracer:
 
     Raises:
         ValueError: If a material is unknown at this frequency, or face_material does not fit.
-        SceneError: If the mesh is empty or not finite.
+        SceneError: If the mesh has no area, corners that it does not have or that are not finite, or is so large
+            that it cannot be in metres.
     """
 
     def __init__(
@@ -237,17 +238,19 @@ class Tracer:
     ):
         self.config = config or TracerConfig()
         self.frequency_hz = float(frequency_hz)
+        _check_mesh(mesh, self.config.snap_m)
         n_faces = len(mesh.faces)
-        if n_faces == 0 or not np.isfinite(mesh.vertices).all():
-            raise SceneError(f"The mesh has {n_faces} faces and must have some, with finite vertices.")
-        of_face = (
-            np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material, np.int64)
-        )
-        if of_face.shape != (n_faces,) or of_face.min() < 0 or of_face.max() >= len(materials):
+        of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
+        if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
             raise ValueError(
-                f"face_material has shape {of_face.shape} and values {of_face.min()} to {of_face.max()}, "
-                f"expected ({n_faces},) and indices into {len(materials)} materials."
+                f"face_material has shape {of_face.shape} of {of_face.dtype}, expected ({n_faces},) whole numbers."
             )
+        if of_face.min() < 0 or of_face.max() >= len(materials):
+            raise ValueError(
+                f"face_material has values {of_face.min()} to {of_face.max()}, expected indices into "
+                f"{len(materials)} materials."
+            )
+        of_face = of_face.astype(np.int64)
         eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
         plan = None
         if self.config.scene != "space":
@@ -271,6 +274,10 @@ class Tracer:
     ) -> Paths:
         """Paths of all links between transmitters and receivers.
 
+        A point on a wall (within 1e-9 m) is on both sides of it, and has no reflection at it. A path shorter than the
+        wavelength over 2 pi (1.7 mm at 28 GHz), where there is no far field yet, is as strong as at that length: no
+        more arrives than was sent. A receiver where the transmitter is gets echoes only, as no direction leads there.
+
         Args:
             tx: Positions of transmitters [m].
             rx: Positions of receivers [m].
@@ -281,16 +288,21 @@ class Tracer:
             Paths by transmitter, receiver and falling power.
 
         Raises:
-            ValueError: If a point is not finite, or in a floor plan not between floor and ceiling, or there
-                is no worker.
+            ValueError: If there are no points, or one is not finite, kilometres away, or in a floor plan not
+                between floor and ceiling, or there is no worker.
         """
         tx, rx = np.asarray(tx, float), np.asarray(rx, float)
         for name, points in (("tx", tx), ("rx", rx)):
-            if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
                 raise ValueError(
-                    f"{name} has shape {points.shape}, expected (n, 3) with finite positions [m]."
+                    f"{name} has shape {points.shape}, expected (n, 3), one or more finite positions [m]."
                 )
-        if workers is not None and workers < 1:
+            far = np.abs(points - self.scene.origin).max()
+            if far >= REACH_M:
+                raise ValueError(
+                    f"{name} has a position {far:g} m from the middle of the mesh, expected under {REACH_M:g} m."
+                )
+        if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
         tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
         return self._paths(tx, rx, tables)
@@ -356,6 +368,30 @@ class Tracer:
             interaction=column("kind").astype(np.uint8),
             thing=column("thing"),
             point=inner,
+        )
+
+
+def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
+    """Raise SceneError for a mesh that is none, or in no metres."""
+    vertex, face = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
+    if not len(face) or not np.isfinite(vertex).all():
+        raise SceneError(f"The mesh has {len(face)} faces and must have some, with finite vertices.")
+    wrong = np.flatnonzero(((face < 0) | (face >= len(vertex))).any(axis=1))
+    if len(wrong):
+        raise SceneError(
+            f"Face {wrong[0]} of the mesh has the vertices {face[wrong[0]].tolist()}, expected numbers from 0 to "
+            f"{len(vertex) - 1}, as there are {len(vertex)} vertices."
+        )
+    with np.errstate(over="ignore"):
+        span = np.ptp(vertex, axis=0).max()
+    if span >= REACH_M:
+        raise SceneError(f"The mesh is {span:g} m long, expected under {REACH_M:g} m. Is it in millimetres?")
+    side = np.diff(vertex[face[:, [0, 1, 2, 0]]], axis=1)
+    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
+    if not np.any(area > snap_m * np.linalg.norm(side, axis=2).max(axis=1)):
+        raise SceneError(
+            f"None of the {len(face)} triangles of the mesh is wider than {snap_m:g} m: it has no walls. "
+            "Is it in metres?"
         )
 
 

@@ -56,8 +56,15 @@ class SoundingConfig:
     """Samples that are kept before and after the strongest delay."""
 
     def __post_init__(self) -> None:
-        if not self.bandwidth_mhz > 0:
-            raise ValueError(f"bandwidth_mhz is {self.bandwidth_mhz:g}, expected a positive number [MHz].")
+        for name, least, most in (
+            ("tx_power_dbm", -200, 200),
+            ("bandwidth_mhz", 1e-3, 1e5),
+            ("n_samples", 8, 1 << 24),
+            ("loss_db", -200, 200),
+            ("half_window", 1, 1 << 16),
+        ):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected {least:g} to {most:g}.")
         if not 1 <= 8 * self.half_window <= self.n_samples:
             raise ValueError(
                 f"half_window is {self.half_window} at n_samples {self.n_samples}, expected at least 1 and at "

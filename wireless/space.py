@@ -20,7 +20,7 @@ from wireless.fields import NOWHERE_M
 from wireless.images import Space, Views, all_views, cone_of, new_views, spread
 from wireless.occlusion import NEAR_M, Boxes
 from wireless.table import Room, Setting, Table, make_room, make_table, most_interactions, write_row
-from wireless.ways import edge_sight, images_over, is_open, lay, pass_walls, try_path, weigh_path
+from wireless.ways import ASIDE_M, edge_sight, images_over, is_open, lay, pass_walls, try_path, weigh_path
 
 #: With fewer receivers, asking each costs less than finding out whether the last patch is seen at all.
 _FEW = 32
@@ -70,11 +70,31 @@ def _reflect(
                     continue
             m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
             if m >= 0:
-                count[r] = try_path(space, setting, m, who, room, where, which, rank[r], best[r], count[r])
+                count[r] = try_path(
+                    space, setting, tx, rx[r], points, m, who, room, where, which, rank[r], best[r], count[r]
+                )
         if order < setting.max_reflections:
             worth = order + 1 < setting.max_reflections or len(rx) > _FEW
             occluding = worth and setting.max_through == 0
             views, n = spread(space, views, n, n, occluding, plane, found, piece)
+
+
+@compiled
+def _widen(
+    line: Float[np.ndarray, "k 3"], image: Float[np.ndarray, "3"], strip: Float[np.ndarray, "4 3"]
+) -> None:
+    """Make a strip across the view of a line, so narrow that it is seen if the line is seen or touched."""
+    size, across = 0.0, np.empty(3)
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        across[i] = (line[1, a] - line[0, a]) * (image[b] - line[0, b]) - (line[1, b] - line[0, b]) * (
+            image[a] - line[0, a]
+        )
+        size += across[i] ** 2
+    across *= ASIDE_M / np.sqrt(size) if size > 0 else 0.0
+    for i in range(3):
+        strip[0, i], strip[1, i] = line[0, i] - across[i], line[1, i] - across[i]
+        strip[2, i], strip[3, i] = line[1, i] + across[i], line[0, i] + across[i]
 
 
 @compiled
@@ -90,6 +110,7 @@ def _lit_edges(
     )
     plane, piece = np.empty((MAX_CORNERS + 1, 4)), np.empty((PIECES, MAX_CORNERS, 3))
     line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
+    strip = np.empty((4, 3))
     for v in range(n):
         n_planes = cone_of(space, views, v, plane)
         if n_planes > 0:
@@ -103,8 +124,9 @@ def _lit_edges(
             ends[:] = space.surfaces.edge[edge]
             if clipped(ends, 2, plane, n_planes, line, piece[0]) == 0:
                 continue
+            _widen(line, image, strip)
             if occluding and not sees(
-                space.tree, space.tree_wall, space.wall, space.wall_corners, image, behind, line, 2, piece
+                space.tree, space.tree_wall, space.wall, space.wall_corners, image, behind, strip, 4, piece
             ):
                 continue
             if h == len(pair):
@@ -185,7 +207,19 @@ def _bend(
                     who[3 : 3 + before] = near.chain[w, :before]
                     who[3 + before : 3 + before + after] = far.chain[v, :after]
                     count[r] = try_path(
-                        space, setting, m, who, room, where, which, rank[r], best[r], count[r]
+                        space,
+                        setting,
+                        tx,
+                        rx[r],
+                        points,
+                        m,
+                        who,
+                        room,
+                        where,
+                        which,
+                        rank[r],
+                        best[r],
+                        count[r],
                     )
 
 
@@ -220,7 +254,8 @@ def trace_space(
             far = best[r, j, 3 + before : 3 + before + after]
             ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
             m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
-            m = pass_walls(space, setting, m, room, where, which)
+            if setting.max_through > 0:
+                m = pass_walls(space, setting, m, room, where, which)
             length, power = weigh_path(space, setting, m, room)
             write_row(table, r * keep + j, length, power, m, room)
     return table

@@ -11,7 +11,7 @@ Reference: the public repository mmwRobotNav (Yin et al., IEEE OJ-COMS 2022) and
 """
 
 import csv
-from os import PathLike
+import io
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -33,8 +33,7 @@ _LINK = (
 _PATH = ("srcvdpower", "arrival_time", "aoa_az", "aoa_el", "aod_az", "aod_el", "path_loss")
 
 
-def write_traced_csv(
-    path: str | PathLike[str],
+def traced_csv(
     paths: Paths,
     tx: int,
     cell: Int[np.ndarray, "n_rx 2"],
@@ -42,11 +41,10 @@ def write_traced_csv(
     *,
     tx_power_dbm: float = 23.0,
     threshold_db: float = -np.inf,
-) -> None:
-    """Write the paths of one transmitter to all receivers.
+) -> bytes:
+    """The paths of one transmitter to all receivers, as the content of a file.
 
     Args:
-        path: The file.
         paths: Paths of this transmitter, and perhaps of others.
         tx: Number of the transmitter.
         cell: Row from the bottom and column of each receiver in its grid, from 0.
@@ -69,13 +67,14 @@ def write_traced_csv(
     )
     values = _values(some, tx_power_dbm)
     start = np.concatenate([[0], np.cumsum(found)])
-    with open(path, "w", newline="", encoding="ascii") as file:
-        writer = csv.writer(file)
-        writer.writerow([*_LINK, *(f"{i}_{name}" for i in range(1, N_PATHS + 1) for name in _PATH)])
-        for i, row in enumerate(link):
-            mine = values[start[i] : start[i + 1]].ravel()
-            empty = [""] * (N_PATHS * len(_PATH) - len(mine))
-            writer.writerow([*(f"{v:.10g}" for v in row), *(f"{v:.9g}" for v in mine), *empty])
+    text = io.StringIO(newline="")
+    writer = csv.writer(text)
+    writer.writerow([*_LINK, *(f"{i}_{name}" for i in range(1, N_PATHS + 1) for name in _PATH)])
+    for i, row in enumerate(link):
+        mine = values[start[i] : start[i + 1]].ravel()
+        empty = [""] * (N_PATHS * len(_PATH) - len(mine))
+        writer.writerow([*(f"{v:.10g}" for v in row), *(f"{v:.9g}" for v in mine), *empty])
+    return text.getvalue().encode("ascii")
 
 
 def grid_columns(

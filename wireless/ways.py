@@ -12,8 +12,11 @@ from jaxtyping import Float, Int
 from wireless.compiled import compiled
 from wireless.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.images import Space, on_patch
-from wireless.occlusion import NEAR_M, hidden, passed
+from wireless.occlusion import FREE, HIDDEN, NEAR_M, TOUCHED, crosses, hidden, passed, sight
 from wireless.table import Room, Setting, enter, weigh
+
+#: How far beside a target [m], and at how many places around, a path is looked for that is free.
+ASIDE_M, _TURNS = 1e-6, 16
 
 
 @compiled
@@ -34,7 +37,7 @@ def _walk_back(
         for i in range(3):
             normal, at = space.surfaces.facet_normal[facet, i], space.surfaces.facet_point[facet, i]
             a, b = a + normal * (image[k + 1, i] - at), b + normal * (target[i] - at)
-        if a * b > 0 or abs(a - b) < NEAR_M:
+        if (a * b > 0 and min(abs(a), abs(b)) > NEAR_M) or abs(a - b) < NEAR_M:
             return False
         f = a / (a - b)
         for i in range(3):
@@ -166,9 +169,78 @@ def pass_walls(
 
 
 @compiled
+def _look(space: Space, m: int, room: Room) -> int:
+    """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie the path in `room` is taken to be."""
+    found = FREE
+    for leg in range(m + 1):
+        found = max(found, sight(space.tree, room.point[leg], room.point[leg + 1]))
+    for j in range(m):
+        if found == FREE and room.kind[j] == REFLECTION:
+            found = _turn(space, room.point[j], room.point[j + 1], room.point[j + 2])
+    return found
+
+
+@compiled
+def _turn(
+    space: Space, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
+) -> int:
+    """`TOUCHED` if a reflection is in a corner: at a point of another wall, or of the next reflection."""
+    step = 0.0
+    for i in range(3):
+        step += abs(q[i] - at[i])
+    return TOUCHED if step < 10 * NEAR_M or crosses(space.tree, p, at, q) else FREE
+
+
+@compiled
+def _is_limit(
+    space: Space,
+    source: Float[np.ndarray, "3"],
+    chain: Int[np.ndarray, "m"],
+    target: Float[np.ndarray, "3"],
+    points: Float[np.ndarray, "m 3"],
+) -> bool:
+    """Whether a way over facets, which meets sides of others, is free to some place beside its target."""
+    image, order = images_over(space, source, chain), len(chain)
+    along, across, other, place = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
+    size, least = 0.0, 0
+    for i in range(3):
+        along[i] = target[i] - image[order, i]
+        size += along[i] ** 2
+    along /= np.sqrt(size)
+    if not _walk_back(space, image, chain, order, target, points):
+        return False
+    for i in range(3):
+        if abs(along[i]) < abs(along[least]):
+            least = i
+    across[(least + 1) % 3], across[(least + 2) % 3] = -along[(least + 2) % 3], along[(least + 1) % 3]
+    across /= np.sqrt(1 - along[least] ** 2)
+    for i in range(3):
+        other[i] = along[(i + 1) % 3] * across[(i + 2) % 3] - along[(i + 2) % 3] * across[(i + 1) % 3]
+    for turn in range(_TURNS):
+        c, s = np.cos((turn + 0.5) * 2 * np.pi / _TURNS), np.sin((turn + 0.5) * 2 * np.pi / _TURNS)
+        # Before the target too, lest it be behind the wall that it lies on.
+        place[:] = target + ASIDE_M * (c * across + s * other - 10 * along)
+        if not _walk_back(space, image, chain, order, place, points):
+            continue
+        free, here = True, source
+        for j in range(order):
+            there, after = points[order - 1 - j], points[order - 2 - j] if j + 1 < order else place
+            free = (
+                free and sight(space.tree, here, there) == FREE and _turn(space, here, there, after) == FREE
+            )
+            here = there
+        if free and sight(space.tree, here, place) == FREE:
+            return True
+    return False
+
+
+@compiled
 def try_path(
     space: Space,
     setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    points: Float[np.ndarray, "m 3"],
     m: int,
     who: Int[np.ndarray, "w"],
     room: Room,
@@ -182,9 +254,12 @@ def try_path(
     length, power = weigh_path(space, setting, m, room)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
-    bare = m
-    m = pass_walls(space, setting, m, room, where, which)
-    if m < 0 or m > setting.max_interactions:
+    bare, seen = m, FREE
+    if setting.max_through > 0:
+        m = pass_walls(space, setting, m, room, where, which)
+    else:
+        seen = _look(space, m, room)
+    if m < 0 or m > setting.max_interactions or seen == HIDDEN:
         return count
     if m > bare:
         length, power = weigh_path(space, setting, m, room)
@@ -195,6 +270,15 @@ def try_path(
     new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
     new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
     new[4] = 1000 * m + (500 if who[0] >= 0 else 0)
+    if seen == TOUCHED:
+        # Touching is seeing, as in floor plans: from either end to the edge, or to the receiver.
+        edge, before, after = who[0], who[1], who[2]
+        near, far = who[3 : 3 + before], who[3 + before : 3 + before + after]
+        target = p[before + 1].copy()
+        if not _is_limit(space, tx, near, target, points):
+            return count
+        if edge >= 0 and not _is_limit(space, rx, far, target, points):
+            return count
     count, place = enter(rank, best, count, new)
     if place >= 0:
         best[place] = who

@@ -18,15 +18,16 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.slam_plan import SlamSettings
 from robosim.building import make_building
-from robosim.evaluation.sweep import told_units
 from robosim.floorplan import FloorPlan
 from robosim.navigation import Navigator, make_navigator
 from robosim.reach import reach
 from robosim.simulator import Simulator
 from robosim.support.files import write_json
+from robosim.support.progress import told_units
 from slam.actions import Action
 from slam.grid import MapEstimate
 
@@ -137,7 +138,7 @@ def held_bytes(navigator: Navigator) -> int:
 
 
 def _table(name: str, rows: list[dict[str, Any]]) -> Table:
-    table = Table(title=f"{rows[-1]['decisions']:,} decisions in {name}")
+    table = Table(title=Text(f"{rows[-1]['decisions']:,} decisions in {name}", "table.title"))
     for column in ("decisions", "not finite", "pose error: median [cm]", "most [cm]", "collisions"):
         table.add_column(column, justify="right")
     for column in ("ms a decision", "map cells", "navigator [MB]", "process, peak [MB]"):

@@ -25,13 +25,14 @@ from robosim.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Head, Job, make_jobs, read_head, run_job
 from robosim.evaluation.evaluate import find_suite
-from robosim.evaluation.manifest import check_manifest, code_digest
+from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap
 from robosim.goals import GoalName
 from robosim.plots import save_figure
 from robosim.radio import RadioLinkConfig
-from robosim.support.files import whole_file, write_json
+from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
+from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 
 #: The settings that all others are compared with.
@@ -105,15 +106,19 @@ def run(
     """
     base = EpisodeConfig(goal=goal, max_steps=max_steps)
     suite = find_suite(plans, base, targets=targets, seed=seed, workers=1, console=console)
-    jobs: dict[str, list[Job]] = {}
-    for setting, config in variations(base).items():
-        check_manifest(_folder(out, setting), suite, config)
-        jobs[setting] = make_jobs(suite, config, (goal,), 1, code_digest())
-    found = _run_missing(jobs, out, console)
-    rows = compare({setting: [_told(head, max_steps) for head in heads] for setting, heads in found.items()})
-    settings = {"goal": goal, "targets": targets, "seed": seed, "max_steps": max_steps}
-    write_json(out / "episode.json", {**settings, "rows": [_plain(row) for row in rows]})
-    plot(out / "episode.png", rows)
+    variants = variations(base)
+    jobs = {
+        setting: make_jobs(suite, config, (goal,), 1, code_digest()) for setting, config in variants.items()
+    }
+    settings = settings_of(suite, base)
+    with run_folder(out, "bench episode", {**settings, "goal": goal}, grows=("plans", "tasks")):
+        found = _run_missing(jobs, out, console)
+        rows = compare(
+            {setting: [_told(head, max_steps) for head in heads] for setting, heads in found.items()}
+        )
+        asked = {"goal": goal, "targets": targets, "seed": seed, "max_steps": max_steps}
+        write_json(out / "episode.json", {**asked, "rows": [_plain(row) for row in rows]})
+        plot(out / "episode.png", rows)
     return table(rows)
 
 
@@ -132,8 +137,7 @@ def _run_missing(jobs: Mapping[str, Sequence[Job]], out: Path, console: Console)
     with tracked(turns, "episodes", console) as shown:
         for setting, i in shown:
             if not files[setting][i].is_file():
-                with whole_file(files[setting][i]) as partial:
-                    partial.write_bytes(run_job(jobs[setting][i], Stopwatch(process_time)))
+                write_whole(files[setting][i], run_job(jobs[setting][i], Stopwatch(process_time)))
     return {setting: [read_head(file) for file in own] for setting, own in files.items()}
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
+from rich.text import Text
 
 from robosim.plots import save_figure
 from robosim.radio_plots import STATES
@@ -90,7 +91,7 @@ def _plan_table(report: dict[str, Any]) -> Table:
         shares = (f"{100 * share:.1f} %" if row["links"] else "-" for share in counted)
         state = STATES[LinkState[row["state"]]][0]
         table.add_row(
-            row["plan"], state, row["estimator"], f"{row['links']:,}", f"{row['unheard']:,}", *shares
+            Text(row["plan"]), state, row["estimator"], f"{row['links']:,}", f"{row['unheard']:,}", *shares
         )
     for name, shares_of in report["published"].items():
         shares = (f"{100 * shares_of[most]:.0f} %" if most in shares_of else "-" for most in degrees)

@@ -12,28 +12,31 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
-import joblib
 import matplotlib.pyplot as plt
 import numpy as np
 from jaxtyping import Float
 from matplotlib.collections import LineCollection
 from rich.console import Console
-from rich.progress import Progress
 from rich.table import Table
 
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.navigation import MAPPERS
 from robosim.odometry import NoiseModel
 from robosim.planfiles import find_plans, read_plan
 from robosim.plots import draw_walls, plan_axes, save_figure
 from robosim.reach import reach
 from robosim.simulator import Physics, SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, check_choice, check_network, check_numbers
 from robosim.support.files import write_json
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.support.text_in import read_json
+from robosim.support.workers import Workers
 from robosim.tasks import make_task
 from slam.exploration import ExplorerName
 
@@ -57,6 +60,11 @@ class ExplorationSettings:
     physics: Physics = "dynamic"
     """How the robot is moved."""
 
+    def __post_init__(self) -> None:
+        check_network("mapper", self.mapper, MAPPERS)
+        check_choice("physics", self.physics, get_args(Physics))
+        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL)
+
     def episode(self, explorer: ExplorerName, plan: str) -> EpisodeConfig:
         """Exploring a plan by an explorer."""
         return EpisodeConfig(
@@ -79,6 +87,7 @@ def run(
     *,
     explorers: Sequence[ExplorerName],
     workers: int,
+    cluster: str | None = None,
     out: Path,
     console: Console,
 ) -> Table:
@@ -89,52 +98,60 @@ def run(
         settings: What is the same for all.
         explorers: Explorers to run on each; the first is the one that others are compared with.
         workers: Processes at once.
+        cluster: Address of a dask scheduler that is used instead.
         out: Folder for the files.
         console: Where progress is shown.
+
+    Raises:
+        FolderError: If the folder holds episodes of other settings.
+        WorkerLost: If a process was killed, when the other episodes are done.
     """
-    found = find_plans(plans)
-    jobs = [
-        joblib.delayed(_episode)(path, explorer, settings, out) for path in found for explorer in explorers
-    ]
-    rows = []
-    with Progress(console=console, transient=True) as progress:
-        bar = progress.add_task("episodes", total=len(jobs))
-        for row in joblib.Parallel(n_jobs=workers, return_as="generator")(jobs):
-            rows.append(row)
-            progress.update(bar, advance=1, description=f"{row['plan']} {row['explorer']}")
-    scores = [{key: value for key, value in row.items() if key not in ("coverage", "poses")} for row in rows]
-    write_json(out / "exploration.json", {**asdict(settings), "episodes": scores})
-    plot_curves(out / "exploration.png", rows)
-    _plot_ways(rows, {read_plan(path).name: path for path in found}, out)
+    found = {read_plan(path).name: path for path in find_plans(plans)}
+    units = [(name, explorer) for name in found for explorer in explorers]
+    with run_folder(out, "bench exploration", asdict(settings)):
+        missing = [unit for unit in units if not _file(out, *unit).exists()]
+        calls = [(found[name], explorer, settings) for name, explorer in missing]
+        with (
+            Workers(min(workers, len(calls) or 1), cluster, what="episodes") as pool,
+            told_units(console, "episodes", len(units), len(units) - len(missing)) as tell,
+        ):
+            for number, row in pool.run(_episode, calls):
+                write_json(_file(out, *missing[number]), row)
+                tell(" ".join(missing[number]))
+        rows = [
+            read_json(_file(out, *unit), "results of a plan", "Delete it to measure again.") for unit in units
+        ]
+        scores = [
+            {key: value for key, value in row.items() if key not in ("coverage", "poses")} for row in rows
+        ]
+        write_json(out / "exploration.json", {**asdict(settings), "episodes": scores})
+        plot_curves(out / "exploration.png", rows)
+        _plot_ways(rows, found, out)
     return table(rows)
 
 
-def _episode(
-    path: str | Path, explorer: ExplorerName, settings: ExplorationSettings, out: Path
-) -> dict[str, Any]:
-    """One episode, as a row of the table; read from its file if it was run before."""
+def _file(out: Path, plan: str, explorer: str) -> Path:
+    return out / "episodes" / f"{plan}-{explorer}.json"
+
+
+def _episode(path: Path, explorer: ExplorerName, settings: ExplorationSettings) -> dict[str, Any]:
+    """One episode, as a row of the table."""
     plan = read_plan(path)
-    told = {"plan": plan.name, "explorer": explorer, **asdict(settings)}
-    file = out / "episodes" / f"{plan.name}-{explorer}.json"
-    if file.exists():
-        row = read_json(file, "results of a plan", "Delete it to measure again.")
-        if all(row.get(key) == value for key, value in told.items()):
-            return row
     config = settings.episode(explorer, plan.name)
     building = make_building(plan, config=config.building)
     places = reach(building, config.simulator.robot.radius_m)
     task = make_task(places, np.random.default_rng([config.seed, 0]))
     log, _ = run_episode(building, places, task, config)
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
-    row = {
-        **told,
+    return {
+        "plan": plan.name,
+        "explorer": explorer,
+        **asdict(settings),
         **log.result(),
         "coverage": held(np.array(log.coverage)).round(4),
         "poses": np.array(log.poses).round(3),
         "decisions_per_s": log.steps / loop_s,
     }
-    write_json(file, row)
-    return read_json(file, "results of a plan")
 
 
 def held(coverage: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:
@@ -214,7 +231,7 @@ def plot_curves(path: Path, rows: list[dict[str, Any]]) -> None:
     save_figure(figure, path)
 
 
-def _plot_ways(rows: list[dict[str, Any]], files: dict[str, str | Path], out: Path) -> None:
+def _plot_ways(rows: list[dict[str, Any]], files: dict[str, Path], out: Path) -> None:
     """Draw the last explorer's ways through the best, the median and the worst of its plans."""
     own = next(reversed(_by_explorer(rows).values()))
     order = sorted(own, key=lambda row: area_under(np.array(row["coverage"])))
@@ -235,5 +252,9 @@ def plot_way(path: Path, building: Building, row: dict[str, Any]) -> None:
     figure.colorbar(way, ax=axes, label="decision", shrink=0.7)
     curve = np.array(row["coverage"])
     seen = ", ".join(f"{100 * curve[n]:.0f} % after {n}" for n in MILESTONES)
-    axes.set_title(f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}", fontsize=9)
+    axes.set_title(
+        f"{row['plan']}, {row['explorer']}: {seen}; area {area_under(curve):.3f}",
+        fontsize=9,
+        parse_math=False,
+    )
     save_figure(figure, path)

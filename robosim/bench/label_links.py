@@ -71,13 +71,13 @@ class Links:
     any_off: Float[np.ndarray, "n"]
     """The same of the computed path that is nearest to the estimate."""
 
-    def save(self, path: Path) -> None:
-        """Write to an npz file."""
-        np.savez_compressed(path, **{f.name: getattr(self, f.name) for f in fields(self)})
+    def arrays(self) -> dict[str, np.ndarray]:
+        """The columns by their names."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @classmethod
     def load(cls, path: Path) -> "Links":
-        """Read what `save` wrote."""
+        """Read a NumPy archive of `arrays`."""
         expected = {f.name: Array("b u f", "n") for f in fields(cls)}
         with reading(path, "compared links", "Delete it to compare them again.") as file:
             return cls(**read_npz(file, expected))

@@ -55,5 +55,7 @@ def draw(path: Path, plan: Path, measured: list[Measurements], links: list[Links
         Line2D([], [], marker="o", lw=0, color=tone, mew=1.5, label=name) for name, tone in names.items()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
-    figure.suptitle(f"{building.plan.name}: disagreeing links; fill as published, rim as computed")
+    figure.suptitle(
+        f"{building.plan.name}: disagreeing links; fill as published, rim as computed", parse_math=False
+    )
     save_figure(figure, path)

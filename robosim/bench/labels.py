@@ -10,16 +10,18 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-import joblib
 import numpy as np
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 import wireless
 from robosim.bench import label_adjacent, label_links, label_maps, label_walls
 from robosim.bench.label_links import TRACER, Links, compare, confusion
-from robosim.support.files import whole_file, write_json
+from robosim.support.files import npz_bytes, write_json, write_whole
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 from wireless.mmwrobotnav import DataError, find_measurements, read_measurements
 from wireless.paths import LinkState
 
@@ -30,13 +32,16 @@ N_MAPS = 3
 Unit = tuple[str, int]
 
 
-def run(data: Path, plans: Path, *, workers: int, out: Path, console: Console) -> dict[str, Any]:
+def run(
+    data: Path, plans: Path, *, workers: int, cluster: str | None = None, out: Path, console: Console
+) -> dict[str, Any]:
     """Compare all links, write `labels.json` and maps of the worst buildings, and show the tables.
 
     Args:
         data: Folder with a folder of measurements for each building.
         plans: Folder with `NAME.glb_topdownmap.out` for each building.
         workers: Processes at once.
+        cluster: Address of a dask scheduler that is used instead; its processes have to see the files.
         out: Folder for the results.
         console: Where progress and tables are shown.
 
@@ -50,24 +55,28 @@ def run(data: Path, plans: Path, *, workers: int, out: Path, console: Console) -
     plan_of = {name: _plan(plans, name) for name, _ in units}
     keys = {unit: _key(data, plan_of[unit[0]], unit) for unit in units}
     left = [unit for unit in units if not _kept(out, unit, keys[unit])]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        bar = progress.add_task("links", total=len(units), completed=len(units) - len(left))
-        jobs = (joblib.delayed(_work)(data, plan_of[unit[0]], unit, keys[unit], out) for unit in left)
-        for unit in joblib.Parallel(n_jobs=workers, return_as="generator_unordered")(jobs):
-            progress.update(bar, advance=1, description=f"{unit[0]} {unit[1]}")
-    of_building: dict[str, list[Links]] = defaultdict(list)
-    for unit in units:
-        of_building[unit[0]].append(Links.load(_file(out, unit, keys[unit])))
-    rows = {name: summary(links) for name, links in of_building.items()}
-    total = summary([links for some in of_building.values() for links in some])
-    result = {"buildings": rows, "total": total}
-    write_json(out / "labels.json", result)
-    for name in sorted(rows, key=lambda name: (rows[name]["all"], name))[:N_MAPS]:
-        measured = [read_measurements(data, *unit) for unit in units if unit[0] == name]
-        label_maps.draw(out / f"{name}.png", plan_of[name], measured, of_building[name])
-    _show(console, rows, total)
-    return result
+    with run_folder(out, "bench labels"):
+        calls = [(data, plan_of[unit[0]], unit) for unit in left]
+        with (
+            Workers(min(workers, len(left) or 1), cluster, what="transmitters") as pool,
+            told_units(console, "transmitters", len(units), len(units) - len(left)) as tell,
+        ):
+            for number, content in pool.run(_work, calls):
+                unit = left[number]
+                write_whole(_file(out, unit, keys[unit]), content)
+                tell(f"{unit[0]} {unit[1]}")
+        of_building: dict[str, list[Links]] = defaultdict(list)
+        for unit in units:
+            of_building[unit[0]].append(Links.load(_file(out, unit, keys[unit])))
+        rows = {name: summary(links) for name, links in of_building.items()}
+        total = summary([links for some in of_building.values() for links in some])
+        result = {"buildings": rows, "total": total}
+        write_json(out / "labels.json", result)
+        for name in sorted(rows, key=lambda name: (rows[name]["all"], name))[:N_MAPS]:
+            measured = [read_measurements(data, *unit) for unit in units if unit[0] == name]
+            label_maps.draw(out / f"{name}.png", plan_of[name], measured, of_building[name])
+        _show(console, rows, total)
+        return result
 
 
 def summary(some: list[Links]) -> dict[str, Any]:
@@ -137,12 +146,9 @@ def _kept(out: Path, unit: Unit, key: str) -> bool:
     return _file(out, unit, key).is_file()
 
 
-def _work(data: Path, plan: Path, unit: Unit, key: str, out: Path) -> Unit:
-    """Compare one unit and keep the result."""
-    links = compare(read_measurements(data, *unit), plan)
-    with whole_file(_file(out, unit, key)) as partial:
-        links.save(partial)
-    return unit
+def _work(data: Path, plan: Path, unit: Unit) -> bytes:
+    """The links of one unit, compared."""
+    return npz_bytes(compare(read_measurements(data, *unit), plan).arrays())
 
 
 def _show(console: Console, rows: dict[str, Any], total: dict[str, Any]) -> None:
@@ -156,7 +162,7 @@ def _show(console: Console, rows: dict[str, Any], total: dict[str, Any]) -> None
             for state in STATES[1:]
         ]
         cells = [f"{100 * row[name]:.2f}" for name in ("all", "clear")]
-        table.add_row(name, str(row["links"]), cells[0], str(row["clear_links"]), cells[1], *angles)
+        table.add_row(Text(name), str(row["links"]), cells[0], str(row["clear_links"]), cells[1], *angles)
     console.print(table)
     console.print(
         "AoA: share within 5 degrees of the estimate, of the strongest path / through a receiver's beams"

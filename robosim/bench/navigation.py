@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
 from robosim.evaluation.evaluate import find_suite
-from robosim.evaluation.manifest import check_manifest, code_digest
+from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.sweep import sweep
 from robosim.goals import GoalName
 from robosim.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
+from robosim.support.run_folder import run_folder
 from slam.exploration import ExplorerName
 
 
@@ -34,6 +36,7 @@ def run(
     mapper: str,
     explorer: ExplorerName,
     workers: int,
+    cluster: str | None = None,
     out: Path,
     console: Console,
 ) -> Table:
@@ -47,6 +50,7 @@ def run(
         mapper: Who makes the map, as in `robosim.navigation`.
         explorer: Who chooses among frontiers.
         workers: Processes at once.
+        cluster: Address of a dask scheduler that is used instead.
         out: Folder for the files, and to go on from.
         console: Where progress is shown.
 
@@ -55,20 +59,21 @@ def run(
     """
     simulator = SimulatorConfig(noise=NoiseModel(level=noise))
     config = EpisodeConfig(mapper=mapper, explorer=explorer, simulator=simulator)
-    suite = find_suite(plans, config, targets=1, seed=seed, workers=workers, console=console)
-    check_manifest(out, suite, config)
-    jobs = make_jobs(suite, config, tuple(goals), 1, code_digest())
-    failures = sweep(jobs, out, workers=workers, console=console)
-    if failures:
-        raise ValueError(
-            f"{len(failures)} episodes failed, first {failures[0].job.name}: {failures[0].error}"
-        )
-    heads = [read_head(job.file(out)) for job in jobs]
-    rows = [
-        {**h.row, "decisions_per_s": h.timing.get("decisions_per_s", 0.0), "seconds": h.timing} for h in heads
-    ]
-    told = {"seed": seed, "noise": noise, "mapper": mapper, "explorer": explorer}
-    write_json(out / "navigation.json", {**told, "episodes": rows})
+    suite = find_suite(plans, config, targets=1, seed=seed, workers=workers, cluster=cluster, console=console)
+    with run_folder(out, "bench navigation", settings_of(suite, config), grows=("plans", "tasks")):
+        jobs = make_jobs(suite, config, tuple(goals), 1, code_digest())
+        failures = sweep(jobs, out, workers=workers, cluster=cluster, console=console)
+        if failures:
+            raise ValueError(
+                f"{len(failures)} episodes failed, first {failures[0].job.name}: {failures[0].error}"
+            )
+        heads = [read_head(job.file(out)) for job in jobs]
+        rows = [
+            {**h.row, "decisions_per_s": h.timing.get("decisions_per_s", 0.0), "seconds": h.timing}
+            for h in heads
+        ]
+        told = {"seed": seed, "noise": noise, "mapper": mapper, "explorer": explorer}
+        write_json(out / "navigation.json", {**told, "episodes": rows})
     return _table(rows)
 
 
@@ -81,7 +86,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     for row in rows:
         deepest = max(row["deepest_penetration_m"], row["deepest_by_distance_m"])
         table.add_row(
-            row["plan"],
+            Text(row["plan"]),
             row["policy"],
             row["ended"],
             str(row["steps"]),

@@ -4,8 +4,10 @@ All see the same triangles. Each peer is used as its documentation says, without
 nothing: MuJoCo without multisampling, pyrender in its flat mode.
 
 pyrender's own OSMesa platform needs two things that PyOpenGL has from 3.1.10 on, but not in the version that
-pyrender pins (3.1.0): `OSMesaCreateContextAttribs`, and contexts that can be hashed. Where they are missing they
-are added here, the way the newer version has them; pyrender itself stays as it is.
+pyrender pins (3.1.0): `OSMesaCreateContextAttribs`, and contexts that can be hashed; MuJoCo's needs the type of EGL's
+devices. Where they are missing they are added here, the way the newer version has them; pyrender and MuJoCo stay as
+they are. On EGL stock pyrender takes four samples a pixel and reports the depth of one of them, which is not at the
+pixel's centre: that is where its error comes from.
 
 Modules are imported when a camera is made, since each has its own idea of what OpenGL runs on.
 """
@@ -13,13 +15,15 @@ Modules are imported when a camera is made, since each has its own idea of what 
 import ctypes
 import os
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import trimesh
 
 from robosim.camera import CameraConfig
+from robosim.rendering.gl_binding import complete_egl, keep_x_out
+from robosim.rendering.gl_libraries import SYSTEM_NAMES, GLSystem
 
 #: Takes a picture from a pose T_map_camera and returns its depth [m], 0 where nothing was hit.
 Shot = Callable[[np.ndarray], np.ndarray]
@@ -36,13 +40,13 @@ class Peer:
     """How tables call it."""
     images: str
     """What it takes: "rgb+depth" or "depth"."""
-    environment: dict[str, str] = field(default_factory=dict)
-    """Variables that choose what it draws on; set before anything is imported."""
+    system: GLSystem | None = None
+    """What it draws on, if with OpenGL."""
 
     @property
-    def ours(self) -> bool:
-        """Whether it is a camera of this project."""
-        return self.label.startswith("robosim")
+    def environment(self) -> dict[str, str]:
+        """Variables that choose what it draws on; set before anything is imported."""
+        return {"PYOPENGL_PLATFORM": self.system, "MUJOCO_GL": self.system} if self.system else {}
 
 
 def _pyrender_camera(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
@@ -73,8 +77,7 @@ def _embree_depth(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
 
 def _stock_pyrender(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
     """`pyrender.OffscreenRenderer` in flat mode, about the mesh's centre to spare it single precision."""
-    if os.environ["PYOPENGL_PLATFORM"] == "osmesa":
-        _complete_pyopengl()
+    _complete_pyopengl()
     import pyrender
 
     near = mesh.copy()
@@ -98,7 +101,11 @@ def _stock_pyrender(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
 
 
 def _complete_pyopengl() -> None:
-    """Give an old PyOpenGL what newer ones have of OSMesa."""
+    """Give an old PyOpenGL what newer ones have of OSMesa and EGL; without a display's libraries."""
+    keep_x_out()
+    if os.environ["PYOPENGL_PLATFORM"] == "egl":
+        complete_egl()
+        return
     from OpenGL import osmesa, platform
     from OpenGL.raw.osmesa._types import OSMesaContext
 
@@ -136,6 +143,7 @@ def _mujoco(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
 
 
 def _mujoco_renderer(mesh: trimesh.Trimesh, config: CameraConfig) -> tuple[Any, Callable[[np.ndarray], None]]:
+    _complete_pyopengl()
     import mujoco
 
     centre = mesh.bounds.mean(axis=0)
@@ -166,17 +174,22 @@ def _mujoco_renderer(mesh: trimesh.Trimesh, config: CameraConfig) -> tuple[Any, 
     return renderer, look
 
 
-_OSMESA = {"PYOPENGL_PLATFORM": "osmesa", "MUJOCO_GL": "osmesa"}
-_EGL = {"PYOPENGL_PLATFORM": "egl", "MUJOCO_GL": "egl"}
+def _on(system: GLSystem) -> dict[str, Peer]:
+    """The cameras that draw with OpenGL, on one of its systems."""
+    name, suffix = SYSTEM_NAMES[system], "" if system == "osmesa" else f"-{system}"
+    ours = f"robosim, pyrender on {name}"
+    return {
+        f"pyrender{suffix}": Peer(_pyrender_camera, ours, "rgb+depth", system),
+        f"pyrender-depth{suffix}": Peer(_pyrender_depth, ours, "depth", system),
+        f"stock{suffix}": Peer(_stock_pyrender, f"pyrender on {name}, stock, flat", "rgb+depth", system),
+        f"mujoco{suffix}": Peer(_mujoco, f"mujoco.Renderer on {name}", "rgb+depth", system),
+    }
+
 
 #: All cameras, by name.
 PEERS = {
-    "pyrender": Peer(_pyrender_camera, "robosim, pyrender on OSMesa", "rgb+depth", _OSMESA),
-    "pyrender-depth": Peer(_pyrender_depth, "robosim, pyrender on OSMesa", "depth", _OSMESA),
-    "pyrender-egl": Peer(_pyrender_camera, "robosim, pyrender on EGL", "rgb+depth", _EGL),
+    **_on("osmesa"),
+    **_on("egl"),
     "embree": Peer(_embree_camera, "robosim, Embree", "rgb+depth"),
     "embree-depth": Peer(_embree_depth, "robosim, Embree", "depth"),
-    "stock": Peer(_stock_pyrender, "pyrender on OSMesa, stock, flat", "rgb+depth", _OSMESA),
-    "stock-egl": Peer(_stock_pyrender, "pyrender on EGL, stock, flat", "rgb+depth", _EGL),
-    "mujoco": Peer(_mujoco, "mujoco.Renderer on OSMesa", "rgb+depth", _OSMESA),
 }

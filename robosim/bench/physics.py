@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import shapely
 from rich.table import Table
+from rich.text import Text
 
 from robosim.building import Building
 from robosim.kinematic import KinematicWorld
@@ -143,7 +144,7 @@ def _table(rows: list[dict[str, Any]]) -> Table:
     for row in rows:
         dynamic = row["steps_per_move"] > 0
         table.add_row(
-            row["plan"],
+            Text(row["plan"]),
             row["engine"],
             f"{row['moves_per_s']:,.0f}",
             f"{row['steps_per_s']:,.0f}" if dynamic else "-",

@@ -24,6 +24,8 @@ from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
 from robosim.camera import CameraConfig
+from robosim.rendering.gl_libraries import OpenGLError, missing
+from robosim.support.workers import end_with_parent
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.
@@ -95,6 +97,7 @@ class Runner:
 
 def _serve(pipe: Connection, name: str, heat_file: str, config: CameraConfig, warm_up: int) -> None:
     """Take pictures on demand, until the process is ended from outside."""
+    end_with_parent(os.getppid())
     peer = PEERS[name]
     os.environ.pop("LP_NUM_THREADS", None)  # may have been set for this project's own cameras
     os.environ.update(peer.environment)
@@ -152,8 +155,9 @@ def race(
     heat.save(heat_file)
     runners: list[Runner] = []
     try:
-        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names]
-        answers = {runner.name: runner.ready() for runner in runners}
+        answers: dict[str, Any] = {name: str(lack) for name in names if (lack := _lack(name))}
+        runners = [Runner(name, heat_file, heat.config, warm_up) for name in names if name not in answers]
+        answers |= {runner.name: runner.ready() for runner in runners}
         able = [runner for runner in runners if not isinstance(answers[runner.name], str)]
         times: dict[str, list[tuple[float, float]]] = {runner.name: [] for runner in able}
         for _ in range(turns):
@@ -168,3 +172,9 @@ def race(
         else Result(name, np.array(times[name])[:, 0], np.array(times[name])[:, 1], answers[name])
         for name in names
     ]
+
+
+def _lack(name: str) -> OpenGLError | None:
+    """Why a camera has nothing to draw on, if so."""
+    system = PEERS[name].system
+    return missing(system) if system else None

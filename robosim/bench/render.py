@@ -2,7 +2,8 @@
 
 All draw the same shaded building from the same poses; see `robosim.bench.race` for how they are timed and
 `robosim.bench.true_depth` for the judge, which is itself checked against a plain loop over all triangles. Errors
-are those of pixels that are not at a silhouette, where a hair decides what is seen.
+are those of pixels that are not at a silhouette, where a hair decides what is seen. Cameras that cannot work on a
+machine, for want of OSMesa or EGL say, are left out, each with its reason.
 """
 
 import os
@@ -17,6 +18,7 @@ import shapely
 from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
@@ -24,12 +26,16 @@ from robosim.bench.true_depth import DepthJudge, plain_depth
 from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose
 from robosim.planfiles import read_plan
+from robosim.rendering.gl_libraries import missing
 from robosim.rendering.shading import shaded_mesh
 from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file, write_json
 
-#: The camera that the others are compared with: the one of each kind of picture.
-OURS = {"rgb+depth": "pyrender", "depth": "pyrender-depth"}
+#: The camera that the others are compared with: of each kind of picture the first of these that works.
+OURS = {
+    "rgb+depth": ("pyrender", "pyrender-egl", "embree"),
+    "depth": ("pyrender-depth", "pyrender-depth-egl", "embree-depth"),
+}
 #: What cameras promise: 1 mm + 0.1 %.
 _ABSOLUTE_M, _RELATIVE = 1e-3, 1e-3
 _CLEARANCE_M = 0.2
@@ -83,7 +89,10 @@ def run(
         n_poses: From how many poses pictures are taken.
 
     Returns:
-        A table of the results.
+        A table of the results, and below it what was left out.
+
+    Raises:
+        RuntimeError: If none of the cameras took a picture.
     """
     building = building or make_building(read_plan(shipped_plans()["flat"]))
     mesh = shaded_mesh(building)
@@ -92,7 +101,7 @@ def run(
         config = CameraConfig(width=size, height=size)
         heat = Heat(mesh, random_views(building, config, n_poses), config)
         with tempfile.TemporaryDirectory() as folder:
-            names = _ours_first(peers)
+            names = _with_ours(peers)
             results = race(heat, names, Path(folder), warm_up=warm_up, turns=turns, turn_s=turn_s)
         rows += _rows(results, heat, DepthJudge(building.mesh, config))
     about = {
@@ -104,6 +113,8 @@ def run(
     }
     out.mkdir(parents=True, exist_ok=True)
     write_json(out / "render.json", {**about, "rows": [asdict(row) for row in rows]})
+    if all(row.trouble for row in rows):
+        raise RuntimeError(f"No camera took a picture. {_left_out(rows)}")
     _plot(rows, out / "render.png")
     return _table(rows, f"{about['plan']}: {len(mesh.faces)} triangles, {about['machine']}")
 
@@ -135,25 +146,31 @@ def judge_error_m(building: Building, n_rays: int = 100) -> float:
     return float(np.abs(view.depth.ravel()[some] - exact).max())
 
 
-def _ours_first(peers: Sequence[str]) -> list[str]:
+def _with_ours(peers: Sequence[str]) -> list[str]:
+    """Names of cameras in the order of `PEERS`; with one of ours, if none was named, to compare them with."""
     unknown = [name for name in peers if name not in PEERS]
     if unknown:
         raise ValueError(f"peers has {unknown[0]!r}, expected names among {', '.join(PEERS)}.")
-    return sorted(set(peers) | set(OURS.values()), key=list(PEERS).index)
+    there = {name for name, peer in PEERS.items() if not (peer.system and missing(peer.system))}
+    kinds = {PEERS[name].images for name in peers}
+    ours = [[name for name in OURS[kind] if name in there] for kind in kinds]
+    added = {able[0] for able in ours if not set(able) & set(peers)}
+    return sorted(set(peers) | added, key=list(PEERS).index)
 
 
 def _rows(results: list[Result], heat: Heat, judge: DepthJudge) -> list[Row]:
     truth = [judge.look(T) for T in heat.poses]
     depth, sure = np.stack([view.depth for view in truth]), np.stack([view.sure for view in truth])
-    by_name = {result.name: result for result in results}
+    able = {result.name: result for result in results if not result.trouble}
     rows = []
     for result in results:
         peer = PEERS[result.name]
         row = Row(camera=peer.label, images=peer.images, size_px=heat.config.width, trouble=result.trouble)
-        ours = by_name.get(OURS[peer.images])
-        if result.trouble or ours is None or ours.trouble:
+        if result.trouble:
             rows.append(row)
             continue
+        # Where none of ours works, a camera is compared with itself.
+        ours = next((able[name] for name in OURS[peer.images] if name in able), result)
         error = np.abs(result.depth - depth)[sure]
         rows.append(
             replace(
@@ -175,7 +192,9 @@ def _table(rows: list[Row], title: str) -> Table:
         "ours: how many times as fast robosim takes the same images, by the clock and by processor time. "
         "Errors of depth against exact ray casting, away from silhouettes."
     )
-    table = Table(title=title, caption=caption)
+    if any(row.trouble for row in rows):
+        caption += f"\n{_left_out(rows)}"
+    table = Table(title=Text(title, "table.title"), caption=caption)
     for column in ("camera", "images"):
         table.add_column(column)
     for column in (
@@ -191,7 +210,6 @@ def _table(rows: list[Row], title: str) -> Table:
         table.add_column(column, justify="right")
     for row in rows:
         if row.trouble:
-            table.add_row(row.camera, row.images, str(row.size_px), row.trouble)
             continue
         table.add_row(
             row.camera,
@@ -206,6 +224,15 @@ def _table(rows: list[Row], title: str) -> Table:
             f"{100 * row.beyond:.3f} %",
         )
     return table
+
+
+def _left_out(rows: list[Row]) -> str:
+    """Which cameras took no pictures, and why, reason by reason."""
+    cameras: dict[str, dict[str, None]] = {}
+    for row in rows:
+        if row.trouble:
+            cameras.setdefault(row.trouble, {})[row.camera] = None
+    return "\n".join(f"Left out: {'; '.join(names)}. {reason}" for reason, names in cameras.items())
 
 
 def _plot(rows: list[Row], path: Path) -> None:

@@ -14,16 +14,20 @@ from typing import Any
 import numpy as np
 from rich.console import Console, Group
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
 from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
 from robosim.bench.slam_plan import EVERY, TELLERS, TOLD_AT, SlamSettings, measure_plan
 from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
 from robosim.building import make_building
-from robosim.evaluation.sweep import in_parallel, told_units
 from robosim.planfiles import find_plans, read_plan
-from robosim.support.files import write_json
+from robosim.support.files import write_json, write_whole
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
+from robosim.support.text_in import read_json
+from robosim.support.workers import Workers
 from slam.mapper.scores import PatchScores
 
 
@@ -33,6 +37,7 @@ def run(
     *,
     speed: SpeedSettings | None,
     workers: int,
+    cluster: str | None = None,
     out: Path,
     console: Console,
 ) -> Group:
@@ -43,16 +48,53 @@ def run(
         settings: What to run in each.
         speed: Input sizes and networks to compare; None leaves that out.
         workers: Processes at once; scores do not depend on it.
+        cluster: Address of a dask scheduler that is used instead; times are of its machines then.
         out: Folder for the files.
         console: Where progress is shown.
     """
     found = find_plans(plans)
-    rows = []
-    with told_units(console, "plans", len(found), 0) as tell:
-        for row in in_parallel(measure_plan, [(path, settings, out) for path in found], workers):
-            rows.append(row)
+    with run_folder(out, "bench slam", asdict(settings)):
+        rows = _measured(found, settings, workers, cluster, out, console)
+        return _told(found, rows, settings, speed, workers, out, console)
+
+
+def _measured(
+    found: Sequence[Path],
+    settings: SlamSettings,
+    workers: int,
+    cluster: str | None,
+    out: Path,
+    console: Console,
+) -> list[dict[str, Any]]:
+    """What is told of each plan, by name; from its file where it was measured before."""
+    files = {read_plan(path).name: path for path in found}
+    missing = [name for name in files if not _row_file(out, name).exists()]
+    with (
+        Workers(min(workers, len(missing) or 1), cluster, what="plans") as pool,
+        told_units(console, "plans", len(files), len(files) - len(missing)) as tell,
+    ):
+        for _, (row, maps) in pool.run(measure_plan, [(files[name], settings) for name in missing]):
+            write_whole(_row_file(out, row["plan"]).with_suffix(".npz"), maps)
+            write_json(_row_file(out, row["plan"]), row)
             tell(row["plan"])
-    rows.sort(key=lambda row: str(row["plan"]))
+    remedy = "Delete it to measure again."
+    return [read_json(_row_file(out, name), "results of a plan", remedy) for name in sorted(files)]
+
+
+def _row_file(out: Path, plan: str) -> Path:
+    return out / "plans" / f"{plan}.json"
+
+
+def _told(
+    found: Sequence[Path],
+    rows: list[dict[str, Any]],
+    settings: SlamSettings,
+    speed: SpeedSettings | None,
+    workers: int,
+    out: Path,
+    console: Console,
+) -> Group:
+    """Write `slam.json` and pictures, and return the tables."""
     scores = {teller: _merged(rows, teller) for teller in TELLERS}
     summary: dict[str, Any] = {
         "settings": asdict(settings),
@@ -118,7 +160,7 @@ def _walks(rows: list[dict[str, Any]], name: str) -> dict[str, float]:
 
 
 def _numbers(title: str, first: str, columns: Sequence[str], caption: str = "") -> Table:
-    table = Table(title=title, caption=caption or None)
+    table = Table(title=title, caption=Text(caption, "table.caption"))
     table.add_column(first)
     for column in columns:
         table.add_column(column, justify="right")

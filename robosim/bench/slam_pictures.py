@@ -74,7 +74,7 @@ def plot_map(path: Path, building: Building, kept: Path, title: str) -> None:
             ax.set_title(f"{name} map (dark: obstacle; grey: unknown; blue: true walls)", fontsize=9)
     axes[0].set_ylabel("y [m]")
     axes[0].legend(loc="upper left", fontsize=7)
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(title, fontsize=10, parse_math=False)
     save_figure(figure, path)
 
 

@@ -14,9 +14,9 @@ in the shadow of the classical one there, and takes the poses of that one: what 
 """
 
 import zlib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -32,15 +32,15 @@ from robosim.bench.pose_tracks import (
 from robosim.building import Building, make_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.navigation import make_navigator
+from robosim.navigation import MAPPERS, make_navigator
 from robosim.odometry import NoiseModel
 from robosim.planfiles import read_plan
 from robosim.reach import Reach, reach
 from robosim.record import EpisodeLog
 from robosim.simulator import Physics, SimulatorConfig
-from robosim.support.files import whole_file, write_json
+from robosim.support.checks import LEVEL, SEED, STEPS, check_choice, check_network, check_numbers
+from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
-from robosim.support.text_in import read_json
 from robosim.tasks import Task, make_task
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
@@ -79,6 +79,11 @@ class SlamSettings:
     physics: Physics = "kinematic"
     """How the robot is moved."""
 
+    def __post_init__(self) -> None:
+        check_network("mapper", self.mapper, MAPPERS)
+        check_choice("physics", self.physics, get_args(Physics))
+        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL, steps=STEPS)
+
     @property
     def simulator(self) -> SimulatorConfig:
         """The simulation."""
@@ -105,23 +110,17 @@ class SlamSettings:
         return make_task(places, np.random.default_rng([self.episode("classical", plan).seed, 0]))
 
 
-def measure_plan(path: str | Path, settings: SlamSettings, out: Path) -> dict[str, Any]:
-    """Everything about one plan; read from its file if it was measured before with the same settings.
+def measure_plan(path: str | Path, settings: SlamSettings) -> tuple[dict[str, Any], bytes]:
+    """Everything about one plan.
 
     Args:
         path: Floor plan.
         settings: What to run.
-        out: Folder for `plans/NAME.json` and the built maps, `plans/NAME.npz`.
 
     Returns:
-        What the file holds.
+        What is told of it, and the built maps as a NumPy archive.
     """
     plan = read_plan(path)
-    file = Path(out) / "plans" / f"{plan.name}.json"
-    if file.exists():
-        kept = read_json(file, "results of a plan", "Delete it to measure again.", keys=("settings",))
-        if kept["settings"] == asdict(settings):
-            return kept
     building = make_building(plan)
     places = reach(building, settings.simulator.robot.radius_m)
     task = settings.task(places, plan.name)
@@ -134,16 +133,13 @@ def measure_plan(path: str | Path, settings: SlamSettings, out: Path) -> dict[st
         walks["classical" if mapper == "classical" else "learned"] = _walk(log)
     row = {
         "plan": plan.name,
-        "settings": asdict(settings),
         "area_m2": building.free.area,
         "frames": shadow.frames,
         "maps": {teller: score.counts() for teller, score in shadow.scores.items()},
         "poses": shadow.pose_errors(),
         "walks": walks,
     }
-    _keep_maps(file.with_suffix(".npz"), estimate, log)
-    write_json(file, row)
-    return read_json(file, "results of a plan")
+    return row, _maps(estimate, log)
 
 
 def _walk(log: EpisodeLog) -> dict[str, Any]:
@@ -162,21 +158,21 @@ def _walk(log: EpisodeLog) -> dict[str, Any]:
     }
 
 
-def _keep_maps(path: Path, estimate: MapEstimate, log: EpisodeLog) -> None:
+def _maps(estimate: MapEstimate, log: EpisodeLog) -> bytes:
     """The maps in the end, in 255ths, and both ways."""
     guess = estimate.anticipated_probability
     observed = estimate.obstacle_probability
-    with whole_file(path) as partial, partial.open("wb") as file:
-        np.savez_compressed(
-            file,
-            observed=np.rint(255 * observed).astype(np.uint8),
-            anticipated=np.rint(255 * (observed if guess is None else guess)).astype(np.uint8),
-            explored=estimate.explored,
-            origin=np.array(estimate.frame.origin_xy),
-            resolution_m=estimate.frame.resolution_m,
-            poses=np.array(log.poses),
-            estimates=np.array(log.estimates),
-        )
+    return npz_bytes(
+        {
+            "observed": np.rint(255 * observed).astype(np.uint8),
+            "anticipated": np.rint(255 * (observed if guess is None else guess)).astype(np.uint8),
+            "explored": estimate.explored,
+            "origin": np.array(estimate.frame.origin_xy),
+            "resolution_m": estimate.frame.resolution_m,
+            "poses": np.array(log.poses),
+            "estimates": np.array(log.estimates),
+        }
+    )
 
 
 class _Shadow:

@@ -22,14 +22,16 @@ from robosim.building import Building, make_building
 from robosim.camera import CameraConfig, camera_pose, make_camera
 from robosim.depth_noise import DepthNoise
 from robosim.episode import Decision, run_episode
-from robosim.evaluation.sweep import in_parallel, told_units
-from robosim.navigation import make_navigator
+from robosim.navigation import MAPPERS, make_navigator
 from robosim.planfiles import read_plan
 from robosim.plots import save_figure
 from robosim.reach import reach
 from robosim.rendering.shading import shaded_mesh
+from robosim.support.checks import SIZE_PX, check_network, check_numbers
 from robosim.support.files import write_json
+from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
+from robosim.support.workers import Workers
 from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead, egocentric_map
@@ -53,6 +55,11 @@ class SpeedSettings:
     frames: int = 150
     """Frames of each."""
 
+    def __post_init__(self) -> None:
+        check_numbers(self, sizes=SIZE_PX, plans=(1, 10_000), frames=(1, 100_000))
+        for mapper in self.mappers:
+            check_network("others", mapper, MAPPERS)
+
 
 def speeds(
     plans: Sequence[str | Path],
@@ -75,8 +82,11 @@ def speeds(
     """
     calls = [(path, speed, settings, Path(out)) for path in plans[: speed.plans]]
     parts: list[list[dict[str, Any]]] = []
-    with told_units(console, "plans for speed", len(calls), 0) as tell:
-        for part in in_parallel(_of_plan, calls, workers):
+    with (
+        Workers(min(workers, len(calls) or 1), what="plans") as pool,
+        told_units(console, "plans for speed", len(calls)) as tell,
+    ):
+        for _, part in pool.run(_of_plan, calls):
             parts.append(part)
             tell("")
     rows = []

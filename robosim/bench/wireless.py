@@ -26,6 +26,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 from rich.console import Console, Group
 from rich.table import Table
+from rich.text import Text
 
 from robosim.bench import sight
 from robosim.building import Building, BuildingConfig, make_building
@@ -324,14 +325,15 @@ def _speed_table(rows: list[dict[str, Any]], about: dict[str, Any]) -> Table:
         f"First trace {about['compile_s']:.1f} s (compiling, or loading what was). Time grows with walls to "
         f"the power of {growth}. Peak memory {about['peak_memory_gb']:.2f} GB."
     )
-    table = Table(title="Rates and latency, warm", caption=caption, box=None, pad_edge=False)
+    told = Text(caption, "table.caption")  # has names of plans in it
+    table = Table(title="Rates and latency, warm", caption=told, box=None, pad_edge=False)
     table.add_column("plan")
     columns = ("tolerance", "walls", "prepare", "receivers", "links/s, 1 worker")
     for column in (*columns, f"{about['workers']} workers", "growth with receivers", "one link", "95 %"):
         table.add_column(column, justify="right")
     for row in rows:
         table.add_row(
-            row["plan"],
+            Text(row["plan"]),
             f"{row['tolerance_m']:g} m",
             str(row["walls"]),
             f"{row['prepare_s']:.2f} s",
@@ -357,7 +359,7 @@ def _sight_table(rows: list[dict[str, Any]]) -> Table:
         table.add_column(column, justify="right")
     for row in rows:
         counts = [f"{row[k]:,}" if k in row else "-" for k in ("segments", "wrong_here", "wrong_far")]
-        table.add_row(row["plan"], row["engine"], f"{row['segments_per_s_here'] / 1e6:.2f}", *counts)
+        table.add_row(Text(row["plan"]), row["engine"], f"{row['segments_per_s_here'] / 1e6:.2f}", *counts)
     return table
 
 

@@ -3,10 +3,20 @@
 from pathlib import Path
 from typing import Literal
 
-from tyro.conf import Positional
+from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS
-from robosim.commands.terminal import console, folder_for, read
+from robosim.commands.terminal import (
+    ALL_CORES,
+    WorkOptions,
+    check_threads,
+    console,
+    folder_for,
+    going_on,
+    read,
+    results_in,
+)
+from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
 
 
 def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path | None = None) -> None:
@@ -20,8 +30,11 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
     from robosim.bench.render import run
     from robosim.building import make_building
 
-    folder = folder_for(out, "bench-render")
-    console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
+    check_some("sizes", sizes, "widths of pictures, such as 128 256")
+    for size in sizes:
+        check_number("sizes", size, *SIZE_PX, whole=True)
+    with results_in(out, "bench render") as folder:
+        console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -35,8 +48,9 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
     from robosim.bench.physics import run
     from robosim.building import make_building
 
-    folder = folder_for(out, "bench-physics")
-    console.print(run([make_building(read(name)) for name in plans], out=folder))
+    check_some("plans", plans, PLANS)
+    with results_in(out, "bench physics") as folder:
+        console.print(run([make_building(read(name)) for name in plans], out=folder))
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -48,7 +62,7 @@ def navigation(
     noise: float = 1.0,
     mapper: str = DEFAULT_OPTIONS.mapper,
     explorer: Literal["nearest", "cheapest", "gain", "learned"] = DEFAULT_OPTIONS.explorer,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Measure navigation: one task a plan, arrival, SPL, wall penetration, coverage and pose error.
@@ -64,25 +78,28 @@ def navigation(
         noise: Level of actuation and odometry noise.
         mapper: Who makes the map: neural, classical, or a .safetensors file.
         explorer: Who chooses among frontiers.
-        workers: Processes to run at once.
+        work: Who does the work.
         out: Folder for the table; a new one under runs/ if not given.
     """
     from robosim.bench.navigation import run
 
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least one process.")
-    folder = folder_for(out, "bench-navigation")
-    table = run(
-        plans,
-        goals=goals,
-        seed=seed,
-        noise=noise,
-        mapper=mapper,
-        explorer=explorer,
-        workers=workers,
-        out=folder,
-        console=console,
-    )
+    check_some("plans", plans, PLANS)
+    check_some("goals", goals, "goal policies, such as oracle explore")
+    check_number("seed", seed, *SEED, whole=True)
+    folder = folder_for(out, "bench navigation")
+    with going_on(folder):
+        table = run(
+            plans,
+            goals=goals,
+            seed=seed,
+            noise=noise,
+            mapper=mapper,
+            explorer=explorer,
+            workers=work.count,
+            cluster=work.cluster,
+            out=folder,
+            console=console,
+        )
     console.print(table)
     console.print(f"Wrote navigation.json and the episodes in {folder}")
 
@@ -96,7 +113,7 @@ def exploration(
     depth_noise: float = 0.0,
     physics: Literal["dynamic", "kinematic"] = "dynamic",
     mapper: str = DEFAULT_OPTIONS.mapper,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Measure exploration: how much of the floor is seen after how many decisions, explorer beside explorer.
@@ -113,18 +130,27 @@ def exploration(
         depth_noise: Level of the depth camera's noise.
         physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
         mapper: Who makes the map: neural, classical, or a .safetensors file.
-        workers: Processes to run at once.
+        work: Who does the work.
         out: Folder for table, curves and pictures; a new one under runs/ if not given.
     """
     from robosim.bench.exploration import ExplorationSettings, run
 
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least one process.")
-    folder = folder_for(out, "bench-exploration")
+    check_some("plans", plans, PLANS)
+    check_some("explorers", explorers, "explorers, such as nearest gain")
     settings = ExplorationSettings(
         mapper=mapper, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
-    table = run(plans, settings, explorers=explorers, workers=workers, out=folder, console=console)
+    folder = folder_for(out, "bench exploration")
+    with going_on(folder):
+        table = run(
+            plans,
+            settings,
+            explorers=explorers,
+            workers=work.count,
+            cluster=work.cluster,
+            out=folder,
+            console=console,
+        )
     console.print(table)
     console.print(
         f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"
@@ -142,7 +168,7 @@ def slam(
     physics: Literal["dynamic", "kinematic"] = "kinematic",
     sizes: tuple[int, ...] = (64, 96, 128, 192, 256),
     others: tuple[str, ...] = (),
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Measure mapping: the learned mapper against the classical one, and ways to know the pose, on the same frames.
@@ -163,21 +189,30 @@ def slam(
         physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
         sizes: Widths of depth images at which speed is measured [pixels]; none leaves that part out.
         others: Further networks whose speed is measured: .safetensors files.
-        workers: Processes to run at once.
+        work: Who does the work.
         out: Folder for the files; a new one under runs/ if not given.
     """
     from robosim.bench.slam import run
     from robosim.bench.slam_plan import SlamSettings
     from robosim.bench.slam_speed import SpeedSettings
 
-    if workers < 1 or steps < 1:
-        raise ValueError(f"workers is {workers} and steps is {steps}, expected at least 1 of each.")
-    folder = folder_for(out, "bench-slam")
+    check_some("plans", plans, PLANS)
     settings = SlamSettings(
         mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
     speed = SpeedSettings(sizes=sizes, mappers=others, frames=min(steps, 150)) if sizes else None
-    console.print(run(plans, settings, speed=speed, workers=workers, out=folder, console=console))
+    folder = folder_for(out, "bench slam")
+    with going_on(folder):
+        tables = run(
+            plans,
+            settings,
+            speed=speed,
+            workers=work.count,
+            cluster=work.cluster,
+            out=folder,
+            console=console,
+        )
+    console.print(tables)
     console.print(
         f"Wrote slam.json, curves, and maps of the worst, median and best plan in {folder}", soft_wrap=True
     )
@@ -209,11 +244,10 @@ def endurance(
     from robosim.bench.endurance import PARTS, run
     from robosim.bench.slam_plan import SlamSettings
 
-    if steps < PARTS:
-        raise ValueError(f"steps is {steps}, expected at least {PARTS}.")
-    folder = folder_for(out, "bench-endurance")
+    check_number("steps", steps, PARTS, STEPS[1], "decisions", whole=True)
     settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
-    console.print(run(read(plan), settings, out=folder, console=console))
+    with results_in(out, "bench endurance") as folder:
+        console.print(run(read(plan), settings, out=folder, console=console))
     console.print(f"Wrote endurance.json in {folder}")
 
 
@@ -241,14 +275,24 @@ def wireless(
     from robosim.bench.wireless import run
     from robosim.planfiles import find_plans
 
-    folder = folder_for(out, "bench-wireless")
-    found = [read(str(plan)) for plan in find_plans(plans)]
-    console.print(run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console))
+    check_some("plans", plans, PLANS)
+    check_number("receivers", receivers, 1, 1_000_000, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    check_threads(workers)
+    with results_in(out, "bench wireless") as folder:
+        found = [read(str(plan)) for plan in find_plans(plans)]
+        console.print(
+            run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console)
+        )
     console.print(f"Wrote wireless.json and wireless.png in {folder}")
 
 
 def labels(
-    data: Positional[Path], plans: Positional[Path], *, workers: int = 2, out: Path | None = None
+    data: Positional[Path],
+    plans: Positional[Path],
+    *,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
+    out: Path | None = None,
 ) -> None:
     """Compare traced link states and angles with the published ones of mmwRobotNav, and say how many agree.
 
@@ -259,16 +303,15 @@ def labels(
     Args:
         data: Folder with a folder of measurements for each building.
         plans: Folder with the buildings' top-down grids.
-        workers: Processes to run at once.
+        work: Who does the work.
         out: Folder for the table and the maps; a new one under runs/ if not given.
     """
     from robosim.bench.labels import run
 
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least 1.")
-    folder = folder_for(out, "bench-labels")
+    folder = folder_for(out, "bench labels")
     console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
-    run(data, plans, workers=workers, out=folder, console=console)
+    with going_on(folder):
+        run(data, plans, workers=work.count, cluster=work.cluster, out=folder, console=console)
 
 
 def estimation(
@@ -294,24 +337,28 @@ def estimation(
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
-    from robosim.bench.estimation import run
+    from robosim.bench.estimation import TX_PER_PLAN, run
+    from robosim.outline import check_tolerance
     from robosim.planfiles import find_plans
 
-    if workers is not None and workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least 1.")
+    check_some("plans", plans, PLANS)
+    check_number("links", links, 4 * TX_PER_PLAN, 1_000_000, "in each plan", whole=True)
+    check_tolerance(tolerance)
+    check_number("seed", seed, *SEED, whole=True)
+    check_threads(workers)
     found = [read(str(plan)) for plan in find_plans(plans)]
-    folder = folder_for(out, "bench-estimation")
-    console.print(
-        run(
-            found,
-            out=folder,
-            links=links,
-            tolerance_m=tolerance,
-            workers=workers,
-            seed=seed,
-            console=console,
+    with results_in(out, "bench estimation") as folder:
+        console.print(
+            run(
+                found,
+                out=folder,
+                links=links,
+                tolerance_m=tolerance,
+                workers=workers,
+                seed=seed,
+                console=console,
+            )
         )
-    )
     console.print(f"Wrote estimation.json and estimation.png in {folder}")
 
 
@@ -341,9 +388,11 @@ def episode(
     """
     from robosim.bench.episode import run
 
-    if targets < 1:
-        raise ValueError(f"targets is {targets}, expected at least one task a plan.")
-    folder = folder_for(out, "bench-episode")
+    check_some("plans", plans, PLANS)
+    check_number("targets", targets, *TASKS, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    check_number("max_steps", max_steps, *STEPS, whole=True)
+    folder = folder_for(out, "bench episode")
     table = run(
         plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console
     )

@@ -1,8 +1,11 @@
 """`robosim collect`."""
 
 from pathlib import Path
+from shlex import quote
 
-from robosim.commands.terminal import console, folder_for
+from tyro.conf import OmitArgPrefixes
+
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
 
 
 def collect(
@@ -12,7 +15,7 @@ def collect(
     steps: int = 120,
     depth_noise: float = 1.0,
     noise: float = 1.0,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Collect frames to train a mapper on: a robot explores invented homes, the truth is kept beside what it senses.
@@ -28,7 +31,7 @@ def collect(
         steps: Frames of each home.
         depth_noise: Level of the depth camera's noise: 0 none, 1 as published for a Kinect.
         noise: Level of actuation and odometry noise: 0 none, 1 as published for LoCoBot.
-        workers: Processes at once.
+        work: Who does the work.
         out: Folder for the files, and to go on from; a new one under runs/ if not given.
     """
     from robosim.collect import CollectConfig
@@ -36,8 +39,6 @@ def collect(
     from robosim.depth_noise import DepthNoise
     from robosim.odometry import NoiseModel
 
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least one process.")
     config = CollectConfig(
         homes=homes,
         steps=steps,
@@ -46,6 +47,7 @@ def collect(
         noise=NoiseModel(level=noise),
     )
     folder = folder_for(out, "collect")
-    shards = collect_frames(config, folder, workers=workers, console=console)
+    with going_on(folder):
+        shards = collect_frames(config, folder, workers=work.count, cluster=work.cluster, console=console)
     console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
-    console.print(f"Next: robosim train mapper --data {folder}")
+    console.print(f"Next: robosim train mapper --data {quote(str(folder))}")

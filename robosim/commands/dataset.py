@@ -1,14 +1,26 @@
 """`robosim dataset`."""
 
-import sys
+import json
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
+from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, folder_for, read
+from robosim.commands.terminal import (
+    ALL_CORES,
+    NO_OPTIONS,
+    PlanOptions,
+    WorkOptions,
+    console,
+    folder_for,
+    going_on,
+    read,
+)
+from robosim.support.checks import check_number
 
 
 def dataset(
@@ -24,7 +36,7 @@ def dataset(
     tolerance: float = 0.05,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Make a data set of links: true paths, link states, and what a receiver with beams estimates of them.
@@ -48,7 +60,7 @@ def dataset(
         tolerance: How far walls may be moved to straighten them [m], faster; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plans, where they do not say.
-        workers: Processes.
+        work: Who does the work.
         out: Folder for the data, and to go on from; a new one under runs/ if not given.
     """
     from robosim.generate import generate_plan
@@ -56,7 +68,8 @@ def dataset(
     from robosim.link_units import LinkSetConfig
     from robosim.planfiles import find_plans
 
-    if generated < 0 or (not plans and not generated):
+    check_number("generated", generated, 0, 100_000, "homes", whole=True)
+    if not plans and not generated:
         raise ValueError(
             f"plans is empty and generated is {generated}: give floor plans or folders of them, or --generated 50."
         )
@@ -69,26 +82,20 @@ def dataset(
         formats=tuple(sorted(set(format))),
         radio=radio.config(tolerance),
     )
+    folder = folder_for(out, "dataset")
     with console.status("reading plans ..."):
         buildings = [read(str(plan), reading) for plan in find_plans(plans)]
         buildings += [generate_plan(number) for number in range(seed, seed + generated)]
-    folder = folder_for(out, "dataset")
-    try:
-        made = make_dataset(buildings, config, folder, workers=workers, console=console)
-    except KeyboardInterrupt:
-        console.print(
-            f"Interrupted; what was finished is kept. Go on with the same command and --out {folder}"
+    with going_on(folder):
+        made = make_dataset(
+            buildings, config, folder, workers=work.count, cluster=work.cluster, console=console
         )
-        sys.exit(130)
     rows, timing = made["rows"], made["timing"]
     shares = ", ".join(f"{name} {100 * n / rows:.1f} %" for name, n in made["states"].items())
-    console.print(
-        f"[bold]{rows} links[/]: {shares}; {timing['links']} made in {timing['seconds']:.1f} s "
-        f"({timing['links_per_s']:.0f} links/s)"
-    )
+    told = f": {shares}; {timing['links']} made in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
+    console.print(Text.assemble((f"{rows} links", "bold"), told))
     console.print(
         f"Wrote {len(made['units'])} tables in {folder / 'links'}, and manifest.json that tells their columns"
     )
-    console.print(
-        f"Next: python -c \"import pyarrow.parquet as p; print(p.read_table('{folder / 'links'}'))\""
-    )
+    read_all = f"import pyarrow.parquet as p; print(p.read_table({json.dumps(str(folder / 'links'))}))"
+    console.print(f"Next: python -c {quote(read_all)}", soft_wrap=True)

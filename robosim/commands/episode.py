@@ -3,20 +3,24 @@
 import sys
 from pathlib import Path
 from shlex import quote
+from signal import SIGINT, SIGTERM
 from typing import Literal
 
 import numpy as np
+from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
 from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
+from robosim.support.checks import check_number
+from robosim.support.interrupt import SIGNALLED, Interrupt
 
 
 def episode(
     plan: Positional[str],
     *,
-    target: XY | None = None,
-    start: Pose | None = None,
+    target: XY = None,
+    start: Pose = None,
     goal: Literal[
         "oracle",
         "explore",
@@ -41,8 +45,8 @@ def episode(
     """Drive a robot through a building, and record what it did and saw.
 
     Writes result.json, trajectory.tum (true) and estimate.tum, the built map (map.yaml, map.pgm), map.png,
-    decisions.npz, which `robosim replay` draws from, and episode.mp4. Ctrl-C ends the episode and leaves the same
-    files of what was done until then. One seed gives one result.
+    decisions.npz, which `robosim replay` draws from, and episode.mp4. Ctrl-C or SIGTERM ends the episode and leaves the
+    same files of what was done until then. One seed gives one result.
 
     Example: robosim episode flat --goal explore --seed 3 --out out/explore
 
@@ -61,9 +65,11 @@ def episode(
         rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs robosim[viz].
         out: Folder for the results; a new one under runs/ if not given.
     """
-    from robosim.run import record_episode
+    from robosim.run import FILES, record_episode
 
     config = simulation.config(goal, seed)
+    if start is not None:
+        check_number("yaw of --start", start[2], -360, 360, "degrees from +x")
     folder = folder_for(out, "episode")
     result = record_episode(
         read(plan, reading),
@@ -76,23 +82,16 @@ def episode(
         console=console,
     )
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
-    console.print(
-        f"[bold]{result['ended']}[/] after {result['steps']} steps and {result['path_length_m']:.2f} m "
+    told = (
+        f" after {result['steps']} steps and {result['path_length_m']:.2f} m "
         f"(shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f}), {seen}, "
         f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
-    files = [
-        "result.json",
-        "map.png",
-        "map.yaml",
-        "trajectory.tum",
-        "estimate.tum",
-        "decisions.npz",
-        "episode.mp4",
-    ]
+    console.print(Text.assemble((result["ended"], "bold"), told))
     # An episode that ends where it starts has no decision to film.
-    console.print(f"Wrote {', '.join(name for name in files if (folder / name).exists())} in {folder}")
+    console.print(f"Wrote {', '.join(name for name in FILES if (folder / name).exists())} in {folder}")
     true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))
     console.print(f"Next: evo_ape tum {true} {estimated}")
-    if result["ended"] == "interrupted":
-        sys.exit(130)
+    for number in (SIGINT, SIGTERM):
+        if result["ended"] == Interrupt(number).word:
+            sys.exit(SIGNALLED + number)

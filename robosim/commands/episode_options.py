@@ -46,7 +46,7 @@ class EpisodeOptions:
         """The configuration of an episode with a goal policy and a seed.
 
         Raises:
-            ValueError: If a number is out of its range.
+            ValueError: If a number is out of its bounds, or a name unknown.
         """
         from robosim.ablations import configured
         from robosim.building import BuildingConfig
@@ -57,7 +57,9 @@ class EpisodeOptions:
         from robosim.radio import RadioLinkConfig
         from robosim.robot import ROBOTS
         from robosim.simulator import SimulatorConfig
+        from robosim.support.checks import check_choice
 
+        check_choice("robot", self.robot, ROBOTS)
         config = EpisodeConfig(
             explorer=self.explorer,
             controller=self.controller,

@@ -6,7 +6,8 @@ from pathlib import Path
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
-from robosim.commands.terminal import console, folder_for
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.support.checks import PLANS, SEED, TASKS, check_number, check_some
 
 
 def evaluate(
@@ -16,8 +17,7 @@ def evaluate(
     policies: tuple[str, ...] = (),
     seeds: int = 1,
     seed: int | None = None,
-    workers: int | None = None,
-    cluster: str | None = None,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
     suite_out: Path | None = None,
     out: Path | None = None,
@@ -38,28 +38,35 @@ def evaluate(
             given. The oracle always runs: difficulty and times go by its steps.
         seeds: Episodes of each task and policy, with other noise.
         seed: What tasks and noise are drawn from; 0 if not given, or what the suite has.
-        workers: Processes at once; one on each available core if not given.
-        cluster: Address of a dask scheduler whose workers run the episodes; needs robosim[cluster].
+        work: Who does the work.
         simulation: How the episodes are simulated.
         suite_out: Where to write the suite beside the results, as .yaml or .json.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    import joblib
-
     from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
     from robosim.evaluation.evaluate import evaluate as run
-    from robosim.evaluation.suite import write_suite
+    from robosim.evaluation.suite import SUFFIXES, write_suite
 
-    for name, value in (("targets", targets), ("seeds", seeds), ("workers", workers)):
-        if value is not None and value < 1:
-            raise ValueError(f"{name} is {value}, expected at least 1.")
-    if seed is not None and seed < 0:
-        raise ValueError(f"seed is {seed}, expected a whole number of 0 or more.")
+    check_some("plans", plans, f"{PLANS}, or a suite file")
+    for name, value, bounds in (("targets", targets, TASKS), ("seeds", seeds, TASKS), ("seed", seed, SEED)):
+        if value is not None:
+            check_number(name, value, *bounds, whole=True)
+    if suite_out is not None and suite_out.suffix.lower() not in SUFFIXES:
+        raise ValueError(
+            f"suite_out is {str(suite_out)!r}, expected a name that ends in {', '.join(SUFFIXES)}."
+        )
     names, config = check_policies(policies), simulation.config()
-    workers = workers or joblib.cpu_count()
     folder = folder_for(out, "evaluate")
-    try:
-        suite = find_suite(plans, config, targets=targets, seed=seed, workers=workers, console=console)
+    with going_on(folder):
+        suite = find_suite(
+            plans,
+            config,
+            targets=targets,
+            seed=seed,
+            workers=work.count,
+            cluster=work.cluster,
+            console=console,
+        )
         if suite_out is not None:
             write_suite(suite, suite_out)
         result = run(
@@ -68,18 +75,13 @@ def evaluate(
             config=config,
             policies=names,
             repeats=seeds,
-            workers=workers,
+            workers=work.count,
+            cluster=work.cluster,
             console=console,
-            cluster=cluster,
             options=simulation.words(),
         )
-    except KeyboardInterrupt:
-        console.print(
-            f"Interrupted; the episodes that are done are kept. Go on with the same command and --out {folder}"
-        )
-        sys.exit(130)
     for line in result.warnings:
-        console.print(line, style="yellow", highlight=False, markup=False, soft_wrap=True)
+        console.print(line, style="yellow", highlight=False, soft_wrap=True)
     if result.rows:
         console.print(f"Wrote report.html, episodes.parquet and summary.json in {folder}")
         console.print(summary_table(result.summaries))

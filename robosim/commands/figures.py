@@ -5,7 +5,8 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, folder_for, read
+from robosim.commands.terminal import console, read, results_in
+from robosim.support.checks import PLANS, SEED, check_number, check_some
 
 
 def plans(
@@ -26,15 +27,17 @@ def plans(
     from robosim.planfiles import find_plans, read_plan
     from robosim.support.progress import tracked
 
-    if count < 1:
-        raise ValueError(f"count is {count}, expected at least one plan to compare with.")
+    check_some("plans", plans, PLANS)
+    check_number("count", count, 1, 100_000, "plans to compare with", whole=True)
+    check_number("seed", seed, *SEED, whole=True)
     with tracked(find_plans(plans), "reading", console) as paths:
         real = [read_plan(path) for path in paths]
     config = GeneratorConfig(navigable=True)
     with tracked(range(seed, seed + count), "generating", console) as numbers:
         made = [generate_plan(number, config=config) for number in numbers]
-    path = folder_for(out, "figures-plans") / "plans.png"
-    plot_comparison(real, made, path)
+    with results_in(out, "figures") as folder:
+        path = folder / "plans.png"
+        plot_comparison(real, made, path)
     console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
 
 
@@ -50,8 +53,9 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
     from robosim.plots import save_figure
     from wireless.antenna_figures import arrays_figure
 
-    path = folder_for(out, "figures-arrays") / "arrays.png"
-    save_figure(arrays_figure(element), path)
+    with results_in(out, "figures") as folder:
+        path = folder / "arrays.png"
+        save_figure(arrays_figure(element), path)
     console.print(f"Wrote {path}: elements, beams and coverage of the terminals gnb and ue")
 
 
@@ -87,11 +91,13 @@ def wireless(
     from robosim.planfiles import find_plans
     from robosim.wireless_figures import FiguresConfig, draw_wireless
 
+    check_some("plans", plans, PLANS)
     config = FiguresConfig(
         links=links, grid_m=grid, tolerance_m=tolerance, classifier=classifier, training=training, seed=seed
     )
     found = [read(str(plan)) for plan in find_plans(plans)]
-    page, notes = draw_wireless(found, folder_for(out, "figures-wireless"), config, console)
+    with results_in(out, "figures") as folder:
+        page, notes = draw_wireless(found, folder, config, console)
     for note in notes:
         console.print(note)
     console.print(f"Wrote {page} and the pictures that it shows")
@@ -118,7 +124,8 @@ def search(
     from robosim.evaluation.search_figures import draw_search
 
     (follower,), (other,) = check_policies([stuck]), check_policies([better])
-    page, notes = draw_search(results, folder_for(out, "figures-search"), follower, other)
+    with results_in(out, "figures") as folder:
+        page, notes = draw_search(results, folder, follower, other)
     for note in notes:
         console.print(note, highlight=False)
     console.print(f"Wrote {page} and the pictures that it shows")

@@ -5,6 +5,8 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from robosim.commands.terminal import console, folder_for
+from robosim.support.checks import check_number
+from robosim.support.run_folder import run_folder
 
 
 def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = None) -> None:
@@ -19,9 +21,9 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
     """
     from robosim.replay import replay as draw
 
-    if frames < 1:
-        raise ValueError(f"frames is {frames}, expected at least one.")
-    files = draw(episode, folder_for(out or episode, "replay"), frames)
+    check_number("frames", frames, 1, 1000, whole=True)
+    with run_folder(folder_for(out or episode, "episode"), "episode") as folder:
+        files = draw(episode, folder, frames)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
 
 

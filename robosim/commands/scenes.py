@@ -4,9 +4,11 @@ from pathlib import Path
 from shlex import quote
 from typing import Literal
 
+from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in
+from robosim.support.checks import RADIUS_M, SEED, check_number
 
 
 def plan(
@@ -37,22 +39,24 @@ def plan(
     from robosim.plots import plot_plan
     from robosim.reach import reach
 
-    floor_plan = read(plan, reading)
-    building = make_building(floor_plan, config=BuildingConfig(tolerance_m=tolerance))
-    places = reach(building, radius)
-    folder = folder_for(out, "plan")
-    write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
-    write_png(floor_plan, folder / f"{floor_plan.name}.png")
-    plot_plan(folder / "reach.png", building, places)
-    export_mesh(building, folder / "building.glb")
-    export_mesh(building, folder / "building.ply")
-    export_mitsuba(building, folder / "mitsuba")
+    config = BuildingConfig(tolerance_m=tolerance)
+    check_number("radius", radius, *RADIUS_M)
+    with results_in(out, "plan") as folder:
+        floor_plan = read(plan, reading)
+        building = make_building(floor_plan, config=config)
+        places = reach(building, radius)
+        write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
+        write_png(floor_plan, folder / f"{floor_plan.name}.png")
+        plot_plan(folder / "reach.png", building, places)
+        export_mesh(building, folder / "building.glb")
+        export_mesh(building, folder / "building.ply")
+        export_mitsuba(building, folder / "mitsuba")
     rows, columns = floor_plan.shape
-    console.print(
-        f"[bold]{floor_plan.name}[/]: {columns} x {rows} cells of {floor_plan.resolution_m:g} m, "
-        f"{building.free.area:.1f} m2 free, {len(building.walls_2d)} wall pieces, "
-        f"{len(building.mesh.faces)} triangles"
+    told = (
+        f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.free.area:.1f} m2 free, "
+        f"{len(building.walls_2d)} wall pieces, {len(building.mesh.faces)} triangles"
     )
+    console.print(Text.assemble((floor_plan.name, "bold"), told))
     console.print(f"A hull of radius {radius:g} m can drive in {places.n_parts} separate part(s) of it.")
     for room in places.cut_off(1) if places.n_parts else []:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
@@ -85,11 +89,13 @@ def generate(
     from robosim.planfiles import write_ros
     from robosim.support.progress import tracked
 
-    if count < 1:
-        raise ValueError(f"count is {count}, expected at least one plan.")
-    folder = folder_for(out, "generate")
+    check_number("count", count, 1, 100_000, "plans", whole=True)
+    check_number("seed", seed, *SEED, whole=True)
     config = GeneratorConfig(style=style, navigable=navigable)
-    with tracked(range(seed, seed + count), "plans", console) as numbers:
+    with (
+        results_in(out, "generate") as folder,
+        tracked(range(seed, seed + count), "plans", console) as numbers,
+    ):
         for number in numbers:
             made = generate_plan(number, config=config)
             write_ros(made, folder / f"{made.name}.yaml")

@@ -1,43 +1,62 @@
 """What commands share: the terminal they print to, how points are typed, where plans and results lie."""
 
 import os
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
-import numpy as np
 import tyro
 from rich.console import Console
 
 from robosim.floorplan import FloorPlan
+from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
+from robosim.support.interrupt import SIGNALLED
+from robosim.support.run_folder import check_folder, run_folder
 
-#: A pipe has no width; tables should not be cut for it.
-console = Console(width=None if sys.stdout.isatty() else 150)
+#: A pipe has no width; tables should not be cut for it. Names from outside are printed as they are, so that nothing in
+#: brackets is taken for markup, nor :smile: for a picture; what is to be bold says so by its style.
+console = Console(width=None if sys.stdout.isatty() else 150, markup=False, emoji=False)
+
+
+#: More processes than this are a slip of the finger.
+MOST_WORKERS = 1024
 
 
 def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:
-        values = tuple(float(word) for word in words[0].split(","))
-        if not least <= len(values) <= most or not np.isfinite(values).all():
-            raise ValueError(f"expected {metavar}, finite numbers with commas and no spaces")
+        try:
+            values = tuple(float(word) for word in words[0].split(","))
+        except ValueError:
+            values = ()
+        if not (least <= len(values) <= most and all(abs(value) <= FARTHEST for value in values)):
+            raise ValueError(
+                f"{shown(words[0])}, expected {metavar}: numbers up to {FARTHEST:g} with commas and no spaces"
+            )
         return values
 
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=metavar,
         instance_from_str=parse,
-        is_instance=lambda value: isinstance(value, tuple),
-        str_from_instance=lambda value: [",".join(f"{v:g}" for v in value)],
+        is_instance=lambda value: value is None or isinstance(value, tuple),
+        str_from_instance=lambda value: ["None" if value is None else ",".join(f"{v:g}" for v in value)],
     )
 
 
-XY = Annotated[tuple[float, ...], _numbers(2, 2, "X,Y")]
-Place = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
-Pose = Annotated[tuple[float, ...], _numbers(3, 3, "X,Y,YAW")]
+# None stands inside: of a union tyro would tell all that each part of it was tried with.
+XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
+Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
+Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
+#: One of several places.
+OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +71,14 @@ class PlanOptions:
     """Axis of a mesh that points up; auto goes by its format and floors."""
     unit: float = 1.0
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            resolution=(0.001, 10, "m, the side of a cell"),
+            floor_height=(-1e5, 1e5, "m"),
+            unit=(1e-9, 1e6, "m"),
+        )
 
 
 #: For plans that say everything themselves.
@@ -71,19 +98,70 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     )
 
 
-def folder_for(out: Path | None, verb: str) -> Path:
-    """The folder asked for, or a new one under runs/ named by the time and the command.
+@dataclass(frozen=True, kw_only=True)
+class WorkOptions:
+    """Who does the work."""
+
+    workers: int | None = None
+    """Processes at once; one on each available core if not given. No result depends on it."""
+    cluster: str | None = None
+    """Address of a dask scheduler whose workers do it instead; needs robosim[cluster]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, workers=(1, MOST_WORKERS, "processes"))
+
+    @property
+    def count(self) -> int:
+        """Processes on this machine."""
+        return self.workers or len(os.sched_getaffinity(0))
+
+
+def check_threads(threads: int | None, name: str = "workers") -> None:
+    """See that a number of threads is one, if it is given.
 
     Raises:
-        ValueError: If it cannot be made or written to: said before the work rather than after it.
+        ValueError: If it is not.
     """
-    folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{verb}"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(
-            f"out is {str(folder)!r}, which cannot be a folder ({error.strerror}). Choose another."
-        ) from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise ValueError(f"out is {str(folder)!r}, a folder that you may not write to. Choose another.")
+    if threads is not None:
+        check_number(name, threads, 1, MOST_WORKERS, "threads", whole=True)
+
+
+#: One process on each core.
+ALL_CORES = WorkOptions()
+
+
+def folder_for(out: Path | None, command: str) -> Path:
+    """The folder asked for, or a new one under runs/ named by the time and the command. It is not made yet.
+
+    Args:
+        out: What was asked for.
+        command: What will write there, such as "bench render".
+
+    Raises:
+        FolderError: If it cannot be written to, or holds the results of another command: said before the work
+            rather than after it.
+    """
+    folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{command.replace(' ', '-')}"
+    check_folder(folder, command)
     return folder
+
+
+@contextmanager
+def results_in(out: Path | None, command: str) -> Iterator[Path]:
+    """The same folder, made and claimed as long as the block lasts."""
+    with run_folder(folder_for(out, command), command) as folder:
+        yield folder
+
+
+@contextmanager
+def going_on(folder: Path) -> Iterator[None]:
+    """Say how to go on if the work in the block is interrupted."""
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as error:
+        if isinstance(error, KeyboardInterrupt) or error.code == SIGNALLED + signal.SIGTERM:
+            console.print(
+                f"Interrupted; what was finished is kept. Go on with the same command and --out {quote(str(folder))}",
+                soft_wrap=True,
+            )
+        raise

@@ -1,27 +1,40 @@
 """`robosim trace`."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 import tyro
+from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.terminal import NO_OPTIONS, Place, PlanOptions, console, folder_for, read
+from robosim.commands.terminal import (
+    ALL_CORES,
+    NO_OPTIONS,
+    OnePlace,
+    Place,
+    PlanOptions,
+    WorkOptions,
+    console,
+    folder_for,
+    going_on,
+    read,
+)
 
 
 def trace(
     plan: Positional[str],
     *,
-    tx: Annotated[tuple[Place, ...], tyro.conf.UseAppendAction],
+    tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
     grid: float | None = None,
-    rx: Place | None = None,
+    rx: Place = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     tolerance: float = 0.0,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     plots: bool = True,
-    workers: int | None = None,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Trace radio paths from transmitters to receivers all over a floor plan.
@@ -43,22 +56,24 @@ def trace(
         radio: Which paths are traced.
         reading: How to read the plan, where it does not say.
         plots: Whether to draw pictures.
-        workers: Threads to trace in; one on each core if not given. The results do not depend on it.
+        work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    import sys
-
-    from robosim.trace import trace_link, trace_plan
+    from robosim.receivers import check_step
+    from robosim.trace import check_terminals, trace_link, trace_plan
 
     config = radio.config(tolerance, polarisation)
+    check_terminals(tx, rx, config.height_m)
+    check_step(0.15 if grid is None else grid)
+    alone = grid is None and rx is not None
+    folder = folder_for(out, "trace --rx" if alone else "trace")
     floor_plan = read(plan, reading)
-    folder = folder_for(out, "trace")
-    if grid is None and rx is not None:
+    if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         console.print(f"{len(paths)} paths from {len(tx)} transmitter(s) to the receiver")
         console.print(f"Wrote paths.parquet and rays_tx1.png in {folder}")
         return
-    try:
+    with going_on(folder):
         result = trace_plan(
             floor_plan,
             config,
@@ -67,18 +82,15 @@ def trace(
             grid_m=0.15 if grid is None else grid,
             rx=rx,
             plots=plots,
-            workers=workers,
+            workers=work.count,
+            cluster=work.cluster,
             console=console,
         )
-    except KeyboardInterrupt:
-        console.print(f"Interrupted; what was traced is kept. Go on with the same command and --out {folder}")
-        sys.exit(130)
     timing, states = result["timing"], result["states"]
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items())
-    console.print(
-        f"[bold]{result['links']} links[/]: {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s "
-        f"({timing['links_per_s']:.0f} links/s)"
-    )
+    told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
+    console.print(Text.assemble((f"{result['links']} links", "bold"), told))
     drawn = ", *.png" if plots else ""
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
-    console.print(f"Next: cd {folder}; python -c \"import deepmimo; deepmimo.load('{result['deepmimo']}')\"")
+    load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
+    console.print(f'Next: cd {quote(str(folder))}; python -c "{load}"', soft_wrap=True)

@@ -1,9 +1,13 @@
 """`robosim train`."""
 
 from pathlib import Path
+from shlex import quote
 from typing import Literal
 
-from robosim.commands.terminal import console, folder_for
+from tyro.conf import OmitArgPrefixes
+
+from robosim.commands.terminal import ALL_CORES, WorkOptions, check_threads, console, folder_for, going_on
+from robosim.support.checks import check_number
 
 
 def link_state(
@@ -20,7 +24,7 @@ def link_state(
     folds: int = 3,
     of: int = 3,
     seed: int = 0,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
     """Train a classifier of link states on public measurements (mmwRobotNav) or a data set, and score it.
@@ -46,16 +50,15 @@ def link_state(
         folds: Folds to hold out, one after the other; 0 trains on all buildings only.
         of: Folds that the buildings are dealt into.
         seed: Seed of the first network.
-        workers: Processes, of one thread each.
+        work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    if folds < 0 or folds > of:
-        raise ValueError(f"folds is {folds}, expected 0 to {of}, the number of folds that there are.")
-    if homes is not None and homes < 0:
-        raise ValueError(f"homes is {homes}, expected 0 or more.")
-    for name, value in (("workers", workers), ("members", members)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}, expected at least 1.")
+    check_number("of", of, 1, 1000, "folds", whole=True)
+    check_number("folds", folds, 0, of, "of them, the number of --of", whole=True)
+    check_number("homes", 0 if homes is None else homes, 0, 100_000, whole=True)
+    check_number("members", members, 1, 100, "networks", whole=True)
+    if test is not None and not test.is_dir():
+        raise ValueError(f"test is {str(test)!r}, which is no folder. Give one like --data.")
     from dataclasses import replace
 
     from robosim.link_training import train_link_state
@@ -76,20 +79,22 @@ def link_state(
         f"robosim train link-state --data {data.name} --model {model} {flags} --epochs {epochs} "
         f"--members {members} --homes {homes} --folds {folds} --of {of} --seed {seed}"
     )
-    folder = folder_for(out, "train-link-state")
-    card = train_link_state(
-        data,
-        folder,
-        replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
-        test=test,
-        folds=folds,
-        of=of,
-        members=members,
-        homes=homes,
-        workers=workers,
-        command=command,
-        console=console,
-    )
+    folder = folder_for(out, "train link-state")
+    with going_on(folder):
+        card = train_link_state(
+            data,
+            folder,
+            replace(recipe, inputs=inputs, seed=seed, epochs=epochs),
+            test=test,
+            folds=folds,
+            of=of,
+            members=members,
+            homes=homes,
+            workers=work.count,
+            cluster=work.cluster,
+            command=command,
+            console=console,
+        )
     console.print(f"Wrote the classifier, its card and pictures in {folder}")
     if test is not None:
         last = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
@@ -128,23 +133,21 @@ def mapper(
         smoke: A run of a minute or two that shows that all works: few frames, few steps.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    for name, value in (("threads", threads), ("steps", steps)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}, expected at least 1.")
+    check_threads(threads, "threads")
     from robosim.mapper_training import smoke_frames, train_mapper
     from slam.mapper.network import NetworkConfig
     from slam.mapper.training import Recipe
 
-    folder = folder_for(out, "train-mapper")
-    if smoke:
-        steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
-    if data is None:
-        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    steps = min(steps, 60) if smoke else steps
     recipe = Recipe(
         network=NetworkConfig(widths=widths), steps=steps, batch=batch, seed=seed, every=20 if smoke else 250
     )
+    _check_data(data, smoke)
+    folder = folder_for(out, "train mapper")
+    data = data or smoke_frames(folder / "frames", console)
     told = f"robosim train mapper --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
-    card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
+    with going_on(folder):
+        card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
         console.print(
             f"{name:>14}: IoU of obstacles seen {score['iou_seen']:.3f}, hidden {score['iou_hidden']:.3f}, of hidden "
@@ -153,7 +156,9 @@ def mapper(
             highlight=False,
         )
     console.print(f"Wrote the mapper, its card and curves in {folder}")
-    console.print(f"Next: robosim episode flat --goal explore --mapper {folder / 'mapper.safetensors'}")
+    console.print(
+        f"Next: robosim episode flat --goal explore --mapper {quote(str(folder / 'mapper.safetensors'))}"
+    )
 
 
 def pose(
@@ -182,19 +187,16 @@ def pose(
         smoke: A run of less than a minute that shows that all works: few frames, few steps.
         out: Folder for the results; a new one under runs/ if not given.
     """
-    for name, value in (("threads", threads), ("steps", steps)):
-        if value < 1:
-            raise ValueError(f"{name} is {value}, expected at least 1.")
+    check_threads(threads, "threads")
     from robosim.mapper_training import smoke_frames
     from robosim.pose_training import train_pose_network
     from slam.mapper.pose_training import PoseRecipe
 
-    folder = folder_for(out, "train-pose")
-    if smoke:
-        steps, data = min(steps, 60), data or smoke_frames(folder / "frames", console)
-    if data is None:
-        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    steps = min(steps, 60) if smoke else steps
     recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)
+    _check_data(data, smoke)
+    folder = folder_for(out, "train pose")
+    data = data or smoke_frames(folder / "frames", console)
     told = f"robosim train pose --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
     card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=told)
     score = card["validation"]
@@ -205,3 +207,11 @@ def pose(
         highlight=False,
     )
     console.print(f"Wrote the network of the pose and its card in {folder}")
+
+
+def _check_data(data: Path | None, smoke: bool) -> None:
+    """See that there are frames to learn from, or that some are to be collected."""
+    if data is None and not smoke:
+        raise ValueError("data is missing: give a folder of frames (`robosim collect`), or --smoke to try.")
+    if data is not None and not data.is_dir():
+        raise ValueError(f"data is {str(data)!r}, which is no folder. Make one with `robosim collect`.")

@@ -2,7 +2,9 @@
 
 from pathlib import Path
 
-from robosim.commands.terminal import console, folder_for
+from tyro.conf import OmitArgPrefixes
+
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
 
 
 def explorer(
@@ -12,7 +14,7 @@ def explorer(
     decisions: int = 300,
     held_out: int = 40,
     seed: int = 0,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
@@ -31,12 +33,10 @@ def explorer(
         decisions: Decisions of a walk.
         held_out: Homes to choose the best weights by, and as many to compare in the end.
         seed: Seed of homes, starts, weights and choices.
-        workers: Processes that walk.
+        work: Who does the work.
         smoke: A run of a minute that shows that all works: two rounds of few, short walks.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least 1.")
     from robosim.explorer_training import ExplorerRecipe, train_explorer
 
     if smoke:
@@ -49,12 +49,15 @@ def explorer(
     recipe = ExplorerRecipe(
         rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, every=1 if smoke else 5, seed=seed
     )
-    folder = folder_for(out, "train-explorer")
+    folder = folder_for(out, "train explorer")
     told = (
         f"robosim train explorer --rounds {rounds} --homes {homes} --decisions {decisions} --held-out {held_out} "
         f"--seed {seed}"
     )
-    card = train_explorer(folder, recipe, workers=workers, console=console, about=told)
+    with going_on(folder):
+        card = train_explorer(
+            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
+        )
     for rating, mean in card["mean_coverage"].items():
         console.print(f"{rating:>10}: {mean:.4f} of the floor seen on average over a walk", highlight=False)
     console.print(f"Wrote the explorer, its card and curve in {folder}")
@@ -66,7 +69,7 @@ def steering(
     homes: int = 60,
     held_out: int = 60,
     seed: int = 0,
-    workers: int = 2,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
@@ -82,12 +85,10 @@ def steering(
         homes: Homes of a round, a drive to one target in each.
         held_out: Homes for the comparison in the end.
         seed: Seed of homes, targets, noise and weights.
-        workers: Processes that drive.
+        work: Who does the work.
         smoke: A run of a minute that shows that all works: two rounds of a few short drives.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    if workers < 1:
-        raise ValueError(f"workers is {workers}, expected at least 1.")
     from dataclasses import replace
 
     from robosim.steering_training import SteeringRecipe, train_steering
@@ -97,9 +98,12 @@ def steering(
     recipe = SteeringRecipe(rounds=rounds, homes=homes, held_out=held_out, seed=seed)
     if smoke:
         recipe = replace(recipe, epochs=2, max_steps=15)
-    folder = folder_for(out, "train-steering")
+    folder = folder_for(out, "train steering")
     told = f"robosim train steering --rounds {rounds} --homes {homes} --held-out {held_out} --seed {seed}"
-    card = train_steering(folder, recipe, workers=workers, console=console, about=told)
+    with going_on(folder):
+        card = train_steering(
+            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
+        )
     for name, mean in card["mean_of_drives"].items():
         console.print(
             f"{name:>10}: {100 * mean['arrived']:.1f} % arrived, {mean['steps']:.1f} decisions and {mean['bumps']:.2f} "

@@ -79,6 +79,7 @@ def episode_picture(building: Building, episode: Episode) -> Figure:
         f"{row['plan']} {row['task']}, {row['policy']}: {row['ended']} after {row['steps']} steps, "
         f"{row['final_distance_m']:.1f} m away (the way was {row['shortest_m']:.1f} m)",
         fontsize=9,
+        parse_math=False,
     )
     axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
     return figure

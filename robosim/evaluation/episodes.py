@@ -155,7 +155,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
         goals.append(np.array(decision.goal, float))
 
     log, estimate = run_episode(building, places, task, job.config, look, watch)
-    if log.ended == "interrupted":
+    if log.ended in ("interrupted", "terminated"):
         raise KeyboardInterrupt
     seconds = perf_counter() - begin
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)

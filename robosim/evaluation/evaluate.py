@@ -1,6 +1,6 @@
 """A whole evaluation: the suite, its episodes, their scores, and what is written of them.
 
-Below the folder: `suite.yaml` (what was searched), `manifest.json` (how), `episodes/` (each episode whole), and from
+Below the folder: `suite.yaml` (what was searched), `settings.json` (how), `episodes/` (each episode whole), and from
 these `episodes.parquet` (one row an episode), `timing.parquet` (its seconds; all else is the same for the same seed),
 `summary.json`, `report.html` and its pictures.
 """
@@ -13,17 +13,20 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.ablations import POLICIES, PolicyName
-from robosim.episode import EpisodeConfig, check_weights
+from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
-from robosim.evaluation.manifest import check_manifest, code_digest
+from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
 from robosim.evaluation.results import Evaluation, write_results
 from robosim.evaluation.scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
-from robosim.evaluation.sweep import in_parallel, sweep
+from robosim.evaluation.sweep import sweep
 from robosim.goals import SEEKERS
 from robosim.planfiles import find_plans
-from robosim.support.progress import tracked
+from robosim.support.checks import check_choice
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
 
 
 def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
@@ -33,8 +36,7 @@ def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
         ValueError: If there is none of that name.
     """
     for name in names:
-        if name not in POLICIES:
-            raise ValueError(f"policies: {name!r} is unknown. Known: {', '.join(POLICIES)}.")
+        check_choice("policies", name, POLICIES)
     return tuple(name for name in POLICIES if name in (names or SEEKERS))
 
 
@@ -45,6 +47,7 @@ def find_suite(
     targets: int | None,
     seed: int | None,
     workers: int,
+    cluster: str | None = None,
     console: Console,
 ) -> Suite:
     """The suite of a file, or tasks drawn in floor plans.
@@ -55,6 +58,7 @@ def find_suite(
         targets: Tasks of each plan, 10 if not given.
         seed: What they are drawn from, 0 if not given.
         workers: Processes at once.
+        cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
 
     Raises:
@@ -71,9 +75,14 @@ def find_suite(
     files = name_plans(list(dict.fromkeys(find_plans(plans))))
     radius_m = config.simulator.robot.radius_m
     calls = [(name, file, count, seed, config.building, radius_m) for name, file in files.items()]
-    drawing = in_parallel(draw_plan, calls, workers)
-    with tracked(drawing, "drawing tasks", console, len(calls)) as shown:
-        drawn = {tasks[0].plan: tasks for tasks in shown}
+    drawn = {}
+    with (
+        Workers(min(workers, len(calls) or 1), cluster, what="plans") as pool,
+        told_units(console, "plans", len(calls)) as tell,
+    ):
+        for _, tasks in pool.run(draw_plan, calls):
+            drawn[tasks[0].plan] = tasks
+            tell(tasks[0].plan)
     return Suite(plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed)
 
 
@@ -103,35 +112,36 @@ def evaluate(
         options: What is typed after `robosim episode` for the same configuration.
 
     Raises:
-        ValueError: If the folder holds episodes of another configuration, weights cannot be read, or a task lies
-            outside of its plan.
+        FolderError: If the folder holds episodes of another configuration, or another process is at work in it.
+        WorkerLost: If a process was killed, when the others are done.
         MapError: If a plan cannot be read.
+        ValueError: If weights cannot be read, or a task lies outside of its plan.
     """
     check_weights(config)
     suite.check_places()
-    check_manifest(out, suite, config)
-    write_suite(suite, out / "suite.yaml")
     everyone: tuple[PolicyName, ...] = (
         "oracle",
         *(name for name in dict.fromkeys(policies) if name != "oracle"),
     )
     made_by = code_digest()
     jobs = make_jobs(suite, config, everyone, repeats, made_by)
-    errors = sweep(jobs, out, workers=workers, console=console, cluster=cluster)
-    kept = [(job, read_head(job.file(out))) for job in jobs if job.file(out).is_file()]
-    judged = {(job.task.plan, job.task.number) for job, _ in kept if job.policy == "oracle"}
-    kept = [(job, head) for job, head in kept if (job.task.plan, job.task.number) in judged]
-    rows = score([head.row for _, head in kept])
-    result = Evaluation(
-        jobs=[job for job, _ in kept],
-        rows=rows,
-        timing=[head.timing for _, head in kept],
-        summaries=summarise(rows),
-        errors=errors,
-        foreign=sum(head.made_by != made_by for _, head in kept),
-    )
-    if rows:
-        write_results(result, out, config=config, options=options, workers=workers, console=console)
+    with run_folder(out, "evaluate", settings_of(suite, config), grows=("plans", "tasks")):
+        write_suite(suite, out / "suite.yaml")
+        errors = sweep(jobs, out, workers=workers, console=console, cluster=cluster)
+        kept = [(job, read_head(job.file(out))) for job in jobs if job.file(out).is_file()]
+        judged = {(job.task.plan, job.task.number) for job, _ in kept if job.policy == "oracle"}
+        kept = [(job, head) for job, head in kept if (job.task.plan, job.task.number) in judged]
+        rows = score([head.row for _, head in kept])
+        result = Evaluation(
+            jobs=[job for job, _ in kept],
+            rows=rows,
+            timing=[head.timing for _, head in kept],
+            summaries=summarise(rows),
+            errors=errors,
+            foreign=sum(head.made_by != made_by for _, head in kept),
+        )
+        if rows:
+            write_results(result, out, config=config, options=options, workers=workers, console=console)
     return result
 
 

@@ -1,15 +1,14 @@
-"""What a folder of results was made of, so that a run goes on only with episodes of its own kind.
+"""What a folder of episodes was made of, so that a run goes on only with episodes of its own kind.
 
 Episodes depend on the plans, the tasks and the configuration. A run that differs in any of what the folder holds is
-refused; one that adds policies, repetitions, tasks or plans goes on. Code and versions of packages are kept with
-each episode: results of a mixture are told, not refused, since most changes of code change no result.
+refused (`robosim.support.run_folder`); one that adds policies, repetitions, tasks or plans goes on. Code and versions
+of packages are kept with each episode: results of a mixture are told, not refused, since most changes of code change
+no result.
 """
 
 import hashlib
 import importlib.metadata
 import json
-import os
-import reprlib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -22,20 +21,25 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
 from robosim.planfiles import read_plan
 from robosim.support.assets import assets_dir
-from robosim.support.files import plain, write_json
-from robosim.support.reading import FileError, read_bytes, reading, shown
-from robosim.support.text_in import MOST_JSON, check_object, parse_json
+from robosim.support.files import plain
+from robosim.support.reading import read_bytes
 
-_SHORT = reprlib.Repr()
-_SHORT.maxstring = _SHORT.maxother = 200
-_PACKAGES = ("robosim", "mujoco", "numpy", "scipy", "torch", "embreex", "pyrender", "opencv-python-headless")
+_PACKAGES = (
+    "robosim",
+    "mujoco",
+    "numpy",
+    "scipy",
+    "torch",
+    "embreex",
+    "pyrender",
+    "opencv-contrib-python-headless",
+)
 
 
-def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
-    """Compare with the folder's manifest if it has one, and write what both come to.
+def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
+    """All that the episodes of a folder depend on.
 
     Raises:
-        ValueError: If the folder holds episodes of another configuration, plan or task; the first difference is named.
         MapError: If a plan cannot be read.
     """
     episode = plain(asdict(config))
@@ -45,48 +49,12 @@ def check_manifest(out: Path, suite: Suite, config: EpisodeConfig) -> None:
         if isinstance(value, str) and value.endswith(".safetensors"):
             content = read_bytes(value, "weights of a network")
             episode[f"{name} content"] = hashlib.sha256(content).hexdigest()[:16]
-    new = {
+    return {
         "seed": suite.seed,
         "plans": {name: read_plan(file).digest() for name, file in suite.plans.items()},
         "tasks": {f"{t.plan}/{t.number}": [*t.start, *t.target] for t in suite.tasks},
-        "config_hash": hashlib.sha256(json.dumps(episode, sort_keys=True).encode()).hexdigest()[:16],
         "episode": episode,
     }
-    path = Path(out) / "manifest.json"
-    old = read_manifest(out) if os.path.lexists(path) else new
-    before, now = _flat(old), _flat(new)
-    # Plans and tasks may be added, or not be asked for this time; an option can be in one only by other code.
-    both = [
-        key
-        for key in sorted(before.keys() | now.keys())
-        if key != "config_hash" and (key.startswith("episode.") or (key in before and key in now))
-    ]
-    different = [key for key in both if before.get(key) != now.get(key)]
-    if different:
-        key = different[0]
-        more = f", and {len(different) - 1} more" if len(different) > 1 else ""
-        raise FileError(
-            f"{shown(path)}: the folder holds episodes with {key} = {_SHORT.repr(before.get(key))}, this run has "
-            f"{_SHORT.repr(now.get(key))}{more}. Choose another --out, or give the same options and plans."
-        )
-    for kind in ("plans", "tasks"):
-        new[kind] = {**old[kind], **new[kind]}
-    write_json(path, new)
-
-
-def read_manifest(out: Path) -> dict[str, Any]:
-    """What the folder of an evaluation was made of.
-
-    Raises:
-        FileError: If its manifest is missing or damaged.
-    """
-    path = Path(out) / "manifest.json"
-    remedy = "Choose another --out, or delete the folder to run all of it anew."
-    with reading(path, "the manifest of an evaluation", remedy, most_bytes=MOST_JSON) as file:
-        manifest = check_object(parse_json(file.read()), ("plans", "tasks", "episode"))
-        for kind in ("plans", "tasks", "episode"):
-            check_object(manifest[kind])
-        return manifest
 
 
 def code_digest() -> str:

@@ -25,11 +25,12 @@ from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart,
 from robosim.evaluation.episodes import Job, read_episode, scene
 from robosim.evaluation.report import FailedEpisode, Page, write_report
 from robosim.evaluation.scores import Summary
-from robosim.evaluation.sweep import Failure, in_parallel
+from robosim.evaluation.sweep import Failure
 from robosim.plots import save_figure
 from robosim.support.assets import shipped_plans
-from robosim.support.files import plain, whole_file, write_json
-from robosim.support.progress import tracked
+from robosim.support.files import plain, whole_file, write_json, write_whole
+from robosim.support.progress import told_units
+from robosim.support.workers import Workers
 
 #: Episodes without arrival that the page shows with their pictures; all are listed.
 _PICTURES = 60
@@ -150,10 +151,15 @@ def _draw_failed(
     for job, _ in failed[:_PICTURES]:
         by_plan.setdefault(job.plan_file, []).append(job)
     drawn: dict[str, Path] = {}
-    drawing = in_parallel(_draw, [(own, out) for own in by_plan.values()], workers)
-    with tracked(drawing, "drawing failures", console, len(by_plan)) as shown:
-        for some in shown:
-            drawn.update(some)
+    with (
+        Workers(min(workers, len(by_plan) or 1), what="pictures") as pool,
+        told_units(console, "plans with failures", len(by_plan)) as tell,
+    ):
+        for _, pictures in pool.run(_draw, [(own, out) for own in by_plan.values()]):
+            for name, content in pictures.items():
+                drawn[name] = out / "failures" / f"{name.replace('/', '-')}.png"
+                write_whole(drawn[name], content)
+            tell("")
     return [
         FailedEpisode(
             job.name,
@@ -166,25 +172,21 @@ def _draw_failed(
     ]
 
 
-def _draw(jobs: list[Job], out: Path) -> dict[str, Path]:
+def _draw(jobs: list[Job], out: Path) -> dict[str, bytes]:
+    """Pictures of episodes of one plan, by their names."""
     config: BuildingConfig = jobs[0].config.building
     building, _ = scene(jobs[0].plan_file, config, jobs[0].config.simulator.robot.radius_m)
-    paths = {}
-    for job in jobs:
-        path = out / "failures" / f"{job.name.replace('/', '-')}.png"
-        _save_small(episode_picture(building, read_episode(job.file(out))), path)
-        paths[job.name] = path
-    return paths
+    return {job.name: _small(episode_picture(building, read_episode(job.file(out)))) for job in jobs}
 
 
-def _save_small(figure: Figure, path: Path) -> None:
-    """Write a picture in few colours, since a page may hold many."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=70)
+def _small(figure: Figure) -> bytes:
+    """A picture in few colours, since a page may hold many."""
+    drawn, small = io.BytesIO(), io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=70)
     plt.close(figure)
-    few = Image.open(buffer).convert("RGB").quantize(192, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
-    with whole_file(path) as partial:
-        few.save(partial, optimize=True)
+    few = Image.open(drawn).convert("RGB").quantize(192, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
+    few.save(small, format="png", optimize=True)
+    return small.getvalue()
 
 
 def _means(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -24,7 +24,6 @@ from robosim.building import Building, BuildingConfig, make_building
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
-from robosim.evaluation.manifest import read_manifest
 from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import read_suite
@@ -34,6 +33,7 @@ from robosim.picture import STATE_COLOURS
 from robosim.planfiles import read_plan
 from robosim.plots import TARGET, TRUE, draw_walls, save_figure
 from robosim.support.reading import FileError, naming, shown
+from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
 from robosim.tasks import ARRIVAL_M
 from wireless.paths import LinkState
@@ -259,7 +259,9 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
     axes.add_patch(plt.Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
-        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps", fontsize=10
+        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",
+        fontsize=10,
+        parse_math=False,
     )
 
 
@@ -280,10 +282,10 @@ def _plans(results: Path) -> Mapping[str, Path]:
 
 def _scenes(results: Path) -> tuple[BuildingConfig, float]:
     """How plans became buildings, and the radius of the robot [m]."""
-    manifest = read_manifest(results)
-    with naming(results / "manifest.json", "the manifest of an evaluation"):
-        building = check_object(manifest["episode"]["building"])
-        radius_m = manifest["episode"]["simulator"]["robot"]["radius_m"]
+    settings = read_settings(results, "evaluate")
+    with naming(results / SETTINGS, "the settings of an evaluation"):
+        building = check_object(settings["episode"]["building"])
+        radius_m = settings["episode"]["simulator"]["robot"]["radius_m"]
         if not (is_number(radius_m) and 0 < radius_m < _WIDEST_M):
             raise ValueError(f"the robot's radius is {radius_m!r}")
         return BuildingConfig(**building), float(radius_m)

@@ -36,6 +36,8 @@ from robosim.support.reading import FileError, expanded, read_bytes, reading, sh
 from robosim.support.text_in import MOST_JSON, MOST_YAML, check_object, parse_json, parse_yaml
 from robosim.tasks import make_task
 
+#: Endings of suite files.
+SUFFIXES = (".yaml", ".yml", ".json")
 #: Decimals that places are kept with: 0.1 mm and 0.01 degrees.
 _PLACE_DECIMALS, _YAW_DECIMALS = 4, 2
 _WHAT = "a suite of searches"
@@ -138,7 +140,7 @@ def name_plans(files: Sequence[Path]) -> dict[str, Path]:
 def is_suite(path: str | Path) -> bool:
     """Whether a file is a suite rather than a floor plan: YAML or JSON with a list of tasks."""
     path = expanded(path)
-    if path.suffix.lower() not in (".yaml", ".yml", ".json"):
+    if path.suffix.lower() not in SUFFIXES:
         return False
     try:
         return _TASKS.search(read_bytes(path, _WHAT, most_bytes=MOST_JSON)) is not None

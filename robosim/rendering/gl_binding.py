@@ -2,7 +2,10 @@
 
 pyrender draws through PyOpenGL, and PyOpenGL binds itself to one system for the life of a process, when it is
 first imported. `bind_opengl` chooses, before pyrender or OpenGL is imported. MuJoCo's renderer works beside it
-when set to the same system (MUJOCO_GL=osmesa).
+when set to the same system (MUJOCO_GL=osmesa or egl).
+
+No display is needed, but pyrender and PyOpenGL would ask for what belongs to one: pyrender imports its viewer, that
+pyglet, and that libGL and X. `keep_x_out` leaves the viewer out.
 
 Mesa's software renderer is kept from starting threads (LP_NUM_THREADS=0, unless set already): pictures of 128 by
 128 gain next to nothing from them (two threads on two idle cores: 2 %; at 256 by 256 a fifth), and a process that is
@@ -10,19 +13,15 @@ forked while they run would wait for them forever.
 """
 
 import ctypes
-import functools
 import os
 import sys
-from typing import Literal
+from types import ModuleType
+from typing import Any
 
-GLSystem = Literal["osmesa", "egl"]
+from robosim.rendering.gl_libraries import SYSTEM_NAMES, GLSystem, OpenGLError, missing
 
-_OSMESA_LIBRARIES = ("libOSMesa.so.8", "libOSMesa.so.6", "libOSMesa.so")
 _PYOPENGL_NAMES: dict[str, GLSystem] = {"OSMesaPlatform": "osmesa", "EGLPlatform": "egl"}
-_INSTALL_OSMESA = (
-    "Install OSMesa (Debian, Ubuntu: apt-get install libosmesa6), or draw by ray casting, which needs no OpenGL "
-    '(backend="embree").'
-)
+_WITHOUT_OPENGL = 'or draw by ray casting, which needs no OpenGL: backend="embree" (--camera embree)'
 
 
 def bind_opengl(system: GLSystem | None = None) -> GLSystem:
@@ -35,65 +34,75 @@ def bind_opengl(system: GLSystem | None = None) -> GLSystem:
     Raises:
         ValueError: If there is no system of that name.
         RuntimeError: If the process is bound to another one already.
-        OSError: If its library is not installed.
+        OpenGLError: If its libraries are not installed; an OSError.
     """
-    if system not in (None, "osmesa", "egl"):
+    if system not in (None, *SYSTEM_NAMES):
         raise ValueError(f"OpenGL platform is {system!r}, expected 'osmesa' or 'egl'.")
     os.environ.setdefault("LP_NUM_THREADS", "0")
+    keep_x_out()
     bound = _bound_system()
-    if bound is not None:
-        if system not in (None, bound):
-            raise RuntimeError(
-                f"OpenGL platform is {system!r}, but this process already uses {bound!r}, and PyOpenGL serves "
-                f"only one. Draw with {system!r} in a process of its own."
-            )
-        if bound == "osmesa":
-            _name_contexts_by_address()
-        return bound
-    chosen = system or _default_system()
-    if chosen == "osmesa":
-        load_osmesa()
-    os.environ["PYOPENGL_PLATFORM"] = chosen
-    try:
+    if bound is None:
+        bound = system or default_system()
+        if lack := missing(bound):
+            raise OpenGLError(lack.trouble, f"{lack.remedy}; {_WITHOUT_OPENGL}")
+        os.environ["PYOPENGL_PLATFORM"] = bound
         import OpenGL.platform  # noqa: F401
-    except ImportError as error:
-        package = {"osmesa": "libosmesa6", "egl": "libegl1 libopengl0"}[chosen]
-        raise OSError(f"PyOpenGL cannot use {chosen}: {error}. Try apt-get install {package}.") from error
-    if chosen == "osmesa":
+    elif system not in (None, bound):
+        raise RuntimeError(
+            f"OpenGL platform is {system!r}, but this process already uses {bound!r}, and PyOpenGL serves "
+            f"only one. Draw with {system!r} in a process of its own."
+        )
+    if bound == "osmesa":
         _name_contexts_by_address()
-    return chosen
+    else:
+        complete_egl()
+    return bound
 
 
-@functools.cache
-def load_osmesa() -> ctypes.CDLL:
-    """The OSMesa library, its functions declared.
+def default_system() -> GLSystem:
+    """The system that a process takes which has not been told one.
 
     Raises:
-        OSError: If there is none; the message says what to install.
+        OpenGLError: If PYOPENGL_PLATFORM asks for one that is not installed, or none is; an OSError.
     """
-    for name in _OSMESA_LIBRARIES:
-        try:
-            library = ctypes.CDLL(name, mode=ctypes.RTLD_GLOBAL)
-        except OSError:
-            continue
-        if hasattr(library, "OSMesaCreateContextAttribs"):
-            return _declare(library)
-    raise OSError(f"OSMesa is not installed, or is older than Mesa 12. {_INSTALL_OSMESA}")
+    wanted = os.environ.get("PYOPENGL_PLATFORM", "").lower()
+    for system in SYSTEM_NAMES:
+        if wanted == system:
+            if lack := missing(system):
+                trouble = f"PYOPENGL_PLATFORM={wanted}, but {lack.trouble}"
+                raise OpenGLError(trouble, f"{lack.remedy}; or unset PYOPENGL_PLATFORM; {_WITHOUT_OPENGL}")
+            return system
+    lacks = []
+    for system in SYSTEM_NAMES:
+        lack = missing(system)
+        if not lack:
+            return system
+        lacks.append(lack)
+    trouble, remedy = " ".join(lack.trouble for lack in lacks), " or ".join(lack.remedy for lack in lacks)
+    raise OpenGLError(trouble, f"{remedy}; {_WITHOUT_OPENGL}")
 
 
-def _declare(library: ctypes.CDLL) -> ctypes.CDLL:
-    c_int, pointer = ctypes.c_int, ctypes.c_void_p
-    for name, result, *arguments in (
-        ("OSMesaCreateContextAttribs", pointer, ctypes.POINTER(c_int), pointer),
-        ("OSMesaMakeCurrent", ctypes.c_ubyte, pointer, pointer, ctypes.c_uint, c_int, c_int),
-        ("OSMesaDestroyContext", None, pointer),
-        ("OSMesaPixelStore", None, c_int, c_int),
-        ("OSMesaGetProcAddress", pointer, ctypes.c_char_p),
-        ("OSMesaGetDepthBuffer", ctypes.c_ubyte, pointer, pointer, pointer, pointer, pointer),
-    ):
-        function = getattr(library, name)
-        function.restype, function.argtypes = result, arguments
-    return library
+def keep_x_out() -> None:
+    """Let pyrender and PyOpenGL, where they are yet to be imported, do without a display's libraries."""
+    if "pyrender" not in sys.modules:
+        stand_in: Any = ModuleType("pyrender.viewer", "Stands for pyrender's viewer, which needs a display.")
+        stand_in.Viewer = _NoViewer
+        sys.modules.setdefault("pyrender.viewer", stand_in)
+    if "OpenGL.platform" not in sys.modules:
+        from OpenGL.plugins import PlatformPlugin
+
+        for name, system in _PYOPENGL_NAMES.items():
+            PlatformPlugin.by_name(system).import_path = f"robosim.rendering.pyopengl_systems.{name}"
+
+
+class _NoViewer:
+    """What `pyrender.Viewer` is after `keep_x_out`."""
+
+    def __init__(self, *arguments: object, **options: object) -> None:
+        raise RuntimeError(
+            "pyrender.Viewer is left out, since it needs a display. To use it in this process, import pyrender "
+            "before the first camera is made."
+        )
 
 
 def _name_contexts_by_address() -> None:
@@ -124,6 +133,23 @@ def _name_contexts_by_address() -> None:
     OpenGL.platform.GetCurrentContext.restype = ContextKey
 
 
+def complete_egl() -> None:
+    """Give PyOpenGL 3.1.0 what later versions have of EGL.
+
+    That is the type of EGL's devices, which MuJoCo's renderer asks for, and a prefix of extensions that is compared
+    with other byte strings: without it, to ask for an extension of OpenGL that is not there ends in a TypeError.
+    """
+    from OpenGL import EGL
+    from OpenGL._opaque import opaque_pointer_cls
+    from OpenGL.raw.EGL._types import EGLQuerier
+
+    if not hasattr(EGL, "EGLDeviceEXT"):
+        EGL.EGLDeviceEXT = opaque_pointer_cls("EGLDeviceEXT")
+    if isinstance(EGLQuerier.prefix, str):
+        EGLQuerier.prefix = EGLQuerier.prefix.encode()
+        EGLQuerier.version_prefix = EGLQuerier.version_prefix.encode()
+
+
 def _bound_system() -> GLSystem | None:
     """The system that PyOpenGL serves in this process already; None if it has not been imported."""
     loaded = sys.modules.get("OpenGL.platform")
@@ -136,20 +162,3 @@ def _bound_system() -> GLSystem | None:
             "before importing what draws on a display, or set PYOPENGL_PLATFORM=osmesa before Python starts."
         )
     return _PYOPENGL_NAMES[name]
-
-
-def _default_system() -> GLSystem:
-    wanted = os.environ.get("PYOPENGL_PLATFORM", "").lower()
-    if wanted == "egl":
-        return "egl"
-    if wanted == "osmesa":
-        return "osmesa"
-    try:
-        load_osmesa()
-    except OSError:
-        try:
-            ctypes.CDLL("libEGL.so.1")
-        except OSError:
-            raise OSError(f"Neither OSMesa nor EGL is installed. {_INSTALL_OSMESA}") from None
-        return "egl"
-    return "osmesa"

@@ -7,6 +7,8 @@ needs for a small frame. These go straight to the driver: arguments are plain nu
 import ctypes
 from collections.abc import Callable
 
+from robosim.rendering.gl_libraries import OpenGLError
+
 DEPTH_BUFFER_BIT, COLOR_BUFFER_BIT = 0x0100, 0x4000
 TRIANGLES = 0x0004
 GREATER = 0x0204
@@ -32,13 +34,13 @@ class GLCalls:
             procedure: Gives the address of a function by its name.
 
         Raises:
-            OSError: If the driver lacks one.
+            OpenGLError: If the driver lacks one.
         """
 
         def find(name: str, *arguments: type, result: type | None = None) -> Callable[..., int | None]:
             address = procedure(name)
             if not address:
-                raise OSError(f"The OpenGL driver has no {name}. Install a newer Mesa (17 or later).")
+                raise OpenGLError(f"The OpenGL driver has no {name}.", "install Mesa 17 or later")
             return ctypes.CFUNCTYPE(result, *arguments)(address)
 
         self.bind_framebuffer = find("glBindFramebuffer", _ENUM, _ENUM)

@@ -14,8 +14,8 @@ import numpy as np
 from jaxtyping import Integer, UInt8
 
 from robosim.rendering import gl_calls as gl
-from robosim.rendering.gl_binding import load_osmesa
 from robosim.rendering.gl_calls import GLCalls
+from robosim.rendering.gl_libraries import OpenGLError, load_osmesa
 
 #: Depth buffers have 24 bits: their codes go from 0 to this.
 MAX_DEPTH_CODE = 2**24 - 1
@@ -35,6 +35,9 @@ class OSMesaPlatform:
 
     One thread may use it at a time; frames make it current and then let it go.
     """
+
+    frame = 0
+    """OpenGL's name of the frame buffer that pictures are drawn into."""
 
     def __init__(self, viewport_width: int, viewport_height: int) -> None:
         self.viewport_width = viewport_width
@@ -60,7 +63,7 @@ class OSMesaPlatform:
         attributes = [value for pair in wanted for value in pair]
         self._context = self._library.OSMesaCreateContextAttribs((ctypes.c_int * 11)(*attributes, 0), None)
         if not self._context:
-            raise OSError("OSMesa cannot make an OpenGL 3.3 context. Install a newer Mesa (17 or later).")
+            raise OpenGLError("OSMesa cannot make an OpenGL 3.3 context.", "install Mesa 17 or later")
         self.make_current()
         self._library.OSMesaPixelStore(_OSMESA_Y_UP, 0)  # first row on top
         self.calls = GLCalls(lambda name: self._library.OSMesaGetProcAddress(name.encode()))

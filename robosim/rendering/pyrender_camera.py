@@ -19,8 +19,9 @@ from jaxtyping import Float, Float32, Int32, UInt8
 from OpenGL import contextdata
 
 from robosim.camera import RGBD, CameraConfig
+from robosim.rendering import gl_calls as gl
 from robosim.rendering.flat_pass import FlatPass
-from robosim.rendering.gl_binding import GLSystem
+from robosim.rendering.gl_libraries import GLSystem
 from robosim.rendering.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
 from robosim.rendering.scenery import Scenery, merge
 from robosim.rendering.visibility import Parts, Visibility
@@ -45,7 +46,7 @@ class PyrenderCamera:
         self._least = np.float32(config.near_m * MAX_DEPTH_CODE / config.far_m)
         self.platform = _make_platform(system, config)
         self.platform.init_context()
-        self.renderer = pyrender.Renderer(config.width, config.height)
+        self.renderer = _SceneRenderer(self.platform)
         # Runs at the end of the process too, while the modules that it needs are still there.
         self._free = weakref.finalize(self, _free, self.platform, self.renderer)
         self._pass = FlatPass(self.scene, parts.counts, self.renderer, self.platform.calls)
@@ -151,6 +152,22 @@ class PyrenderCamera:
             return np.divide(self._unit, nearness, out=nearness), True
         seen = nearness >= self._least
         return np.divide(self._unit, nearness, out=np.zeros_like(nearness), where=seen), False
+
+
+class _SceneRenderer(pyrender.Renderer):
+    """pyrender's renderer, drawing into the platform's frame buffer wherever pyrender means the screen's, number 0.
+
+    On EGL there is no screen, and what is drawn to number 0 ends in an error.
+    """
+
+    def __init__(self, platform: Any) -> None:
+        super().__init__(platform.viewport_width, platform.viewport_height)
+        self._platform = platform
+
+    def _configure_forward_pass_viewport(self, flags: int) -> None:
+        super()._configure_forward_pass_viewport(flags)
+        if not flags & pyrender.RenderFlags.OFFSCREEN:
+            self._platform.calls.bind_framebuffer(gl.FRAMEBUFFER, self._platform.frame)
 
 
 def _make_scene(scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig) -> pyrender.Scene:

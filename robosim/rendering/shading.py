@@ -32,6 +32,7 @@ from scipy.spatial import cKDTree
 from robosim.building import Building
 from robosim.extrusion import CEILING, FLOOR, FURNITURE, WALL
 from robosim.rendering.tessellation import Patches, tessellate
+from robosim.support.checks import check_numbers
 
 _SKIRTING_M = 0.10
 _STAIRS_M = 0.30
@@ -57,12 +58,7 @@ class ShadingConfig:
     """Rays from each vertex."""
 
     def __post_init__(self) -> None:
-        if not 0.05 <= self.step_m <= 100:
-            raise ValueError(f"step_m is {self.step_m}, expected 0.05 to 100 metres.")
-        if not 0.01 <= self.range_m <= 100:
-            raise ValueError(f"range_m is {self.range_m}, expected 0.01 to 100 metres.")
-        if not 1 <= self.n_rays <= 10_000:
-            raise ValueError(f"n_rays is {self.n_rays}, expected 1 to 10000.")
+        check_numbers(self, step_m=(0.05, 100, "m"), range_m=(0.01, 100, "m"), n_rays=(1, 10_000, "rays"))
 
 
 @lru_cache(maxsize=1)

@@ -1,11 +1,20 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all.
 
+What is written first lies beside its place under a hidden name, `.NAME.partial-PID.SUFFIX`. It takes its own name when
+it is whole, and is removed if it does not become so. A process that is killed leaves it; whoever works in that
+folder next removes it (`robosim.support.run_folder`).
+"""
+
+import io
 import json
 import os
-from collections.abc import Iterator
+import shutil
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 
 @contextmanager
@@ -13,8 +22,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """A temporary path beside `path` to write to; it takes that name when the block ends without an error."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The suffix stays last, since writers of images and videos choose the format by it.
-    partial = path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
+    partial = partial_path(path)
     try:
         yield partial
         os.replace(partial, path)
@@ -22,10 +30,68 @@ def whole_file(path: Path) -> Iterator[Path]:
         partial.unlink(missing_ok=True)
 
 
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A temporary folder that takes the place of `path` when the block ends without an error."""
+    path = Path(path)
+    partial = partial_path(path)
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        yield partial
+        shutil.rmtree(path, ignore_errors=True)
+        os.replace(partial, path)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def partial_path(path: Path) -> Path:
+    """Where a file or folder lies as long as it is not whole."""
+    # The suffix stays last, since writers of images and videos choose the format by it.
+    return path.with_name(f".{path.stem}.partial-{os.getpid()}{path.suffix}")
+
+
+def remove_partials(folder: Path) -> None:
+    """Remove what processes that were killed have left in a folder and those below; no other may be at work there."""
+    for left in list(folder.rglob(".*.partial-*")):
+        if left.is_dir() and not left.is_symlink():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            left.unlink(missing_ok=True)
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file of some bytes."""
+    with whole_file(path) as partial:
+        partial.write_bytes(content)
+
+
+def write_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder, each whole, in their order.
+
+    Args:
+        folder: Where to.
+        files: Contents by names, which may have folders in them.
+    """
+    for name, content in files.items():
+        write_whole(folder / name, content)
+
+
 def write_json(path: Path, content: dict[str, Any]) -> None:
     """Write a dictionary as indented JSON; not-a-number becomes null, which all readers take."""
-    with whole_file(path) as partial:
-        partial.write_text(json.dumps(plain(content), indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    write_whole(path, json_bytes(content))
+
+
+def json_bytes(content: dict[str, Any]) -> bytes:
+    """A dictionary as indented JSON; not-a-number becomes null, which all readers take."""
+    return (json.dumps(plain(content), indent=2, allow_nan=False) + "\n").encode()
+
+
+def npz_bytes(arrays: Mapping[str, Any], *, compressed: bool = True) -> bytes:
+    """Arrays as a NumPy archive, the same bytes for the same arrays."""
+    buffer = io.BytesIO()
+    (np.savez_compressed if compressed else np.savez)(buffer, **arrays)
+    return buffer.getvalue()
 
 
 def plain(value: Any) -> Any:

@@ -1,39 +1,105 @@
-"""Ctrl-C that a loop asks for, rather than one that strikes anywhere in it.
+"""Signals that a loop asks for, rather than ones that strike anywhere in it.
 
 Python raises KeyboardInterrupt between any two instructions: in the middle of a step, which leaves half a log, or
-inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is only noted, and the loop ends
-where it is whole. A second one raises, for whoever cannot wait.
+inside of a callback from C, where it is printed and lost. Here the first Ctrl-C is only noted, the person is told what
+it waits for, and the loop ends where it is whole. A second one raises, for whoever cannot wait.
 """
 
+import contextlib
+import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
+#: Exit status of a command that was ended by a signal is this and the signal's number.
+SIGNALLED = 128
+
 
 @dataclass
 class Interrupt:
-    """Whether Ctrl-C was pressed."""
+    """Whether to stop was asked for."""
 
-    asked: bool = False
+    signal: int = 0
+    """Number of the first signal that came, 0 for none."""
+
+    @property
+    def asked(self) -> bool:
+        """Whether any came."""
+        return self.signal != 0
+
+    @property
+    def word(self) -> str:
+        """How what was stopped has ended."""
+        return "terminated" if self.signal == signal.SIGTERM else "interrupted"
+
+    def stop(self) -> None:
+        """End as the signal would have: to be called where the loop is whole.
+
+        Raises:
+            KeyboardInterrupt: If it was SIGINT.
+            SystemExit: If it was another.
+        """
+        if self.signal == signal.SIGINT:
+            raise KeyboardInterrupt
+        if self.asked:
+            raise SystemExit(SIGNALLED + self.signal)
 
 
 @contextmanager
-def noted_interrupt() -> Iterator[Interrupt]:
-    """Note the first SIGINT inside of the block; outside of the main thread, which alone gets signals, none comes."""
+def noted_interrupt(
+    waits_for: str, signals: tuple[signal.Signals, ...] = (signal.SIGINT,)
+) -> Iterator[Interrupt]:
+    """Note the first signal inside of the block; outside of the main thread, which alone gets signals, none comes.
+
+    Args:
+        waits_for: What the loop will finish first, as the person is told.
+        signals: Which are noted.
+    """
     interrupt = Interrupt()
     if threading.current_thread() is not threading.main_thread():
         yield interrupt
         return
 
     def note(number: int, frame: FrameType | None) -> None:
-        interrupt.asked = True
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if interrupt.asked:
+            signal.signal(number, signal.SIG_IGN)
+            interrupt.signal = number
+            interrupt.stop()
+        interrupt.signal = number
+        tell(f"Stopping after {waits_for}. Press Ctrl-C again to end at once.")
 
-    before = signal.signal(signal.SIGINT, note)
+    # One that is ignored, as in a job that a shell runs in the background, stays ignored.
+    heeded = [number for number in signals if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, note) for number in heeded}
     try:
         yield interrupt
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextmanager
+def terminated_like_interrupted() -> Iterator[None]:
+    """Let SIGTERM unwind the program, as Ctrl-C does, so that files that are not whole are removed on the way."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_IGN)
+        raise SystemExit(SIGNALLED + number)
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def tell(line: str) -> None:
+    """Print a line on standard error from a signal handler, where files of Python may be in use."""
+    # A bar may be on the line: begin at its start, and clear the rest of it.
+    start = "\r\x1b[K" if sys.stderr is not None and sys.stderr.isatty() else ""
+    with contextlib.suppress(OSError):  # nobody listens
+        os.write(2, f"{start}{line}\n".encode())

@@ -1,17 +1,34 @@
 """Progress of a loop, ended with the block it stands in.
 
 `rich.progress.track` ends its bar when its generator is collected, which after an error may be long after: the bar
-goes on drawing, and another one begun meanwhile can wait for it for ever. Logs get no bars.
+goes on drawing, and another one begun meanwhile can wait for it for ever. Logs get no bars, but a line now and then.
+Names of files and plans are printed as they are: nothing in brackets is taken for markup.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from time import monotonic
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 T = TypeVar("T")
+#: How often a log is told how far a long run is [s].
+_LINE_S = 60
+
+
+def text_column(text: str) -> ProgressColumn:
+    """A column of plain text, in which fields of the task are filled in."""
+    return TextColumn(text, markup=False)
 
 
 @contextmanager
@@ -27,5 +44,44 @@ def tracked(
         total: Number of items, if it cannot be asked for.
     """
     shown = console is not None and console.is_terminal
-    with Progress(console=console, transient=True, disable=not shown) as progress:
+    columns = (text_column("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
         yield progress.track(items, total=total, description=what)
+
+
+@contextmanager
+def told_units(console: Console, what: str, total: int, done: int = 0) -> Iterator[Callable[[str], None]]:
+    """Something to call after each unit: moves a bar with the time left, or prints a line now and then in a log.
+
+    Args:
+        console: Where it is shown.
+        what: What the units are, such as "episodes".
+        total: How many there are.
+        done: How many were done before.
+    """
+    if console.is_terminal:
+        columns = (
+            text_column(what),
+            BarColumn(bar_width=24),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            text_column("left"),
+            TimeRemainingColumn(),
+            text_column("{task.description}"),
+        )
+        with Progress(*columns, console=console, transient=True, speed_estimate_period=600) as progress:
+            bar = progress.add_task("", total=total, completed=done)
+            yield lambda name: progress.update(bar, advance=1, description=name)
+        return
+    begin, count, next_line = monotonic(), 0, monotonic() + _LINE_S
+
+    def tell(name: str) -> None:
+        nonlocal count, next_line
+        count += 1
+        if monotonic() < next_line:
+            return
+        next_line = monotonic() + _LINE_S
+        minutes = (monotonic() - begin) / count * (total - done - count) / 60
+        console.print(f"{done + count} of {total} {what}, about {minutes:.0f} min left", highlight=False)
+
+    yield tell

@@ -14,6 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from slam.checks import check_numbers
 from slam.mapper.features import N_CHANNELS
 
 #: Index of each logit.
@@ -32,15 +33,9 @@ class NetworkConfig:
     """Channels of the input."""
 
     def __post_init__(self) -> None:
-        widths, inputs = self.widths, self.inputs
-        if not 1 <= len(widths) <= MOST_SCALES or not all(
-            isinstance(w, int) and 1 <= w <= WIDEST for w in widths
-        ):
-            raise ValueError(
-                f"widths = {widths}, expected one to {MOST_SCALES} numbers of 1 to {WIDEST} channels."
-            )
-        if not isinstance(inputs, int) or not 1 <= inputs <= WIDEST:
-            raise ValueError(f"inputs = {inputs}, expected 1 to {WIDEST} channels.")
+        check_numbers(self, widths=(1, 4096, "channels"), inputs=(1, 1024, "channels"))
+        if not 1 <= len(self.widths) <= 7:
+            raise ValueError(f"widths is {self.widths}, expected one to seven numbers of channels.")
 
 
 class MapNetwork(nn.Module):

@@ -14,6 +14,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
+from slam.checks import check_numbers
+
 #: Channels: what the scan says (the first four of `slam.mapper.features`), and the map's belief.
 INPUTS = 5
 #: What counts as 1 in the network's answers: x, y [m], yaw [rad].
@@ -32,12 +34,9 @@ class PoseNetworkConfig:
     """Width of the layer that sees the whole patch."""
 
     def __post_init__(self) -> None:
-        widths, hidden = self.widths, self.hidden
-        if not 1 <= len(widths) <= 6 or not all(isinstance(w, int) and 1 <= w <= WIDEST for w in widths):
-            raise ValueError(f"widths = {widths}, expected one to six numbers of 1 to {WIDEST} channels.")
-        most = MOST_WEIGHTS // (widths[-1] * (64 >> len(widths)) ** 2)
-        if not isinstance(hidden, int) or not 1 <= hidden <= most:
-            raise ValueError(f"hidden = {hidden}, expected 1 to {most} with widths {widths}.")
+        check_numbers(self, widths=(1, 4096, "channels"), hidden=(1, 65_536, "units"))
+        if not 1 <= len(self.widths) <= 6:
+            raise ValueError(f"widths is {self.widths}, expected one to six numbers of channels.")
 
 
 class PoseNetwork(nn.Module):

@@ -15,6 +15,7 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor
 
+from slam.checks import check_numbers
 from slam.egocentric import AHEAD, cut_ahead
 from slam.mapper.pose_network import INPUTS, UNIT, PoseNetwork, PoseNetworkConfig, surprise
 from slam.poses import compose
@@ -41,9 +42,14 @@ class PoseRecipe:
     """Seed of the first weights, of the order of pairs and of predicted poses."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
+        check_numbers(
+            self,
+            steps=(1, 10_000_000, "batches"),
+            batch=(1, 100_000, "pairs"),
+            rate=(1e-8, 1),
+            decay=(0, 10),
+            seed=(0, 2**63 - 1),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

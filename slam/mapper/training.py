@@ -11,19 +11,29 @@ instructions for it, and used in float32.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
-from slam.checkpoints import load_checkpoint, restore_optimiser
+from slam.checks import check_numbers
 from slam.mapper.features import BELIEF, PLACE_LEFT
 from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
-from slam.reading import FileError, reading
+from slam.optimiser import restore_optimiser
+
+
+@runtime_checkable
+class Store(Protocol):
+    """Where the state of a training is kept."""
+
+    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
+        """Put the state back that was saved last, if there is one."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Keep a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +58,16 @@ class Recipe:
     """Seed of the first weights and of the order of frames."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "batch", "every"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} = {getattr(self, name)}, expected at least 1.")
-        if not 0 <= self.forget <= 1:
-            raise ValueError(f"forget = {self.forget}, expected a share from 0 to 1.")
+        check_numbers(
+            self,
+            steps=(1, 10_000_000, "batches"),
+            batch=(1, 100_000, "frames"),
+            rate=(1e-8, 1),
+            decay=(0, 10),
+            forget=(0, 1),
+            every=(1, 10_000_000, "steps"),
+            seed=(0, 2**63 - 1),
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,7 +96,7 @@ def train(
     frames: Frames,
     held_out: Frames,
     recipe: Recipe,
-    checkpoint: Path,
+    checkpoint: Store,
     on_step: Callable[[int], None] = lambda step: None,
 ) -> tuple[MapNetwork, list[dict[str, float]]]:
     """Train a network, or go on training it.
@@ -90,14 +105,14 @@ def train(
         frames: To learn from.
         held_out: To choose the best weights by, from other buildings.
         recipe: How.
-        checkpoint: File of the state, written at each validation, removed by nobody.
-        on_step: Called after each step with its number.
+        checkpoint: Where the state is kept at each validation, and found again.
+        on_step: Called after each step with its number; if it raises, the state is kept too.
 
     Returns:
         The network of least validation loss, ready for use, and the curve: one row a validation.
 
     Raises:
-        ValueError: If there are no frames, or the checkpoint belongs to another recipe.
+        ValueError: If there are no frames.
     """
     if not len(frames) or not len(held_out):
         raise ValueError(f"{len(frames)} frames to learn from and {len(held_out)} held out, expected some.")
@@ -106,8 +121,19 @@ def train(
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
-    if checkpoint.exists():
-        state = resume(checkpoint, recipe, network, optimiser)
+
+    def go_on(kept: dict[str, Any]) -> None:
+        network.load_state_dict(kept["network"])
+        restore_optimiser(optimiser, kept["optimiser"])
+        state.update(_checked(kept["state"], recipe, network))
+
+    checkpoint.restore(go_on)
+
+    def keep() -> None:
+        checkpoint.save(
+            {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "state": state}
+        )
+
     while state["step"] < recipe.steps:
         step = state["step"]
         for group in optimiser.param_groups:
@@ -124,29 +150,14 @@ def train(
             state["learnt"] = 0.0
             if state["best"] is None or row["loss"] <= min(r["loss"] for r in state["curve"]):
                 state["best"] = {name: value.clone() for name, value in network.state_dict().items()}
-            _keep(checkpoint, network, optimiser, recipe, state)
-        on_step(state["step"])
+            keep()
+        try:
+            on_step(state["step"])
+        except BaseException:
+            keep()
+            raise
     network.load_state_dict(state["best"])
     return network.eval(), state["curve"]
-
-
-def resume(
-    checkpoint: Path, recipe: Recipe, network: MapNetwork, optimiser: torch.optim.Optimizer
-) -> dict[str, Any]:
-    """Put network and optimiser into the state of a checkpoint; how far the training had come.
-
-    Raises:
-        FileError: If it is damaged, or of another recipe.
-    """
-    with reading(checkpoint, "a checkpoint", "Delete it to begin anew.") as file:
-        kept = load_checkpoint(file)
-        if kept["recipe"] != repr(recipe):
-            raise FileError(
-                f"{checkpoint} belongs to another recipe. Choose another folder, or the same options."
-            )
-        network.load_state_dict(kept["network"])
-        restore_optimiser(optimiser, kept["optimiser"])
-        return _checked(kept["state"], recipe, network)
 
 
 def _checked(state: dict[str, Any], recipe: Recipe, network: MapNetwork) -> dict[str, Any]:
@@ -154,24 +165,12 @@ def _checked(state: dict[str, Any], recipe: Recipe, network: MapNetwork) -> dict
     step, curve, best, learnt = (state[key] for key in ("step", "curve", "best", "learnt"))
     good = isinstance(step, int) and 0 <= step <= recipe.steps and isinstance(learnt, float)
     good = good and isinstance(curve, list) and all(isinstance(row["loss"], float) for row in curve)
-    shapes = {name: value.shape for name, value in network.state_dict().items()}
-    if not good or {name: value.shape for name, value in best.items()} != shapes:
+    if best is not None:
+        shapes = {name: value.shape for name, value in network.state_dict().items()}
+        good = good and {name: value.shape for name, value in best.items()} == shapes
+    if not good:
         raise ValueError("it says of no training how far it had come")
     return state
-
-
-def _keep(
-    checkpoint: Path,
-    network: MapNetwork,
-    optimiser: torch.optim.Optimizer,
-    recipe: Recipe,
-    state: dict[str, Any],
-) -> None:
-    checkpoint.parent.mkdir(parents=True, exist_ok=True)
-    partial = checkpoint.with_name(f".{checkpoint.name}.partial")
-    kept = {"network": network.state_dict(), "optimiser": optimiser.state_dict(), "state": state}
-    torch.save({**kept, "recipe": repr(recipe)}, partial)
-    partial.replace(checkpoint)
 
 
 def _schedule(step: int, steps: int) -> float:

@@ -1,7 +1,6 @@
 """Trained networks in files: weights as safetensors, and a card that says what they are and what they reached."""
 
 import json
-import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
@@ -18,24 +17,24 @@ Network = TypeVar("Network", bound=nn.Module)
 _MOST_CARD = 5_000_000
 
 
-def save_mapper(network: MapNetwork, card: dict[str, Any], path: Path) -> None:
-    """Write PATH (.safetensors) and the card beside it (.json)."""
-    _save(network, {"widths": list(network.config.widths), "inputs": network.config.inputs}, card, path)
+def mapper_files(network: MapNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
+    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    return _files(
+        network, {"widths": list(network.config.widths), "inputs": network.config.inputs}, card, name
+    )
 
 
-def save_pose(network: PoseNetwork, card: dict[str, Any], path: Path) -> None:
-    """Write PATH (.safetensors) and the card beside it (.json)."""
-    _save(network, {"widths": list(network.config.widths), "hidden": network.config.hidden}, card, path)
+def pose_files(network: PoseNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
+    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    return _files(
+        network, {"widths": list(network.config.widths), "hidden": network.config.hidden}, card, name
+    )
 
 
-def _save(network: nn.Module, head: dict[str, Any], card: dict[str, Any], path: Path) -> None:
+def _files(network: nn.Module, head: dict[str, Any], card: dict[str, Any], name: str) -> dict[str, bytes]:
     text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
-    weights = {name: value.detach().contiguous() for name, value in network.state_dict().items()}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    for target, content in ((path, save(weights)), (path.with_suffix(".json"), f"{text}\n".encode())):
-        partial = target.with_name(f".{target.name}.partial-{os.getpid()}")
-        partial.write_bytes(content)
-        os.replace(partial, target)
+    weights = {key: value.detach().contiguous() for key, value in network.state_dict().items()}
+    return {f"{name}.safetensors": save(weights), f"{name}.json": f"{text}\n".encode()}
 
 
 def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:

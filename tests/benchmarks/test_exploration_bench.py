@@ -51,7 +51,7 @@ def test_the_table_says_by_how_much_the_first_is_exceeded():
     assert cells[7][1].startswith("+60.0")
 
 
-def test_a_run_writes_its_files_and_reads_kept_episodes(tmp_path, monkeypatch):
+def test_a_run_writes_its_files_and_reads_kept_episodes(tmp_path, monkeypatch, in_process):
     """40 decisions, to be quick. A kept episode is not run again: a mark set in its file shows in the result."""
     monkeypatch.setattr(exploration, "DECISIONS", 40)
     monkeypatch.setattr(exploration, "MILESTONES", (10, 20, 40))

@@ -124,7 +124,7 @@ def test_a_receiver_off_its_grid_is_named_with_its_transmitter(published):
         bench(published, "out")
 
 
-def test_a_run_goes_on_where_it_was_killed(published, monkeypatch):
+def test_a_run_goes_on_where_it_was_killed(published, monkeypatch, in_process):
     """With one unit kept only the other is traced; the result is the one of a run without a break.
 
     Two workers give the same file as one, byte for byte.

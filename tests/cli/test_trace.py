@@ -9,6 +9,7 @@ import pytest
 
 from robosim.cli import main
 from robosim.planfiles import write_ros
+from robosim.radio_scene import RadioConfig, RadioScene
 from tests.robosim.plans import two_rooms
 from wireless import LinkState, Paths
 
@@ -61,7 +62,7 @@ def test_another_command_does_not_touch_the_folder(traced, plan_file, fails):
     message = fails(*again, "--max-reflections", "1")
     assert "max_reflections 3 there, 1 now" in message
     assert "tolerance_m 0.0 there, 0.1 now" in fails(*again, "--tolerance", "0.1")
-    assert "holds the paths of a grid" in fails(
+    assert "which holds the results of `robosim trace`" in fails(
         "trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced
     )
 
@@ -101,7 +102,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("robosim.trace.trace_grid", interrupted)
+    monkeypatch.setattr("robosim.trace.LinkGrid.trace", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130
@@ -115,11 +116,11 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
             "--tx 3.1,0.5",
             "tx is (3.1, 0.5) m, outside of the free space of two rooms; the nearest free point is (3.",
         ),
-        ("--tx -1,1", "the nearest free point is (0.00, 1.00) m"),
+        ("--tx -1,1", "the nearest free point is (0.01, 1.00) m"),
         ("--tx 1,1 --rx 3.1,0.5", "rx is (3.1, 0.5) m"),
         ("--tx 1,1,2.7", "height of tx (1, 1) is 2.7 m, expected 0 to 2.5 m"),
-        ("--tx 1,1 --grid 0", "grid is 0.0 m, expected a positive step"),
-        ("--tx 1,1 --grid -0.15", "grid is -0.15 m"),
+        ("--tx 1,1 --grid 0", "grid is 0.0, expected 0.01 to 100 m between receivers"),
+        ("--tx 1,1 --grid -0.15", "grid is -0.15"),
         ("--tx 1,1 --height 3", "is 3.0 m, expected 0 to 2.5 m"),
         ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
         ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
@@ -130,9 +131,23 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 1,1 --tx-power-dbm nan", "tx_power_dbm is nan"),
         ("--tx 1,1 --threshold-dbm nan", "threshold_dbm is nan"),
         ("--tx 1,1 --workers 0", "workers is 0"),
+        ("--tx 1,1 --grid 1e-5", "grid is 1e-05, expected 0.01 to 100 m"),
+        ("--tx 1,1 --rx 1,1", "rx (1, 1) m is where tx (1, 1, 1.5) m is"),
+        ("--tx 2,2 --tx 1,1,1 --rx 1.001,1,1.002", "Move one of them by 5 mm or more"),
+        ("--tx 1,1 --tx 2,2 --tx 1,1,1.5", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
         ("--tx 1", "X,Y[,Z]"),
         ("--grid 0.5", "--tx"),
     ],
 )
 def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, fails):
     assert message in fails("trace", plan_file, *arguments.split(), "--out", tmp_path)
+
+
+@pytest.mark.parametrize("wrong", [(-1.0, 1.0), (3.1, 0.5), (3.1, 2.987), (7.0, 4.0)])
+def test_the_free_point_that_is_named_will_do(wrong):
+    """Taken from the message, as a person would, to the centimetre."""
+    scene = RadioScene(two_rooms(0.8), RadioConfig())
+    with pytest.raises(ValueError, match="nearest free point is") as refused:
+        scene.places((wrong,), "tx")
+    x, y = re.findall(r"point is \((-?[\d.]+), (-?[\d.]+)\)", str(refused.value))[0]
+    scene.places(((float(x), float(y)),), "tx")

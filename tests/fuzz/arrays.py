@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tests.fuzz.bytes import cut, flipped, length, overwritten, removed
-from tests.fuzz.trees import changed, dumped
+from tests.fuzz.trees import MARKER, changed, dumped
 
 
 def _npz_arrays(content: bytes) -> dict[str, np.ndarray]:

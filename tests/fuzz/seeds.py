@@ -6,8 +6,11 @@ evaluation. Where there are real maps and measurements in ../shared, some of the
 
 import json
 import shutil
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,33 +23,37 @@ from robosim.collect import CollectConfig
 from robosim.decision_log import DECISIONS, DecisionWriter
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Head, _to_bytes
+from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.explorer_training import ExplorerRecipe
-from robosim.explorer_training import _keep as keep_explorer
 from robosim.export import export_mesh
 from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.formats.pgm import encode_pgm
 from robosim.formats.plan_image import GREY
-from robosim.link_formats import write_transmitters
+from robosim.link_formats import transmitters_file
 from robosim.planfiles import write_png, write_ros
 from robosim.record import EpisodeLog, Link
 from robosim.snapshot import Arrivals, Layer, Snapshot
 from robosim.support.assets import assets_dir, shipped_network
-from robosim.support.files import plain, write_json
+from robosim.support.checkpoint import Checkpoint
+from robosim.support.files import plain, write_files, write_json, write_whole
+from robosim.support.run_folder import SETTINGS
 from robosim.tasks import Task
 from slam.choosing import initial_weights
 from slam.grid import GridFrame, MapEstimate
-from slam.mapper.network import MapNetwork, NetworkConfig
+from slam.mapper.network import NetworkConfig
+from slam.mapper.training import Frames
 from slam.mapper.training import Recipe as MapperRecipe
-from slam.mapper.training import _keep as keep_mapper
+from slam.mapper.training import train as train_mapper
 from slam.steering import INPUTS
 from tests.robosim import kept
 from tests.robosim.plans import two_rooms
-from wireless.estimated_csv import write_estimated_csv
+from wireless.estimated_csv import estimated_csv
 from wireless.estimates import PathEstimates
 from wireless.link_records import link_table, write_links
+from wireless.linkstate.training import Epoch
 from wireless.linkstate.training import Recipe as LinkStateRecipe
-from wireless.linkstate.training import _Run
+from wireless.linkstate.training import train as train_classifier
 from wireless.paths import LinkState, Paths
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
@@ -213,15 +220,7 @@ def evaluation(folder: Path) -> None:
     suite = Suite(plans={"pair": home / "plans" / "pair.yaml"}, tasks=tasks, seed=3)
     write_suite(suite, home / "suite.yaml")
     write_suite(suite, home / "suite.json")
-    episode = plain(asdict(EpisodeConfig()))
-    listed = {f"pair/{i}": [1.0, 0.6, 0.0, *TARGET] for i in range(2)}
-    from robosim.planfiles import read_plan
-
-    digest = read_plan(home / "plans" / "pair.yaml").digest()
-    for varied in ("goal", "seed"):
-        episode.pop(varied)
-    manifest = {"seed": 3, "plans": {"pair": digest}, "tasks": listed, "config_hash": "0", "episode": episode}
-    write_json(home / "manifest.json", manifest)
+    write_json(home / SETTINGS, {"command": "evaluate", "settings": settings_of(suite, EpisodeConfig())})
     for task in range(2):
         for policy in POLICIES:
             path = home / "episodes" / "pair" / f"{task:03d}-{policy}-0.npz"
@@ -230,7 +229,7 @@ def evaluation(folder: Path) -> None:
 
 
 #: How the frames are said to be collected.
-COLLECTED = CollectConfig(steps=3)
+COLLECTED = CollectConfig(homes=3, steps=3)
 
 
 def shards(folder: Path) -> None:
@@ -249,7 +248,7 @@ def shards(folder: Path) -> None:
             truth=rng.integers(0, 256, (n, 3, 64, 8), np.uint8),
         )
     kind = {key: value for key, value in asdict(COLLECTED).items() if key != "homes"}
-    write_json(home / "collected.json", kind)
+    write_json(home / SETTINGS, {"command": "collect", "settings": plain(kind)})
 
 
 def _paths() -> Paths:
@@ -293,12 +292,11 @@ def links(folder: Path) -> None:
 def measurements(folder: Path) -> None:
     """Two transmitters as published."""
     home, cell = _into(folder, "measurements/pair"), np.array([[0, 4], [1, 2], [3, 1]])
-    write_transmitters(home, "pair", _paths().tx_position)
+    write_files(home, transmitters_file("pair", _paths().tx_position))
     for tx in (1, 2):
-        path = home / f"pair_Tx_{tx}_beam_search.csv"
-        write_estimated_csv(
-            path, _estimates(), _paths().rx_position, np.array([1, 0, 3], np.uint8), cell, (4, 6)
-        )
+        state = np.array([1, 0, 3], np.uint8)
+        content = estimated_csv(_estimates(), _paths().rx_position, state, cell, (4, 6))
+        write_whole(home / f"pair_Tx_{tx}_beam_search.csv", content)
 
 
 def training(folder: Path) -> None:
@@ -322,24 +320,42 @@ EXPLORER_RECIPE = ExplorerRecipe(rounds=2, homes=1, decisions=4, held_out=1)
 LINK_RECIPE = LinkStateRecipe(inputs=("aoa", "aod", "snr"), epochs=2, batch=8, width=4)
 
 
-def link_run() -> _Run:
-    """The beginning of a training, as the checkpoint below was made of."""
+def teach_mapper(checkpoint: Checkpoint, on_step: Callable[[int], None] = lambda step: None) -> None:
+    """A short training, or the rest of it."""
     rng = np.random.default_rng(5)
-    tokens = torch.from_numpy(rng.normal(size=(16, 5, 5)).astype(np.float32))
-    return _Run(tokens, torch.from_numpy(rng.integers(1, 4, 16)), LINK_RECIPE)
+    shape = (4, 64, 64)
+    frames = Frames(
+        features=rng.integers(0, 127, (4, 7, 64, 64), dtype=np.int8),
+        obstacle=rng.random(shape) < 0.2,
+        seen=rng.random(shape) < 0.5,
+        matters=np.ones(shape, bool),
+    )
+    train_mapper(frames, frames, MAPPER_RECIPE, checkpoint, on_step)
+
+
+def teach_classifier(checkpoint: Checkpoint, report: Callable[[Epoch], None] = lambda epoch: None) -> None:
+    """A short training, or the rest of it."""
+    rng = np.random.default_rng(5)
+    tokens = rng.normal(size=(16, 5, 5)).astype(np.float32)
+    train_classifier(tokens, rng.integers(1, 4, 16), LINK_RECIPE, checkpoint=checkpoint, report=report)
+
+
+class _InterruptedError(Exception):
+    """A training is ended in the middle."""
+
+
+def _interrupt(number: Any) -> None:
+    if number == 2 or isinstance(number, Epoch):
+        raise _InterruptedError
 
 
 def checkpoints(folder: Path) -> None:
     """Trainings that were interrupted."""
     home = _into(folder, "checkpoints")
-    network = MapNetwork(MAPPER_RECIPE.network)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=MAPPER_RECIPE.rate, weight_decay=MAPPER_RECIPE.decay
-    )
-    network(torch.zeros(1, 7, 64, 64)).sum().backward()
-    optimiser.step()
-    state = {"step": 2, "curve": [{"step": 2.0, "loss": 1.0}], "best": network.state_dict(), "learnt": 0.0}
-    keep_mapper(home / "mapper.pt", network, optimiser, MAPPER_RECIPE, state)
+    with suppress(_InterruptedError):
+        teach_mapper(Checkpoint(home / "mapper.pt"), _interrupt)
+    with suppress(_InterruptedError):
+        teach_classifier(Checkpoint(home / "link-state.pt"), _interrupt)
     first = initial_weights(np.random.default_rng(0))
     tensors = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
     adam = torch.optim.Adam(tensors.values(), lr=EXPLORER_RECIPE.ppo.rate)
@@ -347,10 +363,7 @@ def checkpoints(folder: Path) -> None:
     adam.step()
     best = {name: value.detach() for name, value in tensors.items()}
     state = {"round": 1, "curve": [{"round": 0}, {"round": 1, "coverage": 0.5}], "best": best, "score": 0.4}
-    keep_explorer(home / "explorer.pt", tensors, adam, EXPLORER_RECIPE, state)
-    run = link_run()
-    run.step_epoch(None)
-    run.save(home / "link-state.pt")
+    Checkpoint(home / "explorer.pt").save({"weights": best, "optimiser": adam.state_dict(), "state": state})
 
 
 def arrays(folder: Path) -> None:

@@ -10,33 +10,34 @@ from unittest.mock import patch
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
+from rich.console import Console
 
 from robosim.bench.label_links import Links
 from robosim.cli import main
-from robosim.collect import _check_same
+from robosim.collect import collect
 from robosim.decision_log import read_decisions
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import read_episode, read_head
-from robosim.evaluation.manifest import check_manifest, read_manifest
+from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
-from robosim.explorer_training import resume as resume_explorer
+from robosim.explorer_training import resume
+from robosim.link_grid import read_transmitter
 from robosim.link_state import read_classifier
 from robosim.made_links import read_homes
 from robosim.mapper_training import read_frames
 from robosim.planfiles import find_plans, read_plan
 from robosim.pose_training import read_pairs
 from robosim.steering_training import read_round
+from robosim.support.checkpoint import Checkpoint
+from robosim.support.run_folder import read_settings, run_folder
 from robosim.support.text_in import read_json
 from robosim.training_figures import confusion_of, read_card, read_epochs
 from slam.choosing import initial_weights, load_chooser
 from slam.control import ControlConfig
-from slam.mapper.network import MapNetwork
-from slam.mapper.training import resume as resume_mapper
 from slam.mapper.weights import load_mapper, load_pose
 from slam.steering import load_steering
-from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, MAPPER_RECIPE, link_run
-from wireless.dataset import read_transmitter
+from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, teach_classifier, teach_mapper
 from wireless.link_records import read_columns, read_rays
 from wireless.link_records import read_links as read_records
 from wireless.linkstate.data import read_links
@@ -118,9 +119,11 @@ def _suite(folder: Path, file: Path) -> None:
     read_suite(file)
 
 
-def _manifest(folder: Path, file: Path) -> None:
-    read_manifest(folder)
-    check_manifest(folder, read_suite(folder / "suite.json"), EpisodeConfig())
+def _settings(folder: Path, file: Path) -> None:
+    settings = settings_of(read_suite(folder / "suite.json"), EpisodeConfig())
+    with run_folder(folder, "evaluate", settings, grows=("plans", "tasks")):
+        pass
+    read_settings(folder, "evaluate")
 
 
 def _shard(folder: Path, file: Path) -> None:
@@ -129,7 +132,7 @@ def _shard(folder: Path, file: Path) -> None:
 
 
 def _collected(folder: Path, file: Path) -> None:
-    _check_same(COLLECTED, folder)
+    collect(COLLECTED, folder, workers=1, console=Console(quiet=True))
 
 
 def _records(folder: Path, file: Path) -> None:
@@ -151,28 +154,20 @@ def _run(folder: Path, file: Path) -> None:
 
 
 def _mapper_checkpoint(folder: Path, file: Path) -> None:
-    network = MapNetwork(MAPPER_RECIPE.network)
-    optimiser = torch.optim.AdamW(
-        network.parameters(), lr=MAPPER_RECIPE.rate, weight_decay=MAPPER_RECIPE.decay
-    )
-    resume_mapper(file, MAPPER_RECIPE, network, optimiser)
-    network(torch.zeros(1, 7, 64, 64)).sum().backward()
-    optimiser.step()
+    teach_mapper(Checkpoint(file))
+
+
+def _link_checkpoint(folder: Path, file: Path) -> None:
+    teach_classifier(Checkpoint(file))
 
 
 def _explorer_checkpoint(folder: Path, file: Path) -> None:
     first = initial_weights(np.random.default_rng(0))
     weights = {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in first.items()}
     optimiser = torch.optim.Adam(weights.values(), lr=EXPLORER_RECIPE.ppo.rate)
-    resume_explorer(file, EXPLORER_RECIPE, weights, optimiser)
+    resume(Checkpoint(file), EXPLORER_RECIPE, weights, optimiser)
     sum(value.sum() for value in weights.values()).backward()  # type: ignore[union-attr]
     optimiser.step()
-
-
-def _link_checkpoint(folder: Path, file: Path) -> None:
-    run = link_run()
-    run.load(file)
-    run.step_epoch(None)
 
 
 def _homes(folder: Path, file: Path) -> None:
@@ -280,10 +275,10 @@ TARGETS: dict[str, Target] = {
     "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
     "log": Target("decisions", "*", _log, 3),
     "suite": Target("evaluation", "suite.*", _suite, 2),
-    "manifest": Target("evaluation", "manifest.json", _manifest),
+    "settings": Target("evaluation", "settings.json", _settings, names="other settings"),
     "episode": Target("evaluation", "episodes/pair/*", _episode, 2),
     "shard": Target("shards", "home-*", _shard),
-    "collected": Target("shards", "collected.json", _collected, 0.3),
+    "collected": Target("shards", "settings.json", _collected, 0.3, names="other settings"),
     "links": Target("dataset", "links/*", _records, 2),
     "data set": Target("dataset", "manifest.json", lambda folder, file: read_links(folder), 0.5),
     "paths": Target("paths", "*", _paths, 2),
@@ -299,7 +294,7 @@ TARGETS: dict[str, Target] = {
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robosim replay": Target("decisions", "*", _replay, 0.7, True),
-    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "manifest.json"),
+    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "settings"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim figures search": Target("evaluation", "**/*.*", _search, 0.4, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),

@@ -87,5 +87,7 @@ def test_a_variant_is_replayed_as_it_was_evaluated(tmp_path):
 def test_variants_run_only_if_asked_for():
     assert check_policies([]) == tuple(name for name in get_args(GoalName) if name != "explore")
     assert check_policies(["fused-no-aod", "oracle"]) == ("oracle", "fused-no-aod")
-    with pytest.raises(ValueError, match=r"'fused-no-legs' is unknown\. Known: oracle"):
+    with pytest.raises(
+        ValueError, match=r"policies is 'fused-no-legs'\. Did you mean 'fused-no-aod'\? Known: oracle"
+    ):
         check_policies(["fused-no-legs"])

@@ -111,7 +111,7 @@ def test_recorded_files_tell_the_same_story(tmp_path):
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert {path.name for path in tmp_path.iterdir()} == {
         "result.json", "trajectory.tum", "estimate.tum", "map.yaml", "map.pgm", "map.png", "episode.mp4",
-        "decisions.npz",
+        "decisions.npz", "settings.json",
     }  # fmt: skip
 
 
@@ -163,7 +163,7 @@ def test_an_interrupt_leaves_a_valid_partial_result(tmp_path):
         if started:
             process.send_signal(signal.SIGINT)
             video.set()
-    process.communicate(timeout=60)
+    process.communicate(timeout=1200)
     assert process.returncode == 130
     kept = json.loads((tmp_path / "result.json").read_text())
     assert kept["ended"] == "interrupted"

@@ -316,12 +316,12 @@ def test_the_shipped_flat_hides_its_rooms_from_each_other():
 @pytest.mark.parametrize(
     ("wrong", "said"),
     [
-        ({"area_m2": 1.0}, "area_m2 = 1, expected 4 to 2000"),
-        ({"rooms": 0}, "rooms = 0, expected 1 to 100"),
-        ({"furniture": -1.0}, "furniture = -1, expected 0 to 5"),
-        ({"hull_radius_m": 0.3}, r"door_width_m = \(0.7, 1.0\), expected .* 0.94 m .*smaller hull"),
-        ({"door_width_m": (1.0, 0.8)}, r"door_width_m = \(1.0, 0.8\)"),
-        ({"area_m2": float("nan")}, "area_m2 = nan"),
+        ({"area_m2": 1.0}, "area_m2 is 1.0, expected 4 to 2000"),
+        ({"rooms": 0}, "rooms is 0, expected a whole number from 1 to 100"),
+        ({"furniture": -1.0}, "furniture is -1.0, expected 0 to 5"),
+        ({"hull_radius_m": 0.3}, r"door_width_m is \(0.7, 1.0\), expected .* 0.94 m .*smaller hull"),
+        ({"door_width_m": (1.0, 0.8)}, r"door_width_m is \(1.0, 0.8\)"),
+        ({"area_m2": float("nan")}, "area_m2 is nan"),
     ],
 )
 def test_wrong_configurations_are_told(wrong: dict, said: str):

@@ -5,21 +5,40 @@ import threading
 
 import pytest
 
-from robosim.support.interrupt import noted_interrupt
+from robosim.support.interrupt import noted_interrupt, terminated_like_interrupted
 
 
-def test_the_first_is_noted_and_the_second_raises():
-    with pytest.raises(KeyboardInterrupt), noted_interrupt() as interrupt:
+def test_the_first_is_noted_and_the_second_raises(capfd):
+    with pytest.raises(KeyboardInterrupt), noted_interrupt("this step") as interrupt:
         assert not interrupt.asked
         signal.raise_signal(signal.SIGINT)
         assert interrupt.asked
+        assert capfd.readouterr().err == "Stopping after this step. Press Ctrl-C again to end at once.\n"
         signal.raise_signal(signal.SIGINT)
+
+
+def test_sigterm_is_noted_where_that_is_asked_for():
+    """And ends with its own status."""
+    with (
+        pytest.raises(SystemExit) as stop,
+        noted_interrupt("it", (signal.SIGINT, signal.SIGTERM)) as interrupt,
+    ):
+        signal.raise_signal(signal.SIGTERM)
+        assert interrupt.word == "terminated"
+        interrupt.stop()
+    assert stop.value.code == 143
+
+
+def test_sigterm_unwinds():
+    with pytest.raises(SystemExit) as stop, terminated_like_interrupted():
+        signal.raise_signal(signal.SIGTERM)
+    assert stop.value.code == 143
 
 
 @pytest.mark.parametrize("presses", [0, 1])
 def test_afterwards_signals_go_where_they_went_before(presses):
     before = signal.getsignal(signal.SIGINT)
-    with noted_interrupt():
+    with noted_interrupt("this step"):
         for _ in range(presses):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
@@ -30,7 +49,7 @@ def test_another_thread_has_no_signals_to_note():
     asked = []
 
     def work():
-        with noted_interrupt() as interrupt:
+        with noted_interrupt("this step") as interrupt:
             asked.append(interrupt.asked)
 
     thread = threading.Thread(target=work)

@@ -50,7 +50,5 @@ def test_the_card_says_how_it_was_made(name, least):
 
 
 def test_a_name_that_is_not_there():
-    with pytest.raises(
-        ValueError, match=r"classifier is 'best', expected a \.safetensors file or one of .*public"
-    ):
+    with pytest.raises(ValueError, match=r"classifier is 'best'\. Known: .*public, or a \.safetensors file"):
         read_classifier("best")

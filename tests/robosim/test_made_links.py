@@ -45,7 +45,7 @@ def test_homes_are_made_once(home, tmp_path):
     for seed in (FIRST_SEED, FIRST_SEED + 1):
         with open(tmp_path / f"home-{seed}.npz", "wb") as file:
             np.savez(file, tokens=there[0], state=there[1])
-    make_homes(3, tmp_path, 1, QUIET)
+    make_homes(3, tmp_path, workers=1, console=QUIET)
     tokens, state = read_homes(3, tmp_path)
     np.testing.assert_array_equal(tokens[:4], np.concatenate([there[0], there[0]]))
     np.testing.assert_array_equal(tokens[4:], home[0])

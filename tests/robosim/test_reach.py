@@ -94,5 +94,5 @@ def test_the_remaining_way_is_a_number_where_the_sampling_has_closed_a_passage()
 
 
 def test_a_radius_must_be_positive():
-    with pytest.raises(ValueError, match="radius_m = 0"):
+    with pytest.raises(ValueError, match="radius_m is 0"):
         reach(make_building(room()), 0.0)

@@ -79,10 +79,11 @@ def test_blocks_of_a_plan_that_they_do_not_fill_count_from_the_top_left():
 @pytest.mark.parametrize(
     ("step_m", "height_m", "message"),
     [
-        (0.0, 1.5, "grid is 0.0 m"),
-        (-0.15, 1.5, "grid is -0.15 m"),
-        (np.nan, 1.5, "grid is nan m"),
-        (0.001, 1.5, "more than 1000000 places"),
+        (0.0, 1.5, "grid is 0.0, expected 0.01 to 100 m"),
+        (-0.15, 1.5, "grid is -0.15"),
+        (np.nan, 1.5, "grid is nan"),
+        (0.001, 1.5, "grid is 0.001"),
+        (0.01, 1.5, "more than 1000000 places"),
         (50.0, 1.5, "no receiver fits"),
         (0.15, 2.6, "height is 2.6 m, expected 0 to 2.5 m"),
         (0.15, -0.1, "height is -0.1 m"),
@@ -90,4 +91,4 @@ def test_blocks_of_a_plan_that_they_do_not_fill_count_from_the_top_left():
 )
 def test_mistakes_name_value_and_fix(step_m, height_m, message):
     with pytest.raises(ValueError, match=message):
-        receiver_grid(make_building(room()), step_m, height_m)
+        receiver_grid(make_building(room(12.0, 9.0)), step_m, height_m)

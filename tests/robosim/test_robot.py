@@ -160,8 +160,8 @@ def test_speeds_out_of_reach_are_reduced_along_the_arc():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"radius_m": 0.0}, "radius_m = 0.0"),
-        ({"mass_kg": np.nan}, "mass_kg = nan"),
+        ({"radius_m": 0.0}, "radius_m is 0.0, expected 0.001 to 5 m"),
+        ({"mass_kg": np.nan}, "mass_kg is nan"),
         ({"track_m": 0.3}, "outside"),
     ],
 )

@@ -19,7 +19,7 @@ from robosim.evaluation.search_figures import (
 )
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.planfiles import write_ros
-from robosim.support.files import plain
+from robosim.support.files import write_json
 from tests.robosim import kept
 from tests.robosim.plans import two_rooms
 from wireless.paths import LinkState
@@ -50,8 +50,9 @@ def results(tmp_path):
     tasks = tuple(SuiteTask(plan="pair", number=i, start=(1.0, 0.6, 0.0), target=TARGET) for i in range(4))
     folder = tmp_path / "results"
     write_suite(Suite(plans={"pair": file}, tasks=tasks), folder / "suite.yaml")
-    manifest = {"plans": {}, "tasks": {}, "episode": plain(asdict(EpisodeConfig()))}
-    (folder / "manifest.json").write_text(json.dumps(manifest))
+    write_json(
+        folder / "settings.json", {"command": "evaluate", "settings": {"episode": asdict(EpisodeConfig())}}
+    )
     for task in range(4):
         _episode(folder, task, "oracle", 20 + task)
     _episode(folder, 0, "snr", 90, state=LinkState.LOS, waits=70)

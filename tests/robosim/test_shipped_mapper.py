@@ -9,6 +9,7 @@ from robosim.collect import CollectConfig, collect, collect_home, home_building
 from robosim.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.mapper_training import read_frames, train_mapper
+from robosim.navigation import make_navigator
 from robosim.planfiles import read_plan
 from robosim.pose_training import read_pairs
 from robosim.reach import reach
@@ -61,14 +62,14 @@ def test_an_episode_with_it():
     np.testing.assert_array_equal(log.estimates, again.estimates)
 
 
-def test_unknown_mappers_are_refused():
-    building = make_building(read_plan("cottage"))
-    places = reach(building, 0.1)
-    task = make_task(places, np.random.default_rng(0))
-    with pytest.raises(ValueError, match="expected classical, neural"):
-        run_episode(building, places, task, EpisodeConfig(mapper="neurl"))
-    with pytest.raises(ValueError, match="not readable as weights of a mapper"):
-        run_episode(building, places, task, EpisodeConfig(mapper="missing.safetensors"))
+def test_unknown_mappers_are_refused(tmp_path):
+    with pytest.raises(ValueError, match="Did you mean 'neural'"):
+        EpisodeConfig(mapper="neurl")
+    with pytest.raises(ValueError, match="no such file"):
+        EpisodeConfig(mapper="missing.safetensors")
+    (tmp_path / "other.safetensors").write_text("not weights")
+    with pytest.raises(ValueError, match="no weights of a mapper"):
+        make_navigator(SimulatorConfig(), mapper=str(tmp_path / "other.safetensors"))
 
 
 def test_training_from_shards_to_weights(tmp_path):

@@ -9,6 +9,7 @@ from PIL import Image
 from robosim import wireless_figures
 from robosim.cli import main
 from robosim.gallery import Picture, write_index
+from robosim.support.files import write_files
 from tests.robosim.plans import two_rooms
 from wireless import LinkState
 from wireless.linkstate.classifier import LinkStateClassifier
@@ -20,9 +21,9 @@ def untrained(tmp_path_factory):
     """A classifier that uses what our estimates have."""
     inputs = ("aoa", "aod", "snr", "delay")
     network = NETWORKS["reference"](inputs)
-    path = tmp_path_factory.mktemp("weights") / "untrained.safetensors"
-    LinkStateClassifier([network], model="reference", inputs=inputs).save(path)
-    return path
+    folder = tmp_path_factory.mktemp("weights")
+    write_files(folder, LinkStateClassifier([network], model="reference", inputs=inputs).files("untrained"))
+    return folder / "untrained.safetensors"
 
 
 def test_every_picture_is_made_and_shown(untrained, tmp_path, capsys, monkeypatch):

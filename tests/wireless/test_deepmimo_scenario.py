@@ -4,13 +4,14 @@ The package is not among the test requirements, since it wants a NumPy older tha
 needs it is skipped where it is missing (`pip install deepmimo`).
 """
 
+import io
 import json
 
 import numpy as np
 import pytest
 
 from wireless import Interaction, Tracer, TracerConfig
-from wireless.deepmimo_scenario import scenario_name, write_matrices, write_scenario
+from wireless.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 
 TX = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2]])
 RX = np.array([[5.0, 0.9, 1.5], [1.5, 3.2, 2.0], [2.6, 1.3, 1.5], [5.5, 3.5, 1.5]])  # the third is sealed off
@@ -33,10 +34,7 @@ def scenarios(mesh, paths, tmp_path_factory):
     """Folder of scenarios, with one in it."""
     folder = tmp_path_factory.mktemp("run") / "deepmimo_scenarios"
     (folder / "box").mkdir(parents=True)
-    for i in range(2):
-        write_matrices(folder / "box", paths, i)
-    write_scenario(
-        folder / "box",
+    files = scene_files(
         mesh=mesh,
         materials=("metal", "drywall"),
         face_material=np.arange(len(mesh.faces)) % 2,
@@ -46,6 +44,10 @@ def scenarios(mesh, paths, tmp_path_factory):
         n_rx=4,
         n_rx_active=3,
     )
+    for i in range(2):
+        files |= transmitter_files(paths, i)
+    for name, content in files.items():
+        (folder / "box" / name).write_bytes(content)
     return folder
 
 
@@ -121,8 +123,8 @@ def test_parameters_name_both_sets_and_each_material(scenarios, mesh):
 
 def test_links_without_any_path_leave_one_empty_column(paths, tmp_path):
     """Readers index the first path of each receiver: there is a column for it even if it is empty."""
-    write_matrices(tmp_path, paths.select(np.zeros(len(paths), bool)), 0)
-    with np.load(tmp_path / "power_t000_tx000_r001.npz") as file:
+    files = transmitter_files(paths.select(np.zeros(len(paths), bool)), 0)
+    with np.load(io.BytesIO(files["power_t000_tx000_r001.npz"])) as file:
         assert file["power"].shape == (4, 1)
         assert np.isnan(file["power"]).all()
 

@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from wireless import PathEstimates, Rays, Tracer
-from wireless.estimated_csv import write_estimated_csv
+from wireless.estimated_csv import estimated_csv
 from wireless.link_records import COLUMNS, link_table, read_links, read_rays, write_links
 from wireless.mmwrobotnav import read_measurements
 from wireless.paths import Interaction
@@ -75,7 +75,8 @@ def test_the_reader_of_published_files_reads_ours(paths, estimates, tmp_path):
     folder.mkdir()
     (folder / "ring_tx_pos.csv").write_text(",x,y,z\n0,4,3.1,1.2\n")
     state = paths.link_state()[0]
-    write_estimated_csv(folder / "ring_Tx_1_beam_search.csv", estimates, RX, state, CELL, SHAPE)
+    content = estimated_csv(estimates, RX, state, CELL, SHAPE)
+    (folder / "ring_Tx_1_beam_search.csv").write_bytes(content)
     read = read_measurements(tmp_path, "ring", 1)
     assert read.rx_cell.tolist() == [[4, 5], [3, 3], [1, 2]]
     assert read.rx_position.tolist() == RX[:, :2].tolist()

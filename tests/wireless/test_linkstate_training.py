@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from robosim.support.checkpoint import Checkpoint
 from wireless.linkstate import Recipe, make_tokens, train
 from wireless.linkstate.calibration import cross_entropy, fit_temperature, reliability, scaled
 
@@ -72,7 +73,7 @@ def test_a_resumed_training_equals_one_never_stopped(model, tmp_path):
     recipe = replace(SHORT, model=model)
     whole, epochs = train(tokens, state, recipe)
     for last in (1, 2):
-        file = tmp_path / f"{last}.pt"
+        file = Checkpoint(tmp_path / f"{last}.pt")
 
         def pull(epoch, last=last):
             if epoch.epoch == last:
@@ -87,14 +88,14 @@ def test_a_resumed_training_equals_one_never_stopped(model, tmp_path):
 
 def test_a_checkpoint_of_something_else_is_refused(tmp_path):
     tokens, state = made_up(200, 0)
-    file = tmp_path / "run.pt"
+    file = Checkpoint(tmp_path / "run.pt")
     train(tokens, state, replace(SHORT, epochs=1), checkpoint=file)
     with pytest.raises(ValueError, match="epochs 1 there, 2 now"):
         train(tokens, state, replace(SHORT, epochs=2), checkpoint=file)
     with pytest.raises(ValueError, match="another training: sums"):
         train(*made_up(200, 1), replace(SHORT, epochs=1), checkpoint=file)
-    file.write_bytes(b"rubbish")
-    with pytest.raises(ValueError, match=r"run\.pt: not readable as a checkpoint"):
+    file.path.write_bytes(b"rubbish")
+    with pytest.raises(ValueError, match=r"run\.pt: not readable as the checkpoint"):
         train(tokens, state, replace(SHORT, epochs=1), checkpoint=file)
     assert [p.name for p in tmp_path.iterdir()] == ["run.pt"]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wireless import LinkState, Tracer
-from wireless.traced_csv import write_traced_csv
+from wireless.traced_csv import traced_csv
 
 TX = np.array([[4.0, 3.1, 1.2], [1.0, 1.4, 1.5]])
 RX = np.array([[5.0, 0.9, 1.5], [2.6, 1.3, 1.5], [1.5, 3.2, 2.0]])  # the second is sealed off
@@ -26,7 +26,7 @@ def read(path):
 
 def test_a_row_is_a_receiver_and_its_paths(paths, tmp_path):
     """Powers [dBm], times [s], angles [degrees, from the zenith], losses [dB]: all of them, strongest first."""
-    write_traced_csv(tmp_path / "a.csv", paths, 1, CELL, SHAPE, tx_power_dbm=23.0)
+    (tmp_path / "a.csv").write_bytes(traced_csv(paths, 1, CELL, SHAPE, tx_power_dbm=23.0))
     rows = read(tmp_path / "a.csv")
     assert len(rows) == 3
     for rx, row in enumerate(rows):
@@ -52,7 +52,7 @@ def test_a_row_is_a_receiver_and_its_paths(paths, tmp_path):
 
 
 def test_columns_stand_in_the_published_order(paths, tmp_path):
-    write_traced_csv(tmp_path / "a.csv", paths, 0, CELL, SHAPE)
+    (tmp_path / "a.csv").write_bytes(traced_csv(paths, 0, CELL, SHAPE))
     names = (tmp_path / "a.csv").read_text().splitlines()[0].split(",")
     assert names[1:9] == [
         "rx_pos_ind_row", "rx_pos_ind_column", "rx_pos_x", "rx_pos_y", "npaths", "los", "link_state", "1st_NLOS",
@@ -65,7 +65,7 @@ def test_columns_stand_in_the_published_order(paths, tmp_path):
 
 def test_places_count_from_the_top_left_and_lines_from_the_lower_left(paths, tmp_path):
     """Row 0 of four is row 4 of the file; line_index is row times columns plus column, from the bottom."""
-    write_traced_csv(tmp_path / "a.csv", paths, 0, CELL, SHAPE)
+    (tmp_path / "a.csv").write_bytes(traced_csv(paths, 0, CELL, SHAPE))
     rows = read(tmp_path / "a.csv")
     assert [(row["rx_pos_ind_row"], row["rx_pos_ind_column"]) for row in rows] == [
         ("4", "5"),
@@ -80,8 +80,8 @@ def test_states_follow_the_threshold(paths, tmp_path):
     """At a threshold above all paths every link is in outage, and still has its paths."""
     state = paths.link_state()[1]
     assert set(state) == {LinkState.OUTAGE, LinkState.FIRST_ORDER, LinkState.LOS}
-    write_traced_csv(tmp_path / "a.csv", paths, 1, CELL, SHAPE)
-    write_traced_csv(tmp_path / "b.csv", paths, 1, CELL, SHAPE, threshold_db=0.0)
+    (tmp_path / "a.csv").write_bytes(traced_csv(paths, 1, CELL, SHAPE))
+    (tmp_path / "b.csv").write_bytes(traced_csv(paths, 1, CELL, SHAPE, threshold_db=0.0))
     rows, none = read(tmp_path / "a.csv"), read(tmp_path / "b.csv")
     assert [int(row["link_state"]) for row in rows] == list(state)
     assert [row["los"] for row in rows] == ["1" if s == LinkState.LOS else "0" for s in state]

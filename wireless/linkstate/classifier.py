@@ -22,8 +22,6 @@ from wireless.linkstate.networks import N_STATES, NETWORKS
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
-from wireless.reading import reading
-from wireless.run_folder import whole
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096
@@ -126,8 +124,8 @@ class LinkStateClassifier:
             total[:, allowed] += torch.softmax(network(tokens)[:, allowed], 1)
         return total / len(self.networks)
 
-    def save(self, path: Path) -> None:
-        """Write PATH (.safetensors) and the card beside it (.json)."""
+    def files(self, name: str) -> dict[str, bytes]:
+        """The contents of NAME.safetensors and of the card beside it, NAME.json."""
         weights = {
             f"{i}.{name}": value.detach().contiguous()
             for i, network in enumerate(self.networks)
@@ -145,10 +143,7 @@ class LinkStateClassifier:
             "temperature": self.temperature,
         }
         text = json.dumps({**head, **{k: v for k, v in self.card.items() if k not in head}}, indent=2) + "\n"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for target, content in ((path, save(weights)), (path.with_suffix(".json"), text.encode())):
-            with whole(target) as partial:
-                partial.write_bytes(content)
+        return {f"{name}.safetensors": save(weights), f"{name}.json": text.encode()}
 
 
 def load_classifier(path: Path) -> LinkStateClassifier:

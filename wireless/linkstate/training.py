@@ -9,23 +9,31 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float32, Int
 from torch import Tensor, nn
 
-from wireless.linkstate.checkpoints import load_checkpoint, restore_optimiser
 from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.optimiser import restore_optimiser
 from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
-from wireless.reading import DataError, reading
-from wireless.run_folder import whole
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
+
+
+@runtime_checkable
+class Store(Protocol):
+    """Where the state of a training is kept."""
+
+    def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
+        """Put the state back that was saved last, if there is one."""
+
+    def save(self, state: dict[str, Any]) -> None:
+        """Keep a state."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,9 +74,18 @@ class Recipe:
             raise ValueError(f"inputs have {unknown[0]!r}, expected some of {', '.join(COLUMNS)}.")
         if not {"aoa", "snr"} <= set(self.inputs):
             raise ValueError(f"inputs are {', '.join(self.inputs)}, expected aoa and snr among them.")
-        for name in ("epochs", "batch"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected at least 1.")
+        for name, least, most in (
+            ("epochs", 1, 100_000),
+            ("batch", 1, 1_000_000),
+            ("learning_rate", 1e-8, 1),
+            ("weight_decay", 0, 10),
+            ("jitter_deg", 0, 180),
+            ("shift_db", 0, 200),
+            ("width", 1, 65_536),
+            ("seed", 0, 2**63 - 1),
+        ):
+            if not least <= getattr(self, name) <= most:
+                raise ValueError(f"{name} is {getattr(self, name):g}, expected {least:g} to {most:g}.")
         for name in ("label_smoothing", "averaging", "dropout"):
             if not 0 <= getattr(self, name) < 1:
                 raise ValueError(f"{name} is {getattr(self, name)}, expected a share from 0 to below 1.")
@@ -117,7 +134,7 @@ def train(
     recipe: Recipe,
     *,
     watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, "m"]] | None = None,
-    checkpoint: Path | None = None,
+    checkpoint: Store | None = None,
     report: Callable[[Epoch], None] | None = None,
 ) -> tuple[nn.Module, list[Epoch]]:
     """Train a network; links without paths are left out.
@@ -127,14 +144,14 @@ def train(
         state: Their true `LinkState`.
         recipe: How.
         watch: Links to score after each epoch; they change nothing.
-        checkpoint: File to keep the state of training in, and to go on from if it is there.
+        checkpoint: Where the state of training is kept after each epoch, and found again.
         report: Called after each epoch.
 
     Returns:
         The network with averaged weights, in evaluation mode, and all epochs.
 
     Raises:
-        ValueError: If no link has a path, or the checkpoint is damaged or of another recipe or other links.
+        ValueError: If no link has a path, or the checkpoint is of another recipe or other links.
     """
     reached = found(tokens).any(1)
     if not reached.any():
@@ -144,12 +161,12 @@ def train(
     x, y = torch.from_numpy(tokens[reached]), torch.from_numpy(state[reached].astype(np.int64))
     with one_thread(), torch.random.fork_rng(devices=[]):
         run = _Run(x, y, recipe)
-        if checkpoint and checkpoint.exists():
-            run.load(checkpoint)
+        if checkpoint:
+            checkpoint.restore(run.restore)
         while len(run.epochs) < recipe.epochs:
             run.step_epoch(watch)
             if checkpoint:
-                run.save(checkpoint)
+                checkpoint.save(run.state())
             if report:
                 report(run.epochs[-1])
         return run.averaged.eval(), run.epochs
@@ -233,36 +250,31 @@ class _Run:
         loss = nn.functional.cross_entropy(logits[known], torch.searchsorted(self.states, y[known]))
         return right.double().mean().item(), loss.item()
 
-    def save(self, path: Path) -> None:
-        """Write everything, whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        kept = {
+    def state(self) -> dict[str, Any]:
+        """Everything."""
+        return {
             "for": self._signature(),
             "network": self.network.state_dict(),
             "averaged": self.averaged.state_dict(),
             "optimiser": self.optimiser.state_dict(),
             "epochs": [asdict(epoch) for epoch in self.epochs],
         }
-        with whole(path) as partial:
-            torch.save(kept, partial)
 
-    def load(self, path: Path) -> None:
-        """Go on from what was written."""
-        with reading(path, "a checkpoint", "Delete it to start again.") as file:
-            kept = load_checkpoint(file)
-            signature = kept["for"]
-            if differing := [key for key, value in self._signature().items() if signature.get(key) != value]:
-                name = differing[0]
-                raise DataError(
-                    f"{path}: checkpoint of another training: {name} {signature.get(name)} there, "
-                    f"{self._signature()[name]} now. Choose another folder."
-                )
-            self.network.load_state_dict(kept["network"])
-            self.averaged.load_state_dict(kept["averaged"])
-            restore_optimiser(self.optimiser, kept["optimiser"])
-            self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
-            if [epoch.epoch for epoch in self.epochs] != list(range(1, len(self.epochs) + 1)):
-                raise ValueError("its epochs are not those of a training")
+    def restore(self, kept: dict[str, Any]) -> None:
+        """Go on from a state."""
+        signature = kept.get("for", {})
+        if differing := [name for name, value in self._signature().items() if signature.get(name) != value]:
+            name = differing[0]
+            raise ValueError(
+                f"checkpoint of another training: {name} {signature.get(name)} there, "
+                f"{self._signature()[name]} now. Choose another folder."
+            )
+        self.network.load_state_dict(kept["network"])
+        self.averaged.load_state_dict(kept["averaged"])
+        restore_optimiser(self.optimiser, kept["optimiser"])
+        self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
+        if [epoch.epoch for epoch in self.epochs] != list(range(1, len(self.epochs) + 1)):
+            raise ValueError("its epochs are not those of a training")
 
     def _signature(self) -> dict[str, Any]:
         """What a checkpoint belongs to."""

@@ -1,30 +1,9 @@
-"""States of training that was interrupted, read back: whole, of the same training, and such as it can go on from."""
+"""Optimisers put back into a state that was kept."""
 
-import zipfile
 from collections.abc import Mapping
-from typing import Any, BinaryIO
+from typing import Any
 
 import torch
-
-
-def load_checkpoint(file: BinaryIO) -> dict[str, Any]:
-    """What `torch.save` wrote into a file; no code in it is run.
-
-    Raises:
-        ValueError: If its bytes are not those that were written.
-        Exception: Whatever other damage makes the reader raise.
-    """
-    with zipfile.ZipFile(file) as archive:
-        if any(member.compress_type != zipfile.ZIP_STORED for member in archive.infolist()):
-            raise ValueError("it is packed in another way than PyTorch does")
-        # PyTorch itself does not look at the check sums.
-        if (damaged := archive.testzip()) is not None:
-            raise ValueError(f"the check sum of {damaged} is wrong")
-    file.seek(0)
-    kept = torch.load(file, weights_only=True)
-    if not isinstance(kept, dict):
-        raise ValueError(f"a {type(kept).__name__}, expected names and values")
-    return kept
 
 
 def restore_optimiser(optimiser: torch.optim.Optimizer, kept: Mapping[str, Any]) -> None:

@@ -1,0 +1,214 @@
+"""Folders of results: whose they are, of which settings, and who is at work there.
+
+Every command that writes into a folder claims it. `settings.json` says which command that was, and for runs that go
+on after an interruption all that their results depend on: other settings are not mixed in. One process is at work in
+a folder at a time. What a killed one has left half is removed.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from robosim.support.files import plain, remove_partials, write_json
+from robosim.support.reading import FileError
+from robosim.support.text_in import read_json
+
+SETTINGS = "settings.json"
+
+
+class FolderError(ValueError):
+    """A folder that cannot be written to, holds something else, or is in use."""
+
+
+@contextmanager
+def run_folder(
+    folder: Path, command: str, settings: Mapping[str, Any] | None = None, *, grows: tuple[str, ...] = ()
+) -> Iterator[Path]:
+    """Work in a folder alone.
+
+    Args:
+        folder: The folder, made if it is missing; removed again if nothing came of the work.
+        command: What is at work, such as "dataset".
+        settings: All that results depend on, if the run goes on from what it finds.
+        grows: Settings that are dictionaries to which a later run may add, or of which it may ask for a part.
+
+    Raises:
+        FolderError: If the folder cannot be used, is in use, or holds results of another command or of other
+            settings.
+    """
+    folder = Path(folder)
+    check_folder(folder, command)
+    made = _make(folder)
+    with _alone(folder):
+        try:
+            ours = (folder / SETTINGS).exists()
+            before = set() if ours else set(_results(folder))
+            if _kept(folder) is not None:
+                remove_partials(folder)
+            _settle(folder, command, settings, grows)
+            try:
+                yield folder
+            except BaseException:
+                if not ours and set(_results(folder)) == before:
+                    (folder / SETTINGS).unlink(missing_ok=True)  # somebody's folder stays as it was
+                raise
+        finally:
+            if not _holds_results(folder):
+                (folder / SETTINGS).unlink(missing_ok=True)
+                for empty in made:
+                    _remove_empty(empty)
+
+
+def check_folder(folder: Path, command: str) -> None:
+    """See whether a command can write its results into a folder, and change nothing.
+
+    Raises:
+        FolderError: If it cannot.
+    """
+    folder = Path(folder)
+    at = folder
+    while not _exists(at):
+        at = at.parent
+    if not at.is_dir():
+        raise FolderError(f"out is {str(folder)!r}, but {str(at)!r} is no folder. Choose another.")
+    if not os.access(at, os.W_OK | os.X_OK):
+        raise FolderError(f"out is {str(folder)!r}, but you may not write to {str(at)!r}. Choose another.")
+    there = _kept(folder)
+    if there is not None and there["command"] != command and _holds_results(folder):
+        raise FolderError(
+            f"out is {str(folder)!r}, which holds the results of `robosim {there['command']}`. Choose another folder "
+            f"for `robosim {command}`."
+        )
+
+
+def read_settings(folder: Path, command: str) -> dict[str, Any]:
+    """What results in a folder depend on.
+
+    Raises:
+        FolderError: If it holds none of that command.
+    """
+    there = _kept(Path(folder))
+    if there is None or there["command"] != command:
+        raise FolderError(
+            f"{Path(folder) / SETTINGS}: not there, or not of `robosim {command}`. Give a folder that it wrote."
+        )
+    return dict(there["settings"])
+
+
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists() or path.is_symlink()
+    except OSError as error:
+        raise FolderError(
+            f"out is {str(path)[:200]!r}, which cannot be a folder ({error.strerror}). Choose another."
+        ) from error
+
+
+def _make(folder: Path) -> list[Path]:
+    """Make a folder if it is missing; it and those above it that were missing too, itself first."""
+    missing = [at for at in (folder, *folder.parents) if not at.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        for at in missing:
+            _remove_empty(at)
+        raise FolderError(
+            f"out is {str(folder)!r}, which cannot be made ({error.strerror}). Choose another."
+        ) from error
+    return missing
+
+
+def _remove_empty(folder: Path) -> None:
+    with contextlib.suppress(OSError):  # something else lies there by now
+        folder.rmdir()
+
+
+def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grows: tuple[str, ...]) -> None:
+    """Note command and settings, or find the same ones."""
+    now: dict[str, Any] = json.loads(json.dumps(plain(dict(settings or {})), allow_nan=False))
+    there = _kept(folder)
+    if there is None and (folder / SETTINGS).exists():
+        raise FolderError(
+            f"{folder / SETTINGS}: does not say of which command and settings the files beside it are. Choose another "
+            "folder, or empty this one."
+        )
+    if there is not None and settings is not None and _holds_results(folder):
+        before = there["settings"]
+        if told := _difference(before, now, grows):
+            raise FolderError(
+                f"{folder} holds results of other settings: {told}. Choose another folder, or the same settings."
+            )
+        for name in grows:
+            now[name] = {**before.get(name, {}), **now[name]}
+    if there is None or there["settings"] != now or there["command"] != command:
+        write_json(folder / SETTINGS, {"command": command, "settings": now})
+
+
+def _kept(folder: Path) -> dict[str, Any] | None:
+    """What `settings.json` says, if it is one of ours."""
+    try:
+        there = read_json(folder / SETTINGS, "settings", keys=("command", "settings"))
+        return there if isinstance(there["command"], str) and isinstance(there["settings"], dict) else None
+    except FileError:
+        return None
+
+
+def _holds_results(folder: Path) -> bool:
+    """Whether there is any file but the settings."""
+    return next(_results(folder), None) is not None
+
+
+def _results(folder: Path) -> Iterator[Path]:
+    """Files but the settings.
+
+    Hidden ones are not yet whole; folders inside that were claimed by others are their own.
+    """
+    for root, folders, files in os.walk(folder):
+        if SETTINGS in files and Path(root) != folder:
+            folders.clear()
+            continue
+        for name in files:
+            if not name.startswith(".") and name != SETTINGS:
+                yield Path(root) / name
+        folders[:] = [name for name in folders if not name.startswith(".")]
+
+
+def _difference(there: Any, now: Any, grows: tuple[str, ...] = (), name: str = "") -> str:
+    """What differs, by the names of the innermost settings; empty if nothing does."""
+    if isinstance(there, dict) and isinstance(now, dict):
+        parts = []
+        for key in {**there, **now}:
+            if name.split(".")[0] in grows and not (key in there and key in now):
+                continue
+            path = f"{name}.{key}" if name else str(key)
+            parts.append(_difference(there.get(key), now.get(key), grows, path))
+        return ", ".join(part for part in parts if part)
+    return "" if there == now else f"{name} {_short(there)} there, {_short(now)} now"
+
+
+def _short(value: Any) -> str:
+    """A value, or how many there are of a long list."""
+    return f"{len(value)} of them" if isinstance(value, list) and len(str(value)) > 80 else str(value)[:80]
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep other processes out of a folder, where its file system can."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise FolderError(
+                f"Another process is at work in {folder}. Wait for it, or choose another folder."
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(handle)

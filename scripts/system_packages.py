@@ -1,0 +1,121 @@
+"""Installs what robosim needs from the system, where it is missing: a software renderer, and Python's own venv.
+
+    python3 scripts/system_packages.py          OSMesa if the distribution has it, else EGL
+    python3 scripts/system_packages.py --all    OSMesa and EGL, for the tests, as far as the distribution has them
+    python3 scripts/system_packages.py --venv   what `python3 -m venv` needs, too
+
+Run by the Makefile before there is a virtual environment, so only the standard library is used. Needs root or sudo on
+Debian and its relatives; elsewhere, or where that is not to be had, it says what to install, and it succeeds if
+robosim can work with what is there.
+"""
+
+import argparse
+import functools
+import importlib.util
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "rendering"))
+from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same look at the machine as a camera's
+
+VENV_PACKAGE = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
+PACKAGE_LISTS = Path("/var/lib/apt/lists")
+# A machine in the cloud often installs updates just after its start, and holds the lock meanwhile.
+_WAIT = ("-o", "DPkg::Lock::Timeout=300")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Install what is missing, say what could not be, and return the exit status."""
+    parser = argparse.ArgumentParser(description="Install what robosim needs from the system.")
+    parser.add_argument("--all", action="store_true", help="both renderers, not only one")
+    parser.add_argument("--venv", action="store_true", help="what Python needs to make a virtual environment")
+    options = parser.parse_args(arguments)
+    if options.venv and not has_venv() and (obstacle := install([VENV_PACKAGE])):
+        say(f"{sys.executable} cannot make virtual environments without {VENV_PACKAGE}. {obstacle}")
+        say(f"Ask for it (apt-get install {VENV_PACKAGE}), or pass another Python: make PYTHON=...")
+        return 1
+    for system, packages in PACKAGES.items():
+        if missing(system) and (obstacle := install(packages)):
+            say(f"{SYSTEM_NAMES[system]} is missing ({' '.join(packages)}). {obstacle}")
+        if not options.all and not missing(system):
+            break
+    if any(not missing(system) for system in SYSTEM_NAMES):
+        return 0
+    say("One software renderer is needed. Ask for one of these, and run make again:")
+    for packages in PACKAGES.values():
+        say(f"  apt-get install {' '.join(packages)}")
+    say(
+        "On other distributions they are a part of Mesa. Ray casting needs neither: robosim episode --camera embree."
+    )
+    return 1
+
+
+def has_venv() -> bool:
+    """Whether this Python can make virtual environments with pip in them; Debian's cannot as it comes."""
+    return all(importlib.util.find_spec(name) for name in ("venv", "ensurepip"))
+
+
+def install(packages: Sequence[str]) -> str:
+    """Install packages, and return in one sentence why not, or nothing."""
+    if not shutil.which("apt-get"):
+        return "There is no apt-get here, which this script knows."
+    root = _as_root()
+    if not all(map(_offered, packages)) and not (root is None or _lists_are_there()):
+        _update()
+    if missing_here := [package for package in packages if not _offered(package)]:
+        return f"This distribution does not offer {' '.join(missing_here)}."
+    if root is None:
+        return "It takes root or sudo to install it."
+    say(f"Installing {' '.join(packages)}")
+    _update()
+    done = _apt_get("install", "-y", "--no-install-recommends", *packages)
+    return "" if done.returncode == 0 else f"apt-get says: {' '.join((done.stderr or done.stdout).split())}"
+
+
+@functools.cache
+def _as_root() -> tuple[str, ...] | None:
+    """What to put before a command that needs root; None if there is no way. sudo asks where someone can answer."""
+    if os.geteuid() == 0:
+        return ()
+    if not shutil.which("sudo"):
+        return None
+    if subprocess.run(["sudo", "-n", "true"], capture_output=True, check=False).returncode == 0:
+        return ("sudo", "-n")
+    urgent = not has_venv() or all(missing(system) for system in SYSTEM_NAMES)
+    return ("sudo",) if urgent and sys.stdin.isatty() else None
+
+
+def _apt_get(*arguments: str) -> subprocess.CompletedProcess[str]:
+    settings = ("env", "DEBIAN_FRONTEND=noninteractive", "LC_ALL=C.UTF-8")
+    command = (*(_as_root() or ()), *settings, "apt-get", "-qq", *_WAIT, *arguments)
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@functools.cache
+def _update() -> None:
+    """Fetch the lists of packages, once."""
+    _apt_get("update")
+
+
+def _lists_are_there() -> bool:
+    return any(PACKAGE_LISTS.glob("*Packages*"))
+
+
+def _offered(package: str) -> bool:
+    """Whether the distribution has a package, as far as the lists on this machine tell."""
+    command = ["env", "LC_ALL=C.UTF-8", "apt-cache", "policy", package]
+    answer = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    return "Candidate:" in answer and "Candidate: (none)" not in answer
+
+
+def say(sentence: str) -> None:
+    """Tell the user."""
+    print(sentence, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

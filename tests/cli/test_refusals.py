@@ -1,0 +1,177 @@
+"""Options that make no sense are refused before any work: in one line, with status 2, and no folder is left."""
+
+import pytest
+
+from robosim.floorplan import FloorPlan
+
+#: Commands, and words of what is said of them; {} is a folder in which nothing is.
+REFUSED = [
+    ("episode flat --noise nan", "noise level is nan, expected 0 to 100"),
+    ("episode flat --noise inf", "noise level is inf"),
+    ("episode flat --noise -1", "noise level is -1.0"),
+    ("episode flat --depth-noise 101", "depth noise level is 101.0, expected 0 to 100"),
+    ("episode flat --size 7", "width is 7, expected a whole number from 8 to 4096 pixels"),
+    ("episode flat --size 5000", "width is 5000"),
+    ("episode flat --max-steps 0", "max_steps is 0, expected a whole number from 1 to 1000000"),
+    ("episode flat --max-steps 1000001", "max_steps is 1000001"),
+    (
+        "episode flat --tolerance 100",
+        "tolerance_m is 100.0, expected 0 to 0.5 m. Use 0 for the exact outline",
+    ),
+    ("episode flat --tolerance -0.1", "tolerance_m is -0.1"),
+    ("episode flat --seed -1", "seed is -1, expected a whole number from 0 to 9223372036854775807"),
+    ("episode flat --seed 9223372036854775808", "seed is 9223372036854775808"),
+    ("episode flat --start 1,2,1e300", "'1,2,1e300', expected X,Y,YAW"),
+    ("episode flat --start 1,2,361", "yaw of --start is 361.0, expected -360 to 360 degrees from +x"),
+    ("episode flat --target 1e300,0", "'1e300,0', expected X,Y: numbers up to 1e+07"),
+    ("episode flat --target here", "'here', expected X,Y"),
+    ("episode flat --mapper nural", "mapper is 'nural'. Did you mean 'neural'? Known: neural, classical"),
+    ("episode flat --mapper {}/no.safetensors", "but there is no such file"),
+    ("episode flat --link-states genrated", "link_states is 'genrated'. Did you mean 'generated'?"),
+    ("episode flat --link-states {}/no.safetensors", "but there is no such file"),
+    ("episode flat --explorer gian", "--explorer"),
+    ("episode flat --physics dynmic", "'dynmic'"),
+    ("episode flat --resolution nan", "resolution is nan, expected 0.001 to 10 m"),
+    ("episode flat --unit 0", "unit is 0.0"),
+    ("episode flat --floor-height inf", "floor_height is inf"),
+    ("replay {} --frames 0", "frames is 0, expected a whole number from 1 to 1000"),
+    ("replay {} --frames 1001", "frames is 1001"),
+    ("evaluate", "plans is empty, expected floor plans, or folders of them, or a suite file"),
+    ("evaluate flat --targets 0", "targets is 0, expected a whole number from 1 to 10000"),
+    ("evaluate flat --seeds 10001", "seeds is 10001"),
+    ("evaluate flat --seed -1", "seed is -1"),
+    ("evaluate flat --workers 1025", "workers is 1025, expected a whole number from 1 to 1024 processes"),
+    ("evaluate flat --policies fusd", "policies is 'fusd'. Did you mean 'fused'?"),
+    ("evaluate flat --suite-out {}/suite.txt", "expected a name that ends in .yaml, .yml, .json"),
+    ("evaluate flat --mapper no.safetensors", "but there is no such file"),
+    ("plan flat --radius 0", "radius is 0.0, expected 0.001 to 5 m"),
+    ("plan flat --radius nan", "radius is nan"),
+    ("plan flat --tolerance 1", "tolerance_m is 1.0"),
+    ("trace flat --tx 1,1 --grid 0.001", "grid is 0.001, expected 0.01 to 100 m between receivers"),
+    ("trace flat --tx 1,1 --grid nan", "grid is nan"),
+    ("trace flat --tx 1,1 --grid 101", "grid is 101.0"),
+    ("trace flat --tx 1,1 --rx 1,1", "a path needs some length. Move one of them by 5 mm or more."),
+    ("trace flat --tx 1,1 --tx 1,1", "tx (1, 1, 1.5) m is given twice. Leave one of them out."),
+    ("trace flat --tx 1,1 --height nan", "height_m is nan"),
+    ("trace flat --tx 1,1 --tx-power-dbm 1e300", "tx_power_dbm is 1e+300"),
+    ("trace flat --tx 1,1 --threshold-dbm inf", "threshold_dbm is inf, expected -400 to 200 dBm"),
+    ("trace flat --tx 1,1 --frequency-ghz 0", "frequency_hz is 0.0"),
+    ("dataset", "plans is empty and generated is 0"),
+    ("dataset --generated -1", "generated is -1"),
+    ("dataset --generated 100001", "generated is 100001"),
+    ("dataset flat --tx-per-plan 0", "tx_per_plan is 0"),
+    ("dataset flat --grid 0", "grid is 0.0"),
+    ("dataset flat --seed -1", "seed is -1"),
+    ("generate --count 0", "count is 0, expected a whole number from 1 to 100000 plans"),
+    ("generate --count 100001", "count is 100001"),
+    ("generate --seed -1", "seed is -1"),
+    ("collect --homes 0", "homes is 0"),
+    ("collect --homes 100001", "homes is 100001"),
+    ("collect --steps 10001", "steps is 10001"),
+    ("collect --noise nan", "noise level is nan"),
+    ("collect --depth-noise 1e9", "depth noise level is 1000000000.0"),
+    ("figures plans flat --count 0", "count is 0"),
+    ("figures plans flat --seed -1", "seed is -1"),
+    ("figures plans", "plans is empty"),
+    ("figures wireless flat --links 0", "links is 0"),
+    ("figures wireless flat --grid 0", "grid is 0.0"),
+    ("figures wireless flat --tolerance nan", "tolerance_m is nan"),
+    ("figures wireless flat --classifier pubic", "classifier is 'pubic'. Did you mean 'public'?"),
+    ("figures search {} --stuck srn", "policies is 'srn'. Did you mean 'snr'?"),
+    ("bench render --sizes 4", "sizes is 4, expected a whole number from 8 to 4096 pixels"),
+    ("bench navigation", "plans is empty"),
+    ("bench navigation flat --noise 200", "noise level is 200.0"),
+    ("bench navigation flat --seed -1", "seed is -1"),
+    ("bench exploration", "plans is empty"),
+    ("bench exploration flat --mapper clasical", "mapper is 'clasical'. Did you mean 'classical'?"),
+    ("bench exploration flat --seed -1", "seed is -1"),
+    ("bench slam flat --steps 0", "steps is 0"),
+    ("bench slam flat --sizes 0", "sizes is 0"),
+    ("bench slam flat --others no.safetensors", "others is 'no.safetensors', but there is no such file"),
+    ("bench endurance flat --steps 3", "steps is 3"),
+    ("bench endurance flat --noise -1", "noise is -1.0"),
+    ("bench wireless flat --receivers 0", "receivers is 0"),
+    ("bench wireless flat --workers 0", "workers is 0, expected a whole number from 1 to 1024 threads"),
+    ("bench wireless flat --seed -1", "seed is -1"),
+    ("bench estimation flat --links 0", "links is 0"),
+    ("bench estimation flat --tolerance 9", "tolerance_m is 9.0"),
+    ("bench estimation flat --workers 0", "workers is 0"),
+    ("bench episode flat --targets 0", "targets is 0"),
+    ("bench episode flat --max-steps 0", "max_steps is 0"),
+    ("train link-state --data {} --folds 4 --of 3", "folds is 4, expected a whole number from 0 to 3"),
+    ("train link-state --data {} --of 0", "of is 0"),
+    ("train link-state --data {} --members 0", "members is 0"),
+    ("train link-state --data {} --homes -1", "homes is -1"),
+    ("train link-state --data {} --homes 0 --epochs 0", "epochs is 0"),
+    ("train link-state --data {} --test {}/no", "which is no folder"),
+    ("train mapper", "data is missing"),
+    ("train mapper --data {}/no", "which is no folder. Make one with `robosim collect`"),
+    ("train mapper --smoke --steps 0", "steps is 0"),
+    ("train mapper --smoke --batch 0", "batch is 0"),
+    ("train mapper --smoke --widths 0", "widths is 0"),
+    ("train mapper --smoke --widths 8 8 8 8 8 8 8 8", "expected one to seven numbers of channels"),
+    ("train mapper --smoke --threads 0", "threads is 0, expected a whole number from 1 to 1024 threads"),
+    ("train mapper --smoke --seed -1", "seed is -1"),
+    ("train pose --smoke --steps -1", "steps is -1"),
+    ("train pose", "data is missing"),
+    ("train explorer --rounds 0", "rounds is 0"),
+    ("train explorer --held-out 10001", "held_out is 10001, expected a whole number from 1 to 10000 homes"),
+    ("train explorer --decisions 0", "decisions is 0"),
+    ("train steering --homes 0", "homes is 0"),
+    ("train steering --rounds 1000 --homes 101", "expected at most 100000 homes in all"),
+]
+
+
+@pytest.fixture
+def no_work(monkeypatch, tmp_path) -> None:
+    """Reading, inventing or building anything would fail, and what is left by default is left here."""
+
+    def work(self) -> None:
+        raise AssertionError("a plan was read before the options were")
+
+    monkeypatch.setattr(FloorPlan, "__post_init__", work)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.mark.parametrize(("command", "words"), REFUSED)
+@pytest.mark.usefixtures("no_work")
+def test_nonsense_is_refused_before_any_work(command, words, tmp_path, fails):
+    folder = tmp_path / "given"
+    folder.mkdir()
+    message = fails(*command.format(*[folder] * 4).split(), "--out", tmp_path / "out/deep")
+    assert words in message.replace(" │", "").replace("│ ", "")
+    assert "0x" not in message
+    assert [path.name for path in tmp_path.rglob("*")] == ["given"]
+
+
+#: Commands that begin, and find that what they are given does not do.
+FRUITLESS = [
+    ("plan {}/damaged.yaml", "no.pgm"),
+    ("episode {}/damaged.yaml", "no.pgm"),
+    ("episode {plan} --target 3.1,0.5", "the target (3.1, 0.5) m is in a wall, or outside of the building"),
+    ("episode {plan} --start 3.1,0.5,0", "does not fit at the start (3.1, 0.5) m"),
+    ("replay {}", "{}"),
+    ("trace {plan} --tx 3.1,0.5", "tx is (3.1, 0.5) m, outside of the free space"),
+    ("trace {plan} --tx 1,1 --rx 3.1,0.5", "rx is (3.1, 0.5) m, outside of the free space"),
+    ("trace {plan} --tx 1,1 --grid 20", "no receiver fits"),
+    ("dataset {}/damaged.yaml", "no.pgm"),
+    ("train link-state --data {}", "{}"),
+    ("train mapper --data {}", "holds 0 homes"),
+    ("train pose --data {}", "holds 0 homes"),
+    ("figures plans {}/damaged.yaml", "no.pgm"),
+    ("figures search {}", "{}"),
+    ("bench render --plan {}/damaged.yaml", "no.pgm"),
+    ("bench labels {} {}", "{}"),
+]
+
+
+@pytest.mark.parametrize(("command", "words"), FRUITLESS)
+def test_what_came_to_nothing_leaves_no_folder(command, words, plan_file, tmp_path, fails, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "given"
+    folder.mkdir()
+    (folder / "damaged.yaml").write_text("image: no.pgm\nresolution: 0.05\norigin: [0, 0, 0]")
+    for out in (["--out", tmp_path / "out/deep"], []):
+        message = fails(*command.format(folder, folder, plan=plan_file).split(), *out)
+        assert words.format(folder) in message
+        assert sorted(path.name for path in tmp_path.rglob("*")) == ["damaged.yaml", "given"]

@@ -1,0 +1,219 @@
+"""Every configuration refuses numbers and names that make no sense, where it is made."""
+
+import dataclasses
+import importlib
+import math
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, get_args, get_type_hints
+
+import jaxtyping
+import pytest
+
+import robosim
+import slam
+import wireless
+from robosim.ablations import POLICIES, configured
+from robosim.bench.exploration import ExplorationSettings
+from robosim.bench.slam_plan import SlamSettings
+from robosim.bench.slam_speed import SpeedSettings
+from robosim.camera import Backend
+from robosim.commands.episode import episode
+from robosim.commands.episode_options import EpisodeOptions
+from robosim.commands.radio import RadioOptions
+from robosim.commands.terminal import PlanOptions
+from robosim.episode import EpisodeConfig
+from robosim.formats.mesh_slice import UpAxis
+from robosim.generate import GeneratorConfig
+from robosim.link_units import LinkSetConfig
+from robosim.navigation import ControllerName, make_navigator
+from robosim.odometry import NoiseModel
+from robosim.radio import RadioEngine, RadioLinkConfig
+from robosim.recognition import Recognition
+from robosim.robot import ROBOTS
+from robosim.simulator import Physics, SimulatorConfig
+from robosim.wireless_figures import FiguresConfig
+from slam.exploration import ExplorerConfig, ExplorerName
+from slam.grid import GridFrame
+
+#: Frozen dataclasses with numbers by default that are no configurations, and one that says so itself.
+EXEMPT = {
+    "Row": "a measurement, in which not-a-number stands for what was not measured",
+    "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
+    "TracerConfig": "checked by its own tests",
+}
+#: Options of commands that are handed on to it.
+TRACED = {
+    "max_reflections", "diffraction_reflections", "max_transmissions", "wall_thickness", "wall_gap", "max_paths",
+}  # fmt: skip
+#: What must be given to make one of them.
+NEEDED = {"ExplorationSettings": {"mapper": "classical"}, "GridFrame": {"origin_xy": (0.0, 0.0)}}
+BAD = {
+    float: (math.nan, math.inf, -math.inf, -1e300, 1e300),
+    int: (math.nan, math.inf, -(10**300), 10**300, 1.5, True),
+}
+
+
+@pytest.fixture(autouse=True)
+def as_users_have_it(monkeypatch) -> None:
+    """Without the type checker of the tests, which would be first to complain."""
+    monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)
+
+
+def configurations() -> list[type]:
+    """Frozen dataclasses of all packages that compare by value: those with arrays in them do not."""
+    found = []
+    for package in (robosim, slam, wireless):
+        root = Path(package.__file__).parent
+        for file in sorted(root.rglob("*.py")):
+            if "@dataclass(frozen=True" not in file.read_text(encoding="utf-8"):
+                continue
+            name = ".".join((package.__name__, *file.relative_to(root).with_suffix("").parts))
+            for kind in vars(importlib.import_module(name)).values():
+                if (
+                    not isinstance(kind, type)
+                    or kind.__module__ != name
+                    or not dataclasses.is_dataclass(kind)
+                ):
+                    continue
+                if kind.__dataclass_params__.frozen and kind.__dataclass_params__.eq:
+                    found.append(kind)
+    return found
+
+
+def numbers(kind: type) -> list[tuple[str, type]]:
+    """Names of fields that have a number, or several, by default, and what they are."""
+    found = []
+    for field in dataclasses.fields(kind):
+        parts = {field.type, *(part for part in get_args(field.type) if isinstance(part, type))}
+        if field.default is not dataclasses.MISSING and parts & {int, float}:
+            found.append((field.name, float if float in parts else int))
+    return found
+
+
+CASES = [
+    pytest.param(kind, name, what, id=f"{kind.__module__}.{kind.__name__}.{name}")
+    for kind in configurations()
+    if kind.__name__ not in EXEMPT
+    for name, what in numbers(kind)
+    if name not in TRACED
+]
+
+
+def make(kind: type, **values: Any) -> None:
+    """Make a configuration; options of commands check what they stand for when they are asked for it."""
+    made = kind(**{**NEEDED.get(kind.__name__, {}), **values})
+    if kind is EpisodeOptions:
+        made.config()
+    if kind is RadioOptions:
+        made.config(0.0)
+
+
+def test_the_configurations_are_found():
+    """There are some fifty, and those that this test stands for are among them."""
+    names = {case.values[0].__name__ for case in CASES}
+    assert len(names) > 40
+    assert {
+        "EpisodeConfig",
+        "CameraConfig",
+        "ControlConfig",
+        "Recipe",
+        "SoundingConfig",
+        "WorkOptions",
+    } <= names
+
+
+@pytest.mark.parametrize(("kind", "name", "what"), CASES)
+def test_every_number_of_a_configuration_has_bounds(kind, name, what):
+    """Not-a-number, infinities and what no memory or patience would do are refused, by the field's name."""
+    make(kind)
+    default = getattr(kind(**NEEDED.get(kind.__name__, {})), name)
+    for bad in BAD[what]:
+        if (kind.__module__.startswith("wireless") or kind is GridFrame) and bad in (1.5, True):
+            continue  # left to type checkers
+        value = (bad, *default[1:]) if isinstance(default, tuple) else bad
+        with pytest.raises(ValueError, match=r"is .*expected") as refused:
+            make(kind, **{name: value})
+        assert "\n" not in str(refused.value)
+        assert len(str(refused.value)) < 250
+
+
+@pytest.mark.parametrize(
+    ("make_it", "words"),
+    [
+        (
+            partial(SimulatorConfig, physics="dynmic"),
+            "physics is 'dynmic'. Did you mean 'dynamic'? Known: dynamic, ",
+        ),
+        (partial(SimulatorConfig, camera="pyrendr"), "Did you mean 'pyrender'?"),
+        (partial(SimulatorConfig, recognition="markr"), "Did you mean 'marker'?"),
+        (partial(RadioLinkConfig, engine="lve"), "engine is 'lve'. Did you mean 'live'?"),
+        (partial(RadioLinkConfig, transmitter="gnd"), "Did you mean 'gnb'?"),
+        (partial(RadioLinkConfig, receiver="uee"), "receiver is 'uee'. Did you mean 'ue'?"),
+        (partial(RadioLinkConfig, estimator="sag"), "Did you mean 'sage'?"),
+        (partial(EpisodeConfig, goal="fusd"), "goal is 'fusd'. Did you mean 'fused'?"),
+        (partial(EpisodeConfig, goal="fused-no-vision"), "goal is 'fused-no-vision'"),
+        (partial(EpisodeConfig, explorer="gian"), "explorer is 'gian'. Did you mean 'gain'?"),
+        (partial(EpisodeConfig, controller="planed"), "Did you mean 'planned'?"),
+        (partial(EpisodeConfig, mapper="classic"), "mapper is 'classic'. Did you mean 'classical'?"),
+        (
+            partial(EpisodeConfig, mapper="not/there.safetensors"),
+            "mapper is 'not/there.safetensors', but there is no",
+        ),
+        (partial(EpisodeConfig, mapper="mapper.pt"), "or a .safetensors file"),
+        (partial(EpisodeConfig, link_states="genrated"), "Did you mean 'generated'?"),
+        (
+            partial(EpisodeConfig, link_states="not/there.safetensors"),
+            "link_states is 'not/there.safetensors', but",
+        ),
+        (partial(configured, EpisodeConfig(), "fused-no-visoin"), "Did you mean 'fused-no-vision'?"),
+        (partial(make_navigator, SimulatorConfig(), "gian"), "Did you mean 'gain'?"),
+        (partial(make_navigator, SimulatorConfig(), mapper="neurl"), "Did you mean 'neural'?"),
+        (partial(make_navigator, SimulatorConfig(), controller="lerned"), "Did you mean 'learned'?"),
+        (partial(LinkSetConfig, estimator="pac"), "Did you mean 'pca'?"),
+        (partial(LinkSetConfig, headings="fixd"), "Did you mean 'fixed'?"),
+        (partial(LinkSetConfig, formats=("deepmino",)), "Did you mean 'deepmimo'?"),
+        (partial(LinkSetConfig, tx="gbn"), "Did you mean 'gnb'?"),
+        (partial(GeneratorConfig, style="hone"), "style is 'hone'. Did you mean 'home'?"),
+        (partial(NoiseModel, variant="publshed"), "Did you mean 'published'?"),
+        (partial(FiguresConfig, classifier="pubic"), "classifier is 'pubic'. Did you mean 'public'?"),
+        (partial(ExplorationSettings, mapper="neural", physics="kinmatic"), "Did you mean 'kinematic'?"),
+        (partial(SlamSettings, mapper="nueral"), "Did you mean 'neural'?"),
+        (
+            partial(SpeedSettings, mappers=("no.safetensors",)),
+            "others is 'no.safetensors', but there is no such file",
+        ),
+        (
+            partial(ExplorerConfig, rating="clever"),
+            "rating is 'clever'. Known: nearest, cheapest, gain, learned.",
+        ),
+        (partial(SimulatorConfig, physics=None), "physics is None. Known: dynamic, kinematic."),
+    ],
+)
+def test_names_of_parts_are_checked_where_a_configuration_is_made(make_it, words):
+    with pytest.raises(ValueError) as refused:
+        make_it()
+    assert words in str(refused.value)
+    assert "Known" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("where", "option", "names"),
+    [
+        (EpisodeOptions, "robot", Literal[tuple(ROBOTS)]),
+        (EpisodeOptions, "physics", Physics),
+        (EpisodeOptions, "camera", Backend),
+        (EpisodeOptions, "radio", RadioEngine),
+        (EpisodeOptions, "explorer", ExplorerName),
+        (EpisodeOptions, "controller", ControllerName),
+        (EpisodeOptions, "recognition", Recognition),
+        (PlanOptions, "up", UpAxis),
+    ],
+)
+def test_the_command_line_offers_what_the_library_knows(where, option, names):
+    """Commands spell names out, so that `--help` need not import the simulator; they must be the same."""
+    assert get_args(get_type_hints(where)[option]) == get_args(names)
+
+
+def test_an_episode_can_be_asked_for_any_goal():
+    assert get_args(get_type_hints(episode)["goal"]) == POLICIES
