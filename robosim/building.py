@@ -89,11 +89,11 @@ class Building:
     """Height of the ceiling above the floor [m]."""
     mesh: trimesh.Trimesh
     """All faces, with normals into free space; vertices are corners of walls only."""
-    face_kind: UInt8[np.ndarray, "n_faces"]
+    face_kind: UInt8[np.ndarray, " n_faces"]
     """What each face is: index into `KINDS`."""
     materials: tuple[str, ...]
     """Radio materials of the faces, by the names of `wireless.materials`."""
-    face_material: UInt8[np.ndarray, "n_faces"]
+    face_material: UInt8[np.ndarray, " n_faces"]
     """What each face is made of: index into `materials`."""
 
     @property
@@ -137,7 +137,7 @@ class Building:
             raise ValueError(f"material is {material!r}, expected one of {', '.join(self.materials)}.")
         return self._part(self.face_material == self.materials.index(material))
 
-    def _part(self, mask: Bool[np.ndarray, "n_faces"]) -> trimesh.Trimesh:
+    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
         used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
         return _mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
 
@@ -181,7 +181,7 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
     )
 
 
-def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, "n_rings"]:
+def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:
     """Which rings go around islands of at most this area that have no free space inside."""
     parts = shapely.get_parts(free)
     rings, part = shapely.get_rings(parts, return_index=True)

@@ -268,11 +268,11 @@ def _changed(old: Layer | None, frame: GridFrame, cells: np.ndarray, values: np.
     return Layer(frame, grid)
 
 
-def _png(image: np.ndarray) -> UInt8[np.ndarray, "n"]:
+def _png(image: np.ndarray) -> UInt8[np.ndarray, " n"]:
     return np.asarray(cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1], np.uint8).ravel()
 
 
-def _image(data: UInt8[np.ndarray, "n"], mode: str) -> np.ndarray:
+def _image(data: UInt8[np.ndarray, " n"], mode: str) -> np.ndarray:
     with opened_image(data.tobytes(), _MOST_PIXELS, ("PNG",)) as image:
         if image.mode != mode:
             raise ValueError(f"a picture has pixels of kind {image.mode}, expected {mode}")

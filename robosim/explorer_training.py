@@ -79,7 +79,7 @@ def walk_home(
     rating: ExplorerName,
     choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
     on_decision: Callable[[int], None] = lambda decisions: None,
-) -> tuple[Float[np.ndarray, "m"], bool]:
+) -> tuple[Float[np.ndarray, " m"], bool]:
     """Explore one invented home on the grid.
 
     Returns:
@@ -143,7 +143,7 @@ def mean_coverage(
     return _held_mean(coverage, recipe.decisions)
 
 
-def _held_mean(coverage: Float[np.ndarray, "m"], decisions: int) -> float:
+def _held_mean(coverage: Float[np.ndarray, " m"], decisions: int) -> float:
     """Mean of a coverage over so many decisions; its last value is held."""
     return float(np.append(coverage, np.full(decisions, coverage[-1]))[:decisions].mean())
 
@@ -286,7 +286,7 @@ def _validate(state: dict[str, Any], weights: Weights, recipe: ExplorerRecipe, p
         state["score"], state["best"] = score, {k: torch.from_numpy(v) for k, v in weights.items()}
 
 
-def _interval(difference: Float[np.ndarray, "n"]) -> dict[str, float]:
+def _interval(difference: Float[np.ndarray, " n"]) -> dict[str, float]:
     """Mean of differences home by home, with the interval of 95 % from drawing the homes anew."""
     rng = np.random.default_rng(0)
     means = difference[rng.integers(len(difference), size=(2000, len(difference)))].mean(axis=1)

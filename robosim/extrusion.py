@@ -28,7 +28,7 @@ class Solid(NamedTuple):
 
     vertices: Float[np.ndarray, "n_vertices 3"]
     faces: Int[np.ndarray, "n_faces 3"]
-    kind: UInt8[np.ndarray, "n_faces"]
+    kind: UInt8[np.ndarray, " n_faces"]
 
 
 class Level(NamedTuple):
@@ -40,7 +40,7 @@ class Level(NamedTuple):
 
 def extrude(
     free: shapely.MultiPolygon,
-    furniture: Bool[np.ndarray, "n_rings"],
+    furniture: Bool[np.ndarray, " n_rings"],
     height_m: float,
     furniture_height_m: float | None = None,
     ceiling: bool = True,
@@ -118,7 +118,7 @@ def pockets(segments: Float[np.ndarray, "n 2 2"], height_m: float, kind: int = W
     return Solid(vertices, faces, np.full(len(faces), kind, np.uint8))
 
 
-def _spots(outlines: np.ndarray) -> tuple[Float[np.ndarray, "n 2"], list[Int[np.ndarray, "_"]]]:
+def _spots(outlines: np.ndarray) -> tuple[Float[np.ndarray, "n 2"], list[Int[np.ndarray, " _"]]]:
     """All distinct points of some rings, and each ring as indices into them, without its repeated end."""
     points, ring_of = shapely.get_coordinates(outlines, return_index=True)
     distinct, index = np.unique(points[:, 0] + 1j * points[:, 1], return_inverse=True)
@@ -141,11 +141,11 @@ def _triangulate(
 
 def _half_edges(
     triangles: Int[np.ndarray, "n 3"],
-    start: Int[np.ndarray, "m"],
-    end: Int[np.ndarray, "m"],
+    start: Int[np.ndarray, " m"],
+    end: Int[np.ndarray, " m"],
     *,
     must: bool = True,
-) -> Int[np.ndarray, "m"]:
+) -> Int[np.ndarray, " m"]:
     """Which side of which triangle runs from `start` to `end`, as triangle * 3 + side; -1 where none does."""
     base = 1 + max(triangles.max(initial=0), start.max(initial=0), end.max(initial=0))
     keys = (triangles * base + np.roll(triangles, -1, axis=1)).ravel()
@@ -161,7 +161,7 @@ def _half_edges(
     return at
 
 
-def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, "m"]) -> Int[np.ndarray, "m 2"]:
+def _ends(triangles: Int[np.ndarray, "n 3"], half_edge: Int[np.ndarray, " m"]) -> Int[np.ndarray, "m 2"]:
     """Start and end of sides of triangles."""
     row, side = np.divmod(half_edge, 3)
     return np.stack([triangles[row, side], triangles[row, (side + 1) % 3]], axis=1)

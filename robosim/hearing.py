@@ -25,15 +25,15 @@ class Heard:
 
     pose: Float[np.ndarray, "3"]
     """Where the robot believed to be: x [m], y [m], yaw [rad] in `map`."""
-    aoa_rad: Float[np.ndarray, "n"]
+    aoa_rad: Float[np.ndarray, " n"]
     """Azimuth of arrival in `map`: the direction that a path comes from."""
-    aod_rad: Float[np.ndarray, "n"]
+    aod_rad: Float[np.ndarray, " n"]
     """Azimuth of departure in `map`: the direction in which a path left the target."""
-    snr_db: Float[np.ndarray, "n"]
+    snr_db: Float[np.ndarray, " n"]
     """Signal-to-noise ratio, as `wireless.estimates` defines it."""
-    gain_db: Float[np.ndarray, "n"]
+    gain_db: Float[np.ndarray, " n"]
     """Power gain between isotropic antennas: less than 0 by the path's loss."""
-    delay_s: Float[np.ndarray, "n"]
+    delay_s: Float[np.ndarray, " n"]
     """Delay after the strongest path."""
     probability: Float[np.ndarray, "4"]
     """Of each `LinkState`."""

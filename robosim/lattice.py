@@ -114,7 +114,7 @@ def _grow(solid: Bool[np.ndarray, "ny nx"], iy: int, ix: int, order: str) -> tup
     return rows, columns
 
 
-def _run(strip: Bool[np.ndarray, "_"]) -> int:
+def _run(strip: Bool[np.ndarray, " _"]) -> int:
     """Number of true elements that a strip begins with, up to the growth allowed."""
     strip = strip[:_MAX_GROWTH]
     return len(strip) if strip.all() else int(strip.argmin())

@@ -9,7 +9,7 @@ import io
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from robosim.made_links import read_homes
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_whole
 from robosim.support.progress import text_column
+from robosim.support.reading import reading
 from robosim.support.workers import Workers
 from wireless.linkstate.data import Links, read_links
 from wireless.linkstate.training import Epoch, Recipe, train

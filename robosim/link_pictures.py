@@ -54,7 +54,7 @@ def choose_telling(paths: Paths, state: LinkState) -> int | None:
 
 def power_over_directions(
     sounder: Sounder, tensor: Complex[np.ndarray, "window kept beams"]
-) -> tuple[Float[np.ndarray, "looks"], Float[np.ndarray, "looks beams"]]:
+) -> tuple[Float[np.ndarray, " looks"], Float[np.ndarray, "looks beams"]]:
     """Azimuths the receiver looks to [rad], and power received there from each beam [dBm].
 
     Args:

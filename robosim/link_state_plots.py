@@ -65,7 +65,7 @@ def _draw_confusion(axes: Axes, matrix: Shaped[np.ndarray, "4 4"]) -> None:
     axes.set_ylabel("true")
 
 
-def plot_scores(probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, "n"], path: Path) -> None:
+def plot_scores(probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, " n"], path: Path) -> None:
     """Draw the confusion matrix and the reliability of links with paths."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
     _draw_confusion(left, confusion(probability, state))

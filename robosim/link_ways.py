@@ -32,11 +32,11 @@ WAYS = 16
 class Ways:
     """Ways through measured buildings."""
 
-    rows: list[Int[np.ndarray, "_"]]
+    rows: list[Int[np.ndarray, " _"]]
     """Links along each way."""
-    moved_m: list[Float[np.ndarray, "_"]]
+    moved_m: list[Float[np.ndarray, " _"]]
     """Distance from the place before [m]."""
-    building: Int[np.ndarray, "ways"]
+    building: Int[np.ndarray, " ways"]
     """Building of each."""
 
 
@@ -126,7 +126,7 @@ def score_ways(classifier: LinkStateClassifier, links: Links) -> dict[str, dict[
 
 
 def _fused(
-    network: WayNetwork, batch: WayBatch, there: Bool[np.ndarray, "n"], states: tuple[int, ...]
+    network: WayNetwork, batch: WayBatch, there: Bool[np.ndarray, " n"], states: tuple[int, ...]
 ) -> Float[np.ndarray, "n 4"]:
     """Probabilities at all places of ways."""
     with torch.inference_mode():
@@ -148,6 +148,6 @@ def _batch(
     )
 
 
-def _rows(ways: Ways, buildings: Sequence[int]) -> Int[np.ndarray, "n"]:
+def _rows(ways: Ways, buildings: Sequence[int]) -> Int[np.ndarray, " n"]:
     """Links of all places in some buildings, in the order of `_batch`."""
     return np.concatenate([ways.rows[i] for i in np.flatnonzero(np.isin(ways.building, buildings))])

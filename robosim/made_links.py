@@ -42,7 +42,7 @@ FIRST_SEED = 1_000_220
 
 _MADE = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
 #: Estimated paths and states of links.
-Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, "n"]]
+Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, " n"]]
 
 
 def make_homes(

@@ -214,7 +214,7 @@ def _trace(
     return [(points[line[turns[line]]], int(around[corner[line[0]], way[line[0]]])) for line in lines]
 
 
-def _cycles(following: list[int]) -> list[Int[np.ndarray, "_"]]:
+def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:
     """Cycles of a permutation, each from its lowest element on."""
     seen = bytearray(len(following))
     cycles = []

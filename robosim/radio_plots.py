@@ -143,7 +143,7 @@ def draw_state(
     axes: Axes,
     building: Building,
     grid: ReceiverGrid,
-    state: UInt8[np.ndarray, "n"],
+    state: UInt8[np.ndarray, " n"],
     tx_position: Float[np.ndarray, "3"],
     title: str = "link state",
 ) -> None:
@@ -281,7 +281,7 @@ def _shade_free(axes: Axes, building: Building) -> None:
     axes.add_collection(PathCollection(outlines, zorder=0, **_NO_PATH))
 
 
-def _cells(axes: Axes, grid: ReceiverGrid, values: Float[np.ndarray, "n"], **style: Any) -> QuadMesh:
+def _cells(axes: Axes, grid: ReceiverGrid, values: Float[np.ndarray, " n"], **style: Any) -> QuadMesh:
     """Colour the cells of the receivers that have a value."""
     full = np.full(grid.shape, np.nan)
     full[tuple(grid.cell.T)] = values

@@ -144,14 +144,14 @@ class EpisodeLog:
             with whole_file(Path(folder) / f"{name}.tum") as partial:
                 _write_tum(partial, self._times(), np.array(poses))
 
-    def _times(self) -> Float[np.ndarray, "n"]:
+    def _times(self) -> Float[np.ndarray, " n"]:
         """Simulated time at each pose [s]."""
         # evo asks for increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
         return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _write_tum(path: Path, times: Float[np.ndarray, "n"], poses: Float[np.ndarray, "n 3"]) -> None:
+def _write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n 3"]) -> None:
     zero = np.zeros(len(poses))
     half = poses[:, 2] / 2
     rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])

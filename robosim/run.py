@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
 from robosim.building import Building, make_building
 from robosim.decision_log import DECISIONS, DecisionWriter
-from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
 from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.picture import Picture, building_rings
 from robosim.planfiles import write_ros

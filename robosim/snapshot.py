@@ -35,9 +35,9 @@ class Layer:
 class Arrivals:
     """Estimated radio paths, the strongest first."""
 
-    aoa_rad: Float[np.ndarray, "n"]
+    aoa_rad: Float[np.ndarray, " n"]
     """Azimuth of arrival in `map`."""
-    snr_db: Float[np.ndarray, "n"]
+    snr_db: Float[np.ndarray, " n"]
     """Signal-to-noise ratio."""
     state: LinkState
     """The most probable link state."""

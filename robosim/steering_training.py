@@ -98,7 +98,7 @@ class Watched(LearnedController):
         """
         super().__init__(weights, config)
         self._own, self._rng = own, rng
-        self.told: list[tuple[Float32[np.ndarray, n], Action]] = []
+        self.told: list[tuple[Float32[np.ndarray, " n"], Action]] = []
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         advised = Controller._best(self, pose, plan)
@@ -137,7 +137,7 @@ def drive(home: int, recipe: SteeringRecipe, controller: Controller) -> dict[str
 
 def lesson(
     home: int, recipe: SteeringRecipe, weights: Weights, own: float
-) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, "n"]]:
+) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
     """What was sensed on a drive, and what the deterministic controller advised."""
     robot = SimulatorConfig().robot
     rng = np.random.default_rng([recipe.seed, home, 7])
@@ -148,7 +148,7 @@ def lesson(
 
 
 def learn(
-    senses: Float32[np.ndarray, "n k"], advised: Int[np.ndarray, "n"], recipe: SteeringRecipe, round_: int
+    senses: Float32[np.ndarray, "n k"], advised: Int[np.ndarray, " n"], recipe: SteeringRecipe, round_: int
 ) -> dict[str, Float32[np.ndarray, "..."]]:
     """Weights that do as was advised: cross entropy, Adam, a cosine from the highest rate to zero."""
     rng = np.random.default_rng([recipe.seed, round_, 8])
@@ -171,7 +171,7 @@ def learn(
     return {name: value.detach().numpy() for name, value in weights.items()}
 
 
-def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, "n"]]:
+def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
     """What was sensed in the drives of a round, and the actions advised.
 
     Raises:
@@ -254,7 +254,7 @@ def train_steering(
 
 def _round(
     kept: Path, n: int, recipe: SteeringRecipe, weights: Weights, pool: Workers
-) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, "n"]]:
+) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
     """What the drives of a round showed; from its file, if it was driven before."""
     if not kept.exists():
         homes = range(n * recipe.homes, (n + 1) * recipe.homes)

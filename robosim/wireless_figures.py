@@ -223,7 +223,7 @@ def tell_states(
     estimator: PathEstimator,
     rng: np.random.Generator,
     console: Console | None = None,
-) -> UInt8[np.ndarray, "links"]:
+) -> UInt8[np.ndarray, " links"]:
     """The most probable `LinkState` of each link, as told from a measurement of it.
 
     Args:

@@ -214,7 +214,7 @@ class Controller:
     def _tightness(
         self,
         points: Float[np.ndarray, "k n 2"],
-        distance: Float[np.ndarray, "n"],
+        distance: Float[np.ndarray, " n"],
         clearance: Clearance,
     ) -> Float[np.ndarray, "k m"]:
         """Price of passing close to obstacles [decisions]; inf where the hull would meet one."""
@@ -235,8 +235,8 @@ class Controller:
         return price
 
     def _reluctance(
-        self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, "k"]
-    ) -> Float[np.ndarray, "k"]:
+        self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " k"]:
         """Decisions by which past bumps, and a turn just made the other way, make each heading dearer."""
         extra = np.zeros(len(headings))
         for x, y, yaw, _ in self._bumps:
@@ -311,8 +311,8 @@ def _first(turns: int) -> Action:
 
 
 def _free_run(
-    clearance: Clearance, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, "k"], radius_m: float
-) -> Float[np.ndarray, "k"]:
+    clearance: Clearance, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
+) -> Float[np.ndarray, " k"]:
     """How far the hull gets from a point in each direction before it meets an obstacle [m], at most 1.5 m."""
     distance = np.arange(1, 31) * 0.05
     ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)

@@ -163,7 +163,7 @@ class OccupancyGrid:
         return hit
 
 
-def _axes(frame: GridFrame) -> tuple[Float[np.ndarray, "nx"], Float[np.ndarray, "ny"]]:
+def _axes(frame: GridFrame) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray, " ny"]]:
     """Centres of columns (x) and rows (y) [m]."""
     ny, nx = frame.shape
     x = frame.origin_xy[0] + (np.arange(nx) + 0.5) * frame.resolution_m

@@ -70,9 +70,9 @@ def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarra
 
 def _farthest(
     points: Float[np.ndarray, "n 2"],
-    cost: Float[np.ndarray, "n"],
+    cost: Float[np.ndarray, " n"],
     i: int,
-    ends: Int[np.ndarray, "k"],
+    ends: Int[np.ndarray, " k"],
     field: TravelTime,
 ) -> int:
     """Farthest of some points to which a straight leg from point i is as good as the way downhill."""

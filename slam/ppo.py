@@ -63,21 +63,21 @@ class Walk:
 
     features: list[Float32[np.ndarray, "_ k"]]
     """What was told of the frontiers at each choice."""
-    taken: Int[np.ndarray, "n"]
+    taken: Int[np.ndarray, " n"]
     """Which was taken."""
-    log_odds: Float[np.ndarray, "n"]
+    log_odds: Float[np.ndarray, " n"]
     """Logarithm of the probability with which it was."""
-    value: Float[np.ndarray, "n"]
+    value: Float[np.ndarray, " n"]
     """What was expected then."""
-    at: Int[np.ndarray, "n"]
+    at: Int[np.ndarray, " n"]
     """Decisions made before each choice."""
-    coverage: Float[np.ndarray, "m"]
+    coverage: Float[np.ndarray, " m"]
     """Part of the floor seen before each decision, and after the last."""
     ended: bool
     """Whether nothing was left to see, rather than time was over."""
 
 
-def advantages(walk: Walk, config: PpoConfig) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]:
+def advantages(walk: Walk, config: PpoConfig) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
     """By how much each choice was better than expected, and what it was worth in the end.
 
     The reward of a decision is the part of the floor that it shows for the first time.

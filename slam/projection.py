@@ -48,7 +48,7 @@ class CameraModel:
                 "the other."
             )
 
-    def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, "w"], Float32[np.ndarray, "h"]]:
+    def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " h"]]:
         """Leftward offset of each column and fall of each row, per metre of depth.
 
         Args:
@@ -82,20 +82,20 @@ class Band:
 class Scan:
     """For each image column, the nearest surface that stops the robot. Columns run from left to right."""
 
-    left: Float32[np.ndarray, "w"]
+    left: Float32[np.ndarray, " w"]
     """Leftward offset per metre of depth: tangent of the bearing."""
-    depth_m: Float32[np.ndarray, "w"]
+    depth_m: Float32[np.ndarray, " w"]
     """Depth of the nearest surface along the camera axis [m]; inf where none was seen."""
-    clear_m: Float32[np.ndarray, "w"]
+    clear_m: Float32[np.ndarray, " w"]
     """Depth up to which nothing stops the robot [m]; 0 where the column measured nothing."""
-    top_m: Float32[np.ndarray, "w"]
+    top_m: Float32[np.ndarray, " w"]
     """Height of the highest row that saw the nearest surface [m]; 0 where none was seen."""
-    far_m: Float32[np.ndarray, "w"]
+    far_m: Float32[np.ndarray, " w"]
     """Depth of the surface behind, where the nearest is lower than the camera and something taller follows [m];
     inf elsewhere."""
 
     @property
-    def hit(self) -> Bool[np.ndarray, "w"]:
+    def hit(self) -> Bool[np.ndarray, " w"]:
         """Columns that saw a surface."""
         return np.isfinite(self.depth_m)
 
@@ -115,7 +115,7 @@ def back_project(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Floa
 
 
 def _band_limits(
-    down: Float32[np.ndarray, "h"], camera: CameraModel, band: Band
+    down: Float32[np.ndarray, " h"], camera: CameraModel, band: Band
 ) -> tuple[Float32[np.ndarray, "h 1"], Float32[np.ndarray, "h 1"]]:
     """Least and greatest depth [m] at which the rays of a row are within the band of heights."""
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,10 +172,10 @@ def scan_from_depth(
 
 def _surface(
     standing: Float32[np.ndarray, "h w"],
-    nearest: Float32[np.ndarray, "w"],
-    down: Float32[np.ndarray, "h"],
+    nearest: Float32[np.ndarray, " w"],
+    down: Float32[np.ndarray, " h"],
     camera: CameraModel,
-) -> tuple[Float32[np.ndarray, "w"], Float32[np.ndarray, "w"]]:
+) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " w"]]:
     """Mean depth [m] and greatest height [m] of the rows that see the nearest surface of each column."""
     # The nearest of many noisy rows is some standard deviations short: the window opens farther than it closes.
     spread = 0.02 + 0.02 * nearest
@@ -187,20 +187,20 @@ def _surface(
 
 
 def _eye_level(
-    standing: Float32[np.ndarray, "h w"], down: Float32[np.ndarray, "h"]
-) -> Float32[np.ndarray, "w"]:
+    standing: Float32[np.ndarray, "h w"], down: Float32[np.ndarray, " h"]
+) -> Float32[np.ndarray, " w"]:
     """Depth [m] of what stands at the height of the camera; inf where nothing does."""
     middle = np.argsort(np.abs(down))[:2]
     return standing[middle].max(axis=0)
 
 
 def dense_points(
-    left: Float32[np.ndarray, "w"],
-    depth_m: Float32[np.ndarray, "w"],
-    top_m: Float32[np.ndarray, "w"],
+    left: Float32[np.ndarray, " w"],
+    depth_m: Float32[np.ndarray, " w"],
+    top_m: Float32[np.ndarray, " w"],
     range_m: float,
     between: int = 4,
-) -> tuple[Float[np.ndarray, "n 2"], Float32[np.ndarray, "n"]]:
+) -> tuple[Float[np.ndarray, "n 2"], Float32[np.ndarray, " n"]]:
     """Points of a scan with others in between on each surface, so that far walls have no holes.
 
     The inverse depth of a plane is linear in the column, so the points in between lie exactly on it.

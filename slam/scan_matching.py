@@ -60,7 +60,7 @@ class ScanPoints:
     """x forward, y left [m]."""
     normals: Float[np.ndarray, "n 2"]
     """Unit normals that point towards the robot."""
-    weights: Float[np.ndarray, "n"]
+    weights: Float[np.ndarray, " n"]
     """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
 
 
@@ -72,7 +72,7 @@ class Match:
     """Pose found: x [m], y [m], yaw [rad]."""
     information: Float[np.ndarray, "3 3"]
     """What the scan alone says of it: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
-    paired: Bool[np.ndarray, "n"]
+    paired: Bool[np.ndarray, " n"]
     """Which scan points lie on a surface of the map."""
 
 
@@ -96,8 +96,8 @@ def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
 
 
 def _with_normals(
-    left: Float[np.ndarray, "w"], depth_m: Float[np.ndarray, "w"], max_range_m: float, cell_m: float
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+    left: Float[np.ndarray, " w"], depth_m: Float[np.ndarray, " w"], max_range_m: float, cell_m: float
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
     columns = np.flatnonzero(depth_m * np.hypot(1.0, left) <= max_range_m)
     n = len(columns)
     if n < 3:

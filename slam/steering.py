@@ -51,7 +51,7 @@ class LearnedController(Controller):
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         return Action(int(np.argmax(self.scores(self.senses(pose, plan)))))
 
-    def senses(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Float32[np.ndarray, "n"]:
+    def senses(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Float32[np.ndarray, " n"]:
         """What the network is told, each about 1 in size.
 
         Args:

@@ -45,7 +45,7 @@ class SurfaceGrid:
         self,
         points: Float[np.ndarray, "n 2"],
         normals: Float[np.ndarray, "n 2"],
-        weights: Float[np.ndarray, "n"],
+        weights: Float[np.ndarray, " n"],
     ) -> None:
         """Enter points (x, y) [m] with unit normals; a weight of 1 counts as one observation."""
         iy, ix = self.frame.index(points)
@@ -58,7 +58,7 @@ class SurfaceGrid:
         np.add.at(self.sums.reshape(-1, 8), cell, terms.astype(np.float32))
         self._summarise(np.unique(cell))
 
-    def _summarise(self, cell: Int[np.ndarray, "n"]) -> None:
+    def _summarise(self, cell: Int[np.ndarray, " n"]) -> None:
         sums = self.sums.reshape(-1, 8)[cell].astype(float)
         weight = np.maximum(sums[:, :1], 1e-6)
         mean = sums[:, 1:3] / weight
@@ -81,7 +81,7 @@ class SurfaceGrid:
         self,
         points: Float[np.ndarray, "n 2"],
         normals: Float[np.ndarray, "n 2"],
-    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Bool[np.ndarray, "n"]]:
+    ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Bool[np.ndarray, " n"]]:
         """For each point, the surface that faces the same way and lies nearest, among 3 x 3 cells.
 
         Args:

@@ -49,7 +49,7 @@ class TravelTime:
 
     def of_legs(
         self, start: Float[np.ndarray, "2"], ends: Float[np.ndarray, "k 2"]
-    ) -> Float[np.ndarray, "k"]:
+    ) -> Float[np.ndarray, " k"]:
         """Cost of the straight legs from one point to others (x, y) [m]; inf through a wall or off the grid."""
         legs = ends - start
         length = np.hypot(*legs.T)

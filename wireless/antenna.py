@@ -126,7 +126,7 @@ def unit_vector(
     )
 
 
-def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n"]]:
+def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:
     """Directions and weights (of sum 1) whose weighted sum is the mean over the sphere.
 
     Gauss-Legendre in x for each half space, since elements end at their ground plane, and equal steps about

@@ -60,11 +60,11 @@ def draw_coverage(axis: Axes, terminal: Terminal) -> None:
     _scale(axis)
 
 
-def _around() -> Float[np.ndarray, "n"]:
+def _around() -> Float[np.ndarray, " n"]:
     return np.linspace(-np.pi, np.pi, 721)
 
 
-def _dbi(power: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _dbi(power: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Decibels, not below the picture's floor."""
     return 10 * np.log10(np.maximum(power, 10 ** (FLOOR_DBI / 10)))
 

@@ -47,11 +47,11 @@ def _within(
 @compiled
 def cast(
     plan: Plan,
-    start: Int[np.ndarray, "s"],
+    start: Int[np.ndarray, " s"],
     source: Float[np.ndarray, "2"],
     target: Float[np.ndarray, "r 2"],
-    target_start: Int[np.ndarray, "t1"],
-    target_list: Int[np.ndarray, "tr"],
+    target_start: Int[np.ndarray, " t1"],
+    target_list: Int[np.ndarray, " tr"],
     target_order: int,
     corner_order: int,
     max_through: int,

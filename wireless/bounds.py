@@ -24,8 +24,8 @@ STEP_RAD = 1e-5
 
 
 def arrival_bound_rad(
-    sounder: Sounder, azimuth_rad: Float[np.ndarray, "n"], snr_db: float | Float[np.ndarray, "#n"]
-) -> Float[np.ndarray, "n"]:
+    sounder: Sounder, azimuth_rad: Float[np.ndarray, " n"], snr_db: float | Float[np.ndarray, "#n"]
+) -> Float[np.ndarray, " n"]:
     """Least standard deviation of an unbiased azimuth of arrival of a lone path.
 
     Args:
@@ -41,8 +41,8 @@ def arrival_bound_rad(
 
 
 def departure_bound_rad(
-    sounder: Sounder, azimuth_rad: Float[np.ndarray, "n"], snr_db: float | Float[np.ndarray, "#n"]
-) -> Float[np.ndarray, "n"]:
+    sounder: Sounder, azimuth_rad: Float[np.ndarray, " n"], snr_db: float | Float[np.ndarray, "#n"]
+) -> Float[np.ndarray, " n"]:
     """The same for the azimuth of departure, in the transmitter's frame."""
     return _bound_rad(sounder.tx_response, sounder.tx.beam_array, azimuth_rad, snr_db)
 
@@ -57,10 +57,10 @@ def window_share(sounder: Sounder) -> float:
 
 def _bound_rad(
     response: Callable[[np.ndarray], np.ndarray],
-    owner: Int[np.ndarray, "dims"],
-    azimuth_rad: Float[np.ndarray, "n"],
+    owner: Int[np.ndarray, " dims"],
+    azimuth_rad: Float[np.ndarray, " n"],
     snr_db: float | Float[np.ndarray, "#n"],
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     """The bound for one end, whose dimensions belong to arrays."""
     a: Complex[np.ndarray, "n dims"] = response(azimuth_rad)
     slope = (response(azimuth_rad + STEP_RAD) - response(azimuth_rad - STEP_RAD)) / (2 * STEP_RAD)

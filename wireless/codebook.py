@@ -34,13 +34,13 @@ class Terminal:
             )
 
     @cached_property
-    def beam_rad(self) -> Float[np.ndarray, "n_beams"]:
+    def beam_rad(self) -> Float[np.ndarray, " n_beams"]:
         """Azimuth that each beam points to, in [-pi, pi); rising from zero, then from -pi."""
         azimuth = 2 * np.pi * np.arange(self.n_beams) / self.n_beams
         return np.where(azimuth < np.pi - 1e-9, azimuth, azimuth - 2 * np.pi)
 
     @cached_property
-    def beam_array(self) -> Int[np.ndarray, "n_beams"]:
+    def beam_array(self) -> Int[np.ndarray, " n_beams"]:
         """Array that sends each beam."""
         off = self.beam_rad[:, None] - np.array(self.platform.face_rad) + 1e-9
         off = np.abs((off + np.pi) % (2 * np.pi) - np.pi)

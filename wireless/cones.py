@@ -103,7 +103,7 @@ def sides(
 
 
 @compiled
-def meeting(boxes: Boxes, plane: Float[np.ndarray, "p 4"], n: int, found: Int[np.ndarray, "m"]) -> int:
+def meeting(boxes: Boxes, plane: Float[np.ndarray, "p 4"], n: int, found: Int[np.ndarray, " m"]) -> int:
     """Things whose boxes reach the inner side of each plane, up to `SLACK_M`; their number."""
     stack, count = np.empty(64, np.int64), 0
     stack[0], depth = 0, 1
@@ -167,7 +167,7 @@ def _cut(
     n_wall: int,
     plane: Float[np.ndarray, "p 4"],
     piece: Float[np.ndarray, "s m 3"],
-    corners: Int[np.ndarray, "s"],
+    corners: Int[np.ndarray, " s"],
     count: int,
     spare: Float[np.ndarray, "m 3"],
 ) -> int:
@@ -230,9 +230,9 @@ def _cut(
 @compiled
 def sees(
     tree: Tree,
-    wall_of: Int[np.ndarray, "t"],
+    wall_of: Int[np.ndarray, " t"],
     wall: Float[np.ndarray, "w k 3"],
-    wall_corners: Int[np.ndarray, "w"],
+    wall_corners: Int[np.ndarray, " w"],
     apex: Float[np.ndarray, "3"],
     behind: Float[np.ndarray, "4"],
     polygon: Float[np.ndarray, "m 3"],

@@ -76,7 +76,7 @@ def scene_files(
     *,
     mesh: trimesh.Trimesh,
     materials: tuple[str, ...],
-    face_material: Int[np.ndarray, "n_faces"],
+    face_material: Int[np.ndarray, " n_faces"],
     frequency_hz: float,
     config: TracerConfig,
     n_tx: int,

@@ -27,7 +27,7 @@ _PATH = ("aoaAzResult", "aodAzResult", "snrResult", "peakFracResult")
 def estimated_csv(
     estimates: PathEstimates,
     rx_position: Float[np.ndarray, "n 3"],
-    state: UInt8[np.ndarray, "n"],
+    state: UInt8[np.ndarray, " n"],
     cell: Int[np.ndarray, "n 2"],
     grid_shape: tuple[int, int],
 ) -> bytes:

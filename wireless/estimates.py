@@ -28,7 +28,7 @@ class PathEstimates:
     """SNR by the link budget, before correlation; falls along the paths."""
     delay_s: Float[np.ndarray, "links paths"]
     """Delay after the strongest path; negative for earlier ones."""
-    count: Int[np.ndarray, "links"]
+    count: Int[np.ndarray, " links"]
     """Number of paths found."""
 
     def __len__(self) -> int:
@@ -41,8 +41,8 @@ class PathEstimates:
     def turned(
         self,
         *,
-        rx_heading_rad: float | Float[np.ndarray, "links"] = 0.0,
-        tx_heading_rad: float | Float[np.ndarray, "links"] = 0.0,
+        rx_heading_rad: float | Float[np.ndarray, " links"] = 0.0,
+        tx_heading_rad: float | Float[np.ndarray, " links"] = 0.0,
     ) -> "PathEstimates":
         """The same with azimuths in the scene's frame.
 

@@ -28,8 +28,8 @@ def place(
     table: Complex[np.ndarray, "nodes dims"],
     round_trip: bool,
     x: float,
-    point: Complex[np.ndarray, "dims"],
-    slope: Complex[np.ndarray, "dims"],
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
 ) -> None:
     """Point and slope of a curve.
 
@@ -70,11 +70,11 @@ def place(
 def gain(
     table: Complex[np.ndarray, "nodes dims"],
     round_trip: bool,
-    part: Int[np.ndarray, "parts1"],
+    part: Int[np.ndarray, " parts1"],
     v: Complex[np.ndarray, "dims others"],
     x: float,
-    point: Complex[np.ndarray, "dims"],
-    slope: Complex[np.ndarray, "dims"],
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
 ) -> tuple[float, float]:
     """S at x, and the slope of its logarithm.
 
@@ -111,13 +111,13 @@ def gain(
 def climb(
     table: Complex[np.ndarray, "nodes dims"],
     round_trip: bool,
-    part: Int[np.ndarray, "parts1"],
+    part: Int[np.ndarray, " parts1"],
     v: Complex[np.ndarray, "dims others"],
     x: float,
     step: float,
     n_steps: int,
-    point: Complex[np.ndarray, "dims"],
-    slope: Complex[np.ndarray, "dims"],
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
 ) -> float:
     """Coordinate of the top near x; the curve's point there is left in `point`.
 

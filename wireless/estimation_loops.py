@@ -37,9 +37,9 @@ class Curves(NamedTuple):
     """Transmit signature by azimuth."""
     late: Complex[np.ndarray, "delay_nodes window"]
     """Pulse by delay."""
-    rx_part: Int[np.ndarray, "rx_arrays1"]
+    rx_part: Int[np.ndarray, " rx_arrays1"]
     """Where each receive array's dimensions begin, and an end."""
-    tx_part: Int[np.ndarray, "tx_arrays1"]
+    tx_part: Int[np.ndarray, " tx_arrays1"]
     """Likewise at the transmitter."""
     rx_grid: Complex[np.ndarray, "rx_arrays rx_looks ports"]
     """Unit signatures of each receive array at the azimuths first looked at, conjugate; 0 for none."""
@@ -62,12 +62,12 @@ class Curves(NamedTuple):
 class Scratch(NamedTuple):
     """Room for one path's curves and their slopes."""
 
-    rx: Complex[np.ndarray, "rx"]
-    tx: Complex[np.ndarray, "tx"]
-    late: Complex[np.ndarray, "window"]
-    rx_slope: Complex[np.ndarray, "rx"]
-    tx_slope: Complex[np.ndarray, "tx"]
-    late_slope: Complex[np.ndarray, "window"]
+    rx: Complex[np.ndarray, " rx"]
+    tx: Complex[np.ndarray, " tx"]
+    late: Complex[np.ndarray, " window"]
+    rx_slope: Complex[np.ndarray, " rx"]
+    tx_slope: Complex[np.ndarray, " tx"]
+    late_slope: Complex[np.ndarray, " window"]
 
 
 @compiled
@@ -98,7 +98,7 @@ def _detect(x: Complex[np.ndarray, "rx window tx"], curves: Curves, at: Float[np
 
 
 @compiled
-def _unit(c: Complex[np.ndarray, "dims"]) -> float:
+def _unit(c: Complex[np.ndarray, " dims"]) -> float:
     """One over the norm; 0 if there is none."""
     total = 0.0
     for value in c:
@@ -139,7 +139,7 @@ def _without_late(x: Complex[np.ndarray, "rx window tx"], s: Scratch) -> Complex
 
 @compiled
 def _contracted(
-    z: Complex[np.ndarray, "dims other"], c: Complex[np.ndarray, "other"], part: Int[np.ndarray, "parts1"]
+    z: Complex[np.ndarray, "dims other"], c: Complex[np.ndarray, " other"], part: Int[np.ndarray, " parts1"]
 ) -> Complex[np.ndarray, "dims parts"]:
     """A matrix contracted with each part of a curve, taken at unit norm."""
     scale = _unit(c)
@@ -176,7 +176,7 @@ def _refine(
 
 @compiled
 def _sizes(
-    x: Complex[np.ndarray, "rx window tx"], curves: Curves, s: Scratch, size: Complex[np.ndarray, "pairs"]
+    x: Complex[np.ndarray, "rx window tx"], curves: Curves, s: Scratch, size: Complex[np.ndarray, " pairs"]
 ) -> float:
     """Complex size of the path in each pair of arrays, of one absolute value; its energy is returned."""
     v = _along_late(x, curves, s)  # at unit norm of arrival and departure
@@ -199,7 +199,7 @@ def _add(
     x: Complex[np.ndarray, "rx window tx"],
     curves: Curves,
     s: Scratch,
-    size: Complex[np.ndarray, "pairs"],
+    size: Complex[np.ndarray, " pairs"],
     sign: float,
 ) -> None:
     """Add a path to the tensor, or take it off."""
@@ -228,7 +228,7 @@ def _round(
     n: int,
     at: Float[np.ndarray, "paths 3"],
     size: Complex[np.ndarray, "paths pairs"],
-    energy: Float[np.ndarray, "paths"],
+    energy: Float[np.ndarray, " paths"],
     s: list[Scratch],
 ) -> None:
     """Refine each path once with the others taken off; x is the residual before and after."""
@@ -246,7 +246,7 @@ def _settle(
     n: int,
     at: Float[np.ndarray, "paths 3"],
     size: Complex[np.ndarray, "paths pairs"],
-    energy: Float[np.ndarray, "paths"],
+    energy: Float[np.ndarray, " paths"],
     s: list[Scratch],
     share: float,
 ) -> None:
@@ -289,7 +289,7 @@ def find_paths(
     wanted: int,
     at: Float[np.ndarray, "links paths 3"],
     energy: Float[np.ndarray, "links paths"],
-    count: Int[np.ndarray, "links"],
+    count: Int[np.ndarray, " links"],
 ) -> None:
     """Paths of links, in the order found.
 

@@ -92,7 +92,7 @@ class SageEstimator:
 
     def _find(
         self, tensor: Complex[np.ndarray, "links window kept beams"], threshold: float, most: int
-    ) -> tuple[Float[np.ndarray, "links m 3"], Float[np.ndarray, "links m"], Int[np.ndarray, "links"]]:
+    ) -> tuple[Float[np.ndarray, "links m 3"], Float[np.ndarray, "links m"], Int[np.ndarray, " links"]]:
         """Coordinates of paths on their curves, energies and numbers, in the order found."""
         n = len(tensor)
         at, energy, count = np.zeros((n, most, 3)), np.zeros((n, most)), np.zeros(n, np.int64)
@@ -128,14 +128,14 @@ def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
     return np.concatenate(rows)
 
 
-def _parts(basis: Complex[np.ndarray, "kept beams"], array: Int[np.ndarray, "beams"]) -> np.ndarray:
+def _parts(basis: Complex[np.ndarray, "kept beams"], array: Int[np.ndarray, " beams"]) -> np.ndarray:
     """Where each array's rows begin, and an end."""
     owner = array[np.abs(basis).argmax(axis=1)]
     return np.searchsorted(owner, np.arange(array.max() + 2))
 
 
 def _looks(
-    curve: Complex[np.ndarray, "nodes dims"], part: Int[np.ndarray, "parts1"], step: int
+    curve: Complex[np.ndarray, "nodes dims"], part: Int[np.ndarray, " parts1"], step: int
 ) -> tuple[Complex[np.ndarray, "parts looks ports"], Float[np.ndarray, "parts looks"]]:
     """Azimuths that each array looks at first: where it has a tenth of its best directivity, or more."""
     start = np.arange(0, TURN_INTERVALS, step)

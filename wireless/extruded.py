@@ -27,7 +27,7 @@ class Extruded:
 
     walls: Float[np.ndarray, "n 2 2"]
     """Ends (x, y) [m] of each wall."""
-    wall_face: Int[np.ndarray, "n"]
+    wall_face: Int[np.ndarray, " n"]
     """One mesh face of each wall."""
     low_m: float
     """Height of the floor."""
@@ -40,7 +40,7 @@ class Extruded:
 
 
 def find_extruded(
-    mesh: trimesh.Trimesh, face_material: Int[np.ndarray, "n_faces"], snap_m: float
+    mesh: trimesh.Trimesh, face_material: Int[np.ndarray, " n_faces"], snap_m: float
 ) -> Extruded | None:
     """The floor plan that a mesh was extruded from; None if it was not.
 
@@ -81,12 +81,12 @@ def find_extruded(
 
 def _walls(
     corners: Float[np.ndarray, "n 3 3"],
-    faces: Int[np.ndarray, "m"],
-    face_material: Int[np.ndarray, "n"],
+    faces: Int[np.ndarray, " m"],
+    face_material: Int[np.ndarray, " n"],
     low: float,
     high: float,
     snap_m: float,
-) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, "k"]] | None:
+) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, " k"]] | None:
     """Segments of upright triangles, one for all side by side or on each other; None if one has gaps."""
     triangles = corners[faces]
     origin = triangles[:, :, :2].mean(axis=(0, 1))  # far from zero, offsets would be noise
@@ -119,7 +119,7 @@ def _walls(
 
 
 def _union(
-    start: Float[np.ndarray, "n"], stop: Float[np.ndarray, "n"], gap: float
+    start: Float[np.ndarray, " n"], stop: Float[np.ndarray, " n"], gap: float
 ) -> Float[np.ndarray, "k 2"]:
     """Intervals joined where they touch or overlap."""
     order = np.argsort(start)

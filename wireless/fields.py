@@ -231,10 +231,10 @@ def _spherical(
 @compiled
 def path_gain(
     points: Float[np.ndarray, "p 3"],
-    kinds: Int[np.ndarray, "m"],
+    kinds: Int[np.ndarray, " m"],
     count: int,
     normals: Float[np.ndarray, "m 3"],
-    eps: Complex[np.ndarray, "m"],
+    eps: Complex[np.ndarray, " m"],
     wedge: Float[np.ndarray, "3 3"],
     wedge_n: float,
     wedge_eps: Complex[np.ndarray, "2"],

@@ -34,29 +34,29 @@ class Surfaces(NamedTuple):
 
     triangle: Float[np.ndarray, "t 3 3"]
     """Corners of triangles [m]."""
-    triangle_facet: Int[np.ndarray, "t"]
+    triangle_facet: Int[np.ndarray, " t"]
     """Facet of each triangle."""
-    facet_start: Int[np.ndarray, "f1"]
+    facet_start: Int[np.ndarray, " f1"]
     """Where each facet's triangles begin, and an end."""
     facet_point: Float[np.ndarray, "f 3"]
     """A point of each facet."""
     facet_normal: Float[np.ndarray, "f 3"]
     """Unit normal of each facet, of either side."""
-    facet_face: Int[np.ndarray, "f"]
+    facet_face: Int[np.ndarray, " f"]
     """One mesh face of each facet."""
     edge: Float[np.ndarray, "e 2 3"]
     """Ends of edges [m]."""
     edge_wedge: Float[np.ndarray, "e 3 3"]
     """Unit vectors along the edge, along the 0-face away from it, and normal to that face into the open."""
-    edge_gap_rad: Float[np.ndarray, "e"]
+    edge_gap_rad: Float[np.ndarray, " e"]
     """Open angle of each edge."""
     edge_facets: Int[np.ndarray, "e 2"]
     """Facets of 0-face and n-face."""
 
 
 def clusters(
-    value: Float[np.ndarray, "n"], gap: float, group: Int[np.ndarray, "n"] | None = None
-) -> Int[np.ndarray, "n"]:
+    value: Float[np.ndarray, " n"], gap: float, group: Int[np.ndarray, " n"] | None = None
+) -> Int[np.ndarray, " n"]:
     """Number for each run of values, within each group, that has no gap between neighbours."""
     if group is None:
         group = np.zeros(len(value), int)
@@ -68,7 +68,7 @@ def clusters(
 
 
 def find_surfaces(
-    mesh: trimesh.Trimesh, face_material: Int[np.ndarray, "n_faces"], snap_m: float
+    mesh: trimesh.Trimesh, face_material: Int[np.ndarray, " n_faces"], snap_m: float
 ) -> Surfaces:
     """Facets and edges of any mesh.
 
@@ -106,7 +106,7 @@ def find_surfaces(
     )
 
 
-def floor_and_ceiling(surfaces: Surfaces) -> Bool[np.ndarray, "f"]:
+def floor_and_ceiling(surfaces: Surfaces) -> Bool[np.ndarray, " f"]:
     """Facets that are floor or ceiling: level, at the lowest or the highest place of all.
 
     A level facet at the top that covers less than half of what the floor does is a lid: of a table, say,
@@ -120,7 +120,7 @@ def floor_and_ceiling(surfaces: Surfaces) -> Bool[np.ndarray, "f"]:
     return low | high if area[high].sum() >= area[low].sum() / 2 else low
 
 
-def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, "f"]) -> Surfaces:
+def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
     """The same without the edges of some facets, which are taken to go on beyond the walls."""
     kept = ~ground[surfaces.edge_facets].any(axis=1)
     return surfaces._replace(
@@ -140,7 +140,7 @@ def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _pieces_of_lines(
-    triangle: Float[np.ndarray, "t 3 3"], facet: Int[np.ndarray, "t"], snap_m: float
+    triangle: Float[np.ndarray, "t 3 3"], facet: Int[np.ndarray, " t"], snap_m: float
 ) -> list[tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list[tuple[int, Float[np.ndarray, "3"]]]]]:
     """Pieces of triangle sides: ends, direction, and facet and inward direction of each triangle there."""
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
@@ -173,7 +173,7 @@ def _pieces_of_lines(
 def _edges(
     pieces: list[tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list]],
     triangle: Float[np.ndarray, "t 3 3"],
-    facet: Int[np.ndarray, "t"],
+    facet: Int[np.ndarray, " t"],
     facet_normal: Float[np.ndarray, "f 3"],
     snap_m: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -217,7 +217,7 @@ def _edges(
 @compiled
 def _holding(
     tree: Tree, points: Float[np.ndarray, "n 3"], near_m: float
-) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "h"]]:
+) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Triangles that points lie in, off their sides: where those of each point begin, and the triangles."""
     start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
     stack = np.empty(64, np.int64)

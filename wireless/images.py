@@ -27,23 +27,23 @@ class Space(NamedTuple):
     """Facets and edges, around an origin of their own."""
     tree: Tree
     """What hides."""
-    tree_patch: Int[np.ndarray, "t"]
+    tree_patch: Int[np.ndarray, " t"]
     """Patch of each triangle, in the tree's order."""
-    tree_wall: Int[np.ndarray, "t"]
+    tree_wall: Int[np.ndarray, " t"]
     """Wall of each triangle, in the tree's order."""
     wall: Float[np.ndarray, "w k 3"]
     """Corners of convex walls."""
-    wall_corners: Int[np.ndarray, "w"]
+    wall_corners: Int[np.ndarray, " w"]
     """Number of corners of each wall."""
-    mirrors: Bool[np.ndarray, "f"]
+    mirrors: Bool[np.ndarray, " f"]
     """Facets that reflect."""
-    patch_facet: Int[np.ndarray, "p"]
+    patch_facet: Int[np.ndarray, " p"]
     """Facet of each patch."""
     window: Float[np.ndarray, "p k 3"]
     """Corners of a window around each patch."""
-    corners: Int[np.ndarray, "p"]
+    corners: Int[np.ndarray, " p"]
     """Number of corners of each window."""
-    start: Int[np.ndarray, "p1"]
+    start: Int[np.ndarray, " p1"]
     """Where each patch's triangles begin, and an end."""
     triangle: Float[np.ndarray, "t 3 3"]
     """Triangles by patch."""
@@ -58,7 +58,7 @@ class Space(NamedTuple):
 class Views(NamedTuple):
     """Images with their windows, the first without one."""
 
-    order: Int[np.ndarray, "v"]
+    order: Int[np.ndarray, " v"]
     """Number of reflections."""
     chain: Int[np.ndarray, "v m"]
     """Patches that were mirrored at, the first from the source first."""
@@ -66,11 +66,11 @@ class Views(NamedTuple):
     """Source, mirrored at none of these, at one, and so on [m]."""
     window: Float[np.ndarray, "v k 3"]
     """Corners of the window in the last patch [m]."""
-    corners: Int[np.ndarray, "v"]
+    corners: Int[np.ndarray, " v"]
     """Number of its corners."""
 
 
-def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, "f"]) -> Space:
+def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
     """Prepare what does not depend on antennas.
 
     Args:
@@ -188,7 +188,7 @@ def spread(
     count: int,
     occluding: bool,
     plane: Float[np.ndarray, "p 4"],
-    found: Int[np.ndarray, "p"],
+    found: Int[np.ndarray, " p"],
     piece: Float[np.ndarray, "s k 3"],
 ) -> tuple[Views, int]:
     """Append the views of the next order that a view opens; all views and their number.

@@ -97,11 +97,11 @@ class LinkRecords:
     """Where receivers are [m]."""
     rx_cell: Int[np.ndarray, "n 2"]
     """Row and column of receivers in their grid, from 0 at the lower left."""
-    rx_heading: Float[np.ndarray, "n"]
+    rx_heading: Float[np.ndarray, " n"]
     """Azimuth of each receiver's own +x [rad]."""
-    state: UInt8[np.ndarray, "n"]
+    state: UInt8[np.ndarray, " n"]
     """True `wireless.paths.LinkState`."""
-    n_paths: UInt8[np.ndarray, "n"]
+    n_paths: UInt8[np.ndarray, " n"]
     """Number of true paths."""
     estimates: PathEstimates
     """What the receiver made out of them, in the frame of the scene."""
@@ -114,7 +114,7 @@ def link_table(
     cell: Int[np.ndarray, "n_rx 2"],
     *,
     plan: str,
-    rx_heading_rad: float | Float[np.ndarray, "n_rx"] = 0.0,
+    rx_heading_rad: float | Float[np.ndarray, " n_rx"] = 0.0,
     threshold_db: float = -np.inf,
 ) -> pa.Table:
     """Links of one transmitter as a table of `COLUMNS`.

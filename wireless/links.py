@@ -23,13 +23,13 @@ from wireless.table import Room, Setting, Table, enter, make_room, make_table, w
 class Views(NamedTuple):
     """Views of many points, one after the other, without their targets."""
 
-    view_start: Int[np.ndarray, "r1"]
+    view_start: Int[np.ndarray, " r1"]
     """Where each point's views begin, and an end."""
     image: Float[np.ndarray, "b 2"]
     """See `wireless.beams.cast`."""
     chain: Int[np.ndarray, "b 5"]
     """As view of `wireless.beams.cast`; views before count from the point's first one."""
-    hit_start: Int[np.ndarray, "r1"]
+    hit_start: Int[np.ndarray, " r1"]
     """Where each point's corners begin, and an end."""
     corner_hit: Int[np.ndarray, "c 2"]
     """Pairs of corner and view."""
@@ -39,8 +39,8 @@ class Views(NamedTuple):
 def views_of(
     plan: Plan,
     points: Float[np.ndarray, "r 2"],
-    start: Int[np.ndarray, "r1"],
-    start_list: Int[np.ndarray, "s"],
+    start: Int[np.ndarray, " r1"],
+    start_list: Int[np.ndarray, " s"],
     corner_order: int,
     max_through: int,
 ) -> Views:
@@ -285,7 +285,7 @@ def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, f
 
 
 @compiled
-def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "h"]]:
+def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Second entries sorted by the first ones (in order among equals), and where each begins."""
     start = np.zeros(n + 1, np.int64)
     for i in range(len(pairs)):
@@ -304,10 +304,10 @@ def trace_links(
     plan: Plan,
     setting: Setting,
     tx: Float[np.ndarray, "3"],
-    around_tx: Int[np.ndarray, "s"],
+    around_tx: Int[np.ndarray, " s"],
     rx: Float[np.ndarray, "r 3"],
-    target_start: Int[np.ndarray, "t1"],
-    target_list: Int[np.ndarray, "tr"],
+    target_start: Int[np.ndarray, " t1"],
+    target_list: Int[np.ndarray, " tr"],
     far: Views,
 ) -> Table:
     """Strongest paths from one transmitter to many receivers.

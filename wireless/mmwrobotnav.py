@@ -52,7 +52,7 @@ class Measurements:
     """Where receivers are [m]; they are as high as the transmitter."""
     rx_cell: Int[np.ndarray, "n 2"]
     """Row and column of receivers in their grid, from 1, row 1 at the top."""
-    state: UInt8[np.ndarray, "n"]
+    state: UInt8[np.ndarray, " n"]
     """True `wireless.paths.LinkState`."""
     aoa_az: Float[np.ndarray, "n 5"]
     """Estimated azimuths of arrival [rad], strongest path first."""
@@ -157,7 +157,7 @@ def link_states(paths: Paths) -> UInt8[np.ndarray, "n_tx n_rx"]:
     return state.reshape(shape)
 
 
-def _read(path: Path, names: list[str]) -> dict[str, Float[np.ndarray, "n"]]:
+def _read(path: Path, names: list[str]) -> dict[str, Float[np.ndarray, " n"]]:
     """Columns of a file as finite numbers."""
     with reading(path, "a table of mmwRobotNav", "Copy it again.") as file:
         table = csv.read_csv(pa.PythonFile(file, mode="r"))

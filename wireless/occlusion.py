@@ -36,7 +36,7 @@ class Boxes(NamedTuple):
     """Highest corner of each box [m]."""
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first thing, and the number of things."""
-    number: Int[np.ndarray, "n"]
+    number: Int[np.ndarray, " n"]
     """What number each thing had before it was sorted into boxes."""
 
 
@@ -49,7 +49,7 @@ class Tree(NamedTuple):
     """Highest corner of each box [m]."""
     child: Int[np.ndarray, "b 2"]
     """Two boxes; or -1 minus the first triangle, and the number of triangles."""
-    number: Int[np.ndarray, "t"]
+    number: Int[np.ndarray, " t"]
     """What number each triangle had before it was sorted into the tree."""
     triangle: Float[np.ndarray, "t 3 3"]
     """Corners of triangles, in the tree's order [m]."""
@@ -283,8 +283,8 @@ def passed(
     tree: Tree,
     p: Float[np.ndarray, "3"],
     q: Float[np.ndarray, "3"],
-    where: Float[np.ndarray, "k"],
-    which: Int[np.ndarray, "k"],
+    where: Float[np.ndarray, " k"],
+    which: Int[np.ndarray, " k"],
 ) -> int:
     """Walls between p and q in order: shares of the way and triangles; their number, -1 if there are more than k.
 
@@ -329,7 +329,7 @@ def passed(
 @compiled
 def hidden_each(
     tree: Tree, p: Float[np.ndarray, "n 3"], q: Float[np.ndarray, "n 3"]
-) -> Bool[np.ndarray, "n"]:
+) -> Bool[np.ndarray, " n"]:
     """Whether any triangle is between each p and its q."""
     result = np.empty(len(p), np.bool_)
     for i in range(len(p)):

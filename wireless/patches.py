@@ -25,21 +25,21 @@ _STRAIGHT_M = 1e-10
 class Patches(NamedTuple):
     """Pieces of facets, and convex walls."""
 
-    facet: Int[np.ndarray, "p"]
+    facet: Int[np.ndarray, " p"]
     """Facet of each patch."""
     window: Float[np.ndarray, "p k 3"]
     """Corners around each patch [m]; zeros beyond the last."""
-    corners: Int[np.ndarray, "p"]
+    corners: Int[np.ndarray, " p"]
     """Number of corners of each."""
-    start: Int[np.ndarray, "p1"]
+    start: Int[np.ndarray, " p1"]
     """Where each patch's triangles begin in `triangle`, and an end."""
-    triangle: Int[np.ndarray, "t"]
+    triangle: Int[np.ndarray, " t"]
     """Triangles of the surfaces, by patch."""
     wall: Float[np.ndarray, "w k 3"]
     """Corners of convex walls; zeros beyond the last."""
-    wall_corners: Int[np.ndarray, "w"]
+    wall_corners: Int[np.ndarray, " w"]
     """Number of corners of each."""
-    wall_of: Int[np.ndarray, "t"]
+    wall_of: Int[np.ndarray, " t"]
     """Wall of each triangle of the surfaces."""
 
 
@@ -78,7 +78,7 @@ def find_patches(surfaces: Surfaces) -> Patches:
 
 def _padded(
     polygons: list[np.ndarray],
-) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, "n"]]:
+) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
     """Corners of polygons, filled up with zeros, and their numbers."""
     corner = np.zeros((len(polygons), PATCH_CORNERS, 3))
     for i, polygon in enumerate(polygons):
@@ -88,7 +88,7 @@ def _padded(
 
 def _parts(
     triangle: Float[np.ndarray, "n 3 3"], normal: Float[np.ndarray, "3"]
-) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, "m"], bool]]:
+) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
     """Window and triangles of each part of triangles in one plane, and whether they fill the window."""
     base = triangle[0, 0]
     across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])

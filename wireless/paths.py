@@ -58,25 +58,25 @@ class Paths:
     """Positions of receivers [m]."""
     frequency_hz: float
     """Carrier frequency."""
-    tx: Int[np.ndarray, "n"]
+    tx: Int[np.ndarray, " n"]
     """Transmitter of each path."""
-    rx: Int[np.ndarray, "n"]
+    rx: Int[np.ndarray, " n"]
     """Receiver of each path."""
     gain: Complex[np.ndarray, "n 2 2"]
     """Complex gain, [theta, phi at the receiver, theta, phi at the transmitter]."""
-    power: Float[np.ndarray, "n"]
+    power: Float[np.ndarray, " n"]
     """Power gain in the polarisation that the tracer was asked for, by which paths are sorted."""
-    delay_s: Float[np.ndarray, "n"]
+    delay_s: Float[np.ndarray, " n"]
     """Time of flight."""
-    aoa_az: Float[np.ndarray, "n"]
+    aoa_az: Float[np.ndarray, " n"]
     """Azimuth of arrival [rad]."""
-    aoa_el: Float[np.ndarray, "n"]
+    aoa_el: Float[np.ndarray, " n"]
     """Elevation of arrival [rad]."""
-    aod_az: Float[np.ndarray, "n"]
+    aod_az: Float[np.ndarray, " n"]
     """Azimuth of departure [rad]."""
-    aod_el: Float[np.ndarray, "n"]
+    aod_el: Float[np.ndarray, " n"]
     """Elevation of departure [rad]."""
-    order: UInt8[np.ndarray, "n"]
+    order: UInt8[np.ndarray, " n"]
     """Number of interactions, 0 for line of sight."""
     interaction: UInt8[np.ndarray, "n m"]
     """`Interaction` at each point, from transmitter to receiver; 0 beyond the last."""
@@ -89,31 +89,31 @@ class Paths:
         return len(self.tx)
 
     @property
-    def link(self) -> Int[np.ndarray, "n"]:
+    def link(self) -> Int[np.ndarray, " n"]:
         """Number of each path's link: transmitter times number of receivers plus receiver."""
         return self.tx * len(self.rx_position) + self.rx
 
     @property
-    def rank(self) -> Int[np.ndarray, "n"]:
+    def rank(self) -> Int[np.ndarray, " n"]:
         """Place of each path in its link, 0 for the strongest."""
         link = self.link
         return np.arange(len(link)) - np.searchsorted(link, link)
 
     @property
-    def power_db(self) -> Float[np.ndarray, "n"]:
+    def power_db(self) -> Float[np.ndarray, " n"]:
         """Power gain in decibels; -inf for none."""
         with np.errstate(divide="ignore"):
             return 10 * np.log10(self.power)
 
     @property
-    def digits(self) -> Int[np.ndarray, "n"]:
+    def digits(self) -> Int[np.ndarray, " n"]:
         """Kinds of interactions from the transmitter on, as decimal digits of one number; 0 for line of sight."""
         number = np.zeros(len(self), np.int64)
         for kind in self.interaction.T:
             number = np.where(kind == Interaction.NONE, number, 10 * number + kind)
         return number
 
-    def select(self, which: Bool[np.ndarray, "n"] | Int[np.ndarray, "m"]) -> "Paths":
+    def select(self, which: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Paths":
         """Some of the paths, of the same links: a mask, or numbers in the order wanted."""
         return replace(self, **{f.name: getattr(self, f.name)[which] for f in fields(self)[3:]})
 

@@ -44,13 +44,13 @@ class Plan(NamedTuple):
     """Wall on that side, -1 for none."""
     tri_corner: Int[np.ndarray, "t 3"]
     """Corner at each point if the triangle lies in its gap, -1 otherwise."""
-    corner_vertex: Int[np.ndarray, "c"]
+    corner_vertex: Int[np.ndarray, " c"]
     """Point of each corner."""
     corner_walls: Int[np.ndarray, "c 2"]
     """Wall from which the gap is counted (counter-clockwise), and the other one."""
     corner_along: Float[np.ndarray, "c 2"]
     """Unit vector from the corner along the first of them."""
-    corner_gap_rad: Float[np.ndarray, "c"]
+    corner_gap_rad: Float[np.ndarray, " c"]
     """Angle of the gap, n pi."""
 
 
@@ -114,7 +114,7 @@ def _parents(
     ends: Float[np.ndarray, "n 2 2"],
     along: Float[np.ndarray, "n 2"],
     snap_m: float,
-) -> Int[np.ndarray, "m"]:
+) -> Int[np.ndarray, " m"]:
     """The wall that each piece was cut from: the one that its ends lie on best."""
     tree = shapely.STRtree(shapely.linestrings(ends))
     middle = pieces.mean(axis=1)
@@ -129,7 +129,7 @@ def _parents(
 
 
 def _sides(
-    triangles: Int[np.ndarray, "t 3"], pieces: Int[np.ndarray, "m 2"], piece_wall: Int[np.ndarray, "m"]
+    triangles: Int[np.ndarray, "t 3"], pieces: Int[np.ndarray, "m 2"], piece_wall: Int[np.ndarray, " m"]
 ) -> tuple[Int[np.ndarray, "t 3"], Int[np.ndarray, "t 3"]]:
     """Neighbour and wall on the side opposite to each point of each triangle."""
     wall_of = {(int(a), int(b)): int(wall) for (a, b), wall in zip(pieces, piece_wall, strict=True)}
@@ -146,7 +146,7 @@ def _sides(
 def _corners(
     vertex: Float[np.ndarray, "v 2"],
     pieces: Int[np.ndarray, "m 2"],
-    piece_wall: Int[np.ndarray, "m"],
+    piece_wall: Int[np.ndarray, " m"],
     along: Float[np.ndarray, "n 2"],
 ) -> list[tuple[int, tuple[int, int], Float[np.ndarray, "2"], float]]:
     """Point, walls, direction of the first wall and angle of each gap of more than 180 degrees."""
@@ -170,9 +170,9 @@ def _corners(
 def _in_gap(
     vertex: Float[np.ndarray, "v 2"],
     triangles: Int[np.ndarray, "t 3"],
-    corner_vertex: Int[np.ndarray, "c"],
+    corner_vertex: Int[np.ndarray, " c"],
     corner_along: Float[np.ndarray, "c 2"],
-    corner_gap: Float[np.ndarray, "c"],
+    corner_gap: Float[np.ndarray, " c"],
 ) -> Int[np.ndarray, "t 3"]:
     """Corner at each point of each triangle, -1 where the triangle lies between the walls of its wedge."""
     at = np.full(len(vertex), -1, np.int64)
@@ -217,7 +217,7 @@ class Locator:
 
     def __call__(
         self, points: Float[np.ndarray, "n 2"]
-    ) -> tuple[Int[np.ndarray, "n1"], Int[np.ndarray, "m"]]:
+    ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " m"]]:
         """Where each point's triangles begin (and an end), and these triangles.
 
         Args:

@@ -130,7 +130,7 @@ class _PlanScene:
     def __init__(
         self,
         extruded: Extruded,
-        face_eps: Complex[np.ndarray, "n"],
+        face_eps: Complex[np.ndarray, " n"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -182,8 +182,8 @@ class _SpaceScene:
     def __init__(
         self,
         mesh: trimesh.Trimesh,
-        face_material: Int[np.ndarray, "n"],
-        face_eps: Complex[np.ndarray, "n"],
+        face_material: Int[np.ndarray, " n"],
+        face_eps: Complex[np.ndarray, " n"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -232,7 +232,7 @@ class Tracer:
         mesh: trimesh.Trimesh,
         *,
         materials: tuple[str, ...] = ("drywall",),
-        face_material: Integer[np.ndarray, "n_faces"] | None = None,
+        face_material: Integer[np.ndarray, " n_faces"] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
     ):
@@ -307,7 +307,7 @@ class Tracer:
         tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
         return self._paths(tx, rx, tables)
 
-    def _setting(self, eps: Complex[np.ndarray, "n"]) -> Setting:
+    def _setting(self, eps: Complex[np.ndarray, " n"]) -> Setting:
         """Physics and limits of this tracer, for walls or facets of some permittivities."""
         config = self.config
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
@@ -396,8 +396,8 @@ def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
 
 
 def _by_triangle(
-    start: Int[np.ndarray, "r1"], triangle: Int[np.ndarray, "s"], n_triangles: int
-) -> tuple[Int[np.ndarray, "t1"], Int[np.ndarray, "s"]]:
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
+) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
     """Points of each triangle, from the triangles of each point."""
     point = np.repeat(np.arange(len(start) - 1), np.diff(start))
     order = np.argsort(triangle, kind="stable")
@@ -405,8 +405,8 @@ def _by_triangle(
 
 
 def _part(
-    start: Int[np.ndarray, "r1"], triangle: Int[np.ndarray, "s"], some: slice
-) -> tuple[Int[np.ndarray, "p1"], Int[np.ndarray, "q"]]:
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
+) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
     """The triangles of some points in a row, counted from their own first."""
     first, last = start[some.start], start[some.stop]
     return start[some.start : some.stop + 1] - first, triangle[first:last]

@@ -118,8 +118,8 @@ class Rays:
         paths: Paths,
         *,
         most: int = 25,
-        rx_heading_rad: float | Float[np.ndarray, "rx"] = 0.0,
-        tx_heading_rad: float | Float[np.ndarray, "tx"] = 0.0,
+        rx_heading_rad: float | Float[np.ndarray, " rx"] = 0.0,
+        tx_heading_rad: float | Float[np.ndarray, " tx"] = 0.0,
     ) -> "Rays":
         """Traced paths between vertically polarised antennas: links by transmitter, then receiver.
 
@@ -155,7 +155,7 @@ class Rays:
 class Clocks:
     """What is random about links besides noise."""
 
-    offset: Float[np.ndarray, "links"]
+    offset: Float[np.ndarray, " links"]
     """Delay of the strongest path in the receiver's recording [samples]."""
     path: Complex[np.ndarray, "links rays"]
     """Phase factor of each path."""
@@ -164,7 +164,7 @@ class Clocks:
     tx: Complex[np.ndarray, "links arrays_tx"]
     """Phase factor of each transmit array's oscillator."""
 
-    def __getitem__(self, links: slice | Int[np.ndarray, "n"]) -> "Clocks":
+    def __getitem__(self, links: slice | Int[np.ndarray, " n"]) -> "Clocks":
         """Those of some of the links."""
         return Clocks(**{f.name: getattr(self, f.name)[links] for f in fields(self)})
 

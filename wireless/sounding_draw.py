@@ -27,11 +27,11 @@ MARGIN = 8
 class Candidates(NamedTuple):
     """Delays that are looked at one by one."""
 
-    first: Int[np.ndarray, "links"]
+    first: Int[np.ndarray, " links"]
     """Delay of the first of them."""
     kind: Int[np.ndarray, "links zone"]
     """0 for beyond the last, or noise; 1 for seen but too weak to win; 2 for candidates."""
-    n_noise: Int[np.ndarray, "links"]
+    n_noise: Int[np.ndarray, " links"]
     """Number of delays that are noise; 0 if noise cannot win."""
 
 
@@ -46,8 +46,8 @@ def _pulse(x: float, n: int) -> complex:
 @compiled
 def _signal(
     delay: float,
-    tau: Float[np.ndarray, "rays"],
-    reach: Float[np.ndarray, "rays"],
+    tau: Float[np.ndarray, " rays"],
+    reach: Float[np.ndarray, " rays"],
     a: Complex[np.ndarray, "rays kept"],
     b: Complex[np.ndarray, "rays beams"],
     n: int,
@@ -84,9 +84,9 @@ def _find_candidates(
     ports: int,
     noise_reach: float,
     n: int,
-    first: Int[np.ndarray, "links"],
+    first: Int[np.ndarray, " links"],
     kind: Int[np.ndarray, "links zone"],
-    n_noise: Int[np.ndarray, "links"],
+    n_noise: Int[np.ndarray, " links"],
 ) -> None:
     bound = np.empty(kind.shape[1])
     for i in range(len(tau)):
@@ -198,10 +198,10 @@ def draw_windows(
     a: Complex[np.ndarray, "links rays kept"],
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
-    rival: Float[np.ndarray, "links"],
-    first: Int[np.ndarray, "links"],
+    rival: Float[np.ndarray, " links"],
+    first: Int[np.ndarray, " links"],
     kind: Int[np.ndarray, "links zone"],
-    n_noise: Int[np.ndarray, "links"],
+    n_noise: Int[np.ndarray, " links"],
     n: int,
     rng: np.random.Generator,
     out: Complex[np.ndarray, "links window kept beams"],

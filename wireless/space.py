@@ -36,7 +36,7 @@ def _reflect(
     room: Room,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
-    count: Int[np.ndarray, "r"],
+    count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways without diffraction into the lists of their links; chains are walked depth first."""
     most, keep, k2 = most_interactions(setting), rank.shape[1], 2 * setting.wavenumber
@@ -147,7 +147,7 @@ def _bend(
     room: Room,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
-    count: Int[np.ndarray, "r"],
+    count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways over an edge into the lists of their links."""
     most, keep, orders = most_interactions(setting), rank.shape[1], setting.edge_reflections

@@ -15,7 +15,7 @@ from wireless.fields import path_gain
 class Setting(NamedTuple):
     """What paths are made of and which are kept."""
 
-    wall_eps: Complex[np.ndarray, "n"]
+    wall_eps: Complex[np.ndarray, " n"]
     """Relative permittivity of each wall, then of floor and ceiling."""
     low_m: float
     """Height of the floor."""
@@ -52,15 +52,15 @@ class Setting(NamedTuple):
 class Table(NamedTuple):
     """Paths of links, `keep` rows for each receiver, strongest first."""
 
-    found: Int[np.ndarray, "r"]
+    found: Int[np.ndarray, " r"]
     """Paths of each receiver."""
-    power: Float[np.ndarray, "q"]
+    power: Float[np.ndarray, " q"]
     """Power gain by the setting's weights."""
     gain: Complex[np.ndarray, "q 2 2"]
     """See `wireless.fields.path_gain`."""
-    length_m: Float[np.ndarray, "q"]
+    length_m: Float[np.ndarray, " q"]
     """Unfolded length."""
-    order: Int[np.ndarray, "q"]
+    order: Int[np.ndarray, " q"]
     """Number of interactions."""
     kind: Int[np.ndarray, "q m"]
     """Kind of each interaction, 0 beyond the last."""
@@ -74,13 +74,13 @@ class Room(NamedTuple):
     """Arrays to work in."""
 
     flat: Float[np.ndarray, "m2 2"]
-    flat_kind: Int[np.ndarray, "m"]
-    flat_thing: Int[np.ndarray, "m"]
+    flat_kind: Int[np.ndarray, " m"]
+    flat_thing: Int[np.ndarray, " m"]
     point: Float[np.ndarray, "m2 3"]
-    kind: Int[np.ndarray, "m"]
-    thing: Int[np.ndarray, "m"]
+    kind: Int[np.ndarray, " m"]
+    thing: Int[np.ndarray, " m"]
     normal: Float[np.ndarray, "m 3"]
-    eps: Complex[np.ndarray, "m"]
+    eps: Complex[np.ndarray, " m"]
     wedge: Float[np.ndarray, "3 3"]
     wedge_eps: Complex[np.ndarray, "2"]
     gain: Complex[np.ndarray, "2 2"]

@@ -79,7 +79,7 @@ def traced_csv(
 
 def grid_columns(
     cell: Int[np.ndarray, "n 2"], grid_shape: tuple[int, int]
-) -> tuple[Int[np.ndarray, "n"], Int[np.ndarray, "n"], Int[np.ndarray, "n"]]:
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
     """Line index, row and column of receivers as mmwRobotNav counts them.
 
     Args:

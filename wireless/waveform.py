@@ -11,7 +11,7 @@ from jaxtyping import Complex
 from wireless.sounding import NOISE_DBM_PER_HZ, Clocks, Rays, Sounder
 
 
-def random_waveform(n_samples: int, rng: np.random.Generator) -> Complex[np.ndarray, "n"]:
+def random_waveform(n_samples: int, rng: np.random.Generator) -> Complex[np.ndarray, " n"]:
     """Random samples of unit mean power, of flat spectrum."""
     spectrum = np.exp(0.5j * np.pi * rng.integers(0, 4, n_samples))
     return np.fft.ifft(spectrum) * np.sqrt(n_samples)

@@ -23,7 +23,7 @@ ASIDE_M, _TURNS = 1e-6, 16
 def _walk_back(
     space: Space,
     image: Float[np.ndarray, "m1 3"],
-    chain: Int[np.ndarray, "m"],
+    chain: Int[np.ndarray, " m"],
     order: int,
     target: Float[np.ndarray, "3"],
     points: Float[np.ndarray, "m 3"],
@@ -72,9 +72,9 @@ def lay(
     space: Space,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "3"],
-    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
+    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
     edge: int,
-    far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, "m"], int],
+    far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
     points: Float[np.ndarray, "m 3"],
     room: Room,
 ) -> int:
@@ -139,8 +139,8 @@ def pass_walls(
     setting: Setting,
     m: int,
     room: Room,
-    where: Float[np.ndarray, "k"],
-    which: Int[np.ndarray, "k"],
+    where: Float[np.ndarray, " k"],
+    which: Int[np.ndarray, " k"],
 ) -> int:
     """Put the walls between the points of a path into it; its new number of interactions, -1 if it is hidden."""
     left = setting.max_through
@@ -195,7 +195,7 @@ def _turn(
 def _is_limit(
     space: Space,
     source: Float[np.ndarray, "3"],
-    chain: Int[np.ndarray, "m"],
+    chain: Int[np.ndarray, " m"],
     target: Float[np.ndarray, "3"],
     points: Float[np.ndarray, "m 3"],
 ) -> bool:
@@ -242,10 +242,10 @@ def try_path(
     rx: Float[np.ndarray, "3"],
     points: Float[np.ndarray, "m 3"],
     m: int,
-    who: Int[np.ndarray, "w"],
+    who: Int[np.ndarray, " w"],
     room: Room,
-    where: Float[np.ndarray, "k"],
-    which: Int[np.ndarray, "k"],
+    where: Float[np.ndarray, " k"],
+    which: Int[np.ndarray, " k"],
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k w"],
     count: int,
@@ -287,7 +287,7 @@ def try_path(
 
 @compiled
 def images_over(
-    space: Space, source: Float[np.ndarray, "3"], chain: Int[np.ndarray, "m"]
+    space: Space, source: Float[np.ndarray, "3"], chain: Int[np.ndarray, " m"]
 ) -> Float[np.ndarray, "m1 3"]:
     """A point, and its images over a chain of patches."""
     image = np.empty((len(chain) + 1, 3))

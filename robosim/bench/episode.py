@@ -183,15 +183,15 @@ def compare(found: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Row]:
     return rows
 
 
-def _geometric_mean(ratios: Float[np.ndarray, "n"]) -> Estimate:
+def _geometric_mean(ratios: Float[np.ndarray, " n"]) -> Estimate:
     return Estimate(*np.exp(bootstrap(np.log(ratios)[:, None], None)).tolist())
 
 
-def _steps(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, "n"]:
+def _steps(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, " n"]:
     return np.maximum([float(e["steps"]) for e in episodes], 1.0)
 
 
-def _ms(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, "n"]:
+def _ms(episodes: Sequence[Mapping[str, Any]]) -> Float[np.ndarray, " n"]:
     return np.array([float(e["all_ms"]) for e in episodes])
 
 

@@ -228,7 +228,7 @@ def _within(error_deg: np.ndarray) -> dict[float, float]:
     return {most: float(np.mean(error_deg <= most)) if len(error_deg) else np.nan for most in WITHIN_DEG}
 
 
-def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, "links"]:
+def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, " links"]:
     """Energy of each link's first path in the whole measurement, over that of noise in an entry."""
     a = sounder.rx_response(rays.aoa_az[:, 0], rays.aoa_el[:, 0])
     b = sounder.tx_response(rays.aod_az[:, 0], rays.aod_el[:, 0])

@@ -154,19 +154,19 @@ def _episode(path: Path, explorer: ExplorerName, settings: ExplorationSettings) 
     }
 
 
-def held(coverage: Float[np.ndarray, "n"]) -> Float[np.ndarray, "m"]:
+def held(coverage: Float[np.ndarray, " n"]) -> Float[np.ndarray, " m"]:
     """Coverage before each of the first 1000 decisions and after the last: the last value is held."""
     n = DECISIONS + 1
     return np.concatenate([coverage, np.full(n, coverage[-1])])[:n]
 
 
-def area_under(coverage: Float[np.ndarray, "n"]) -> float:
+def area_under(coverage: Float[np.ndarray, " n"]) -> float:
     """Area under the curve of coverage over decisions, by trapezoids, divided by its width: 0 to 1."""
     return float(np.trapezoid(coverage) / (len(coverage) - 1))
 
 
 def gain_over(
-    own: Float[np.ndarray, "n"], other: Float[np.ndarray, "n"], draws: int = 2000
+    own: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"], draws: int = 2000
 ) -> tuple[float, float, float]:
     """By which part the mean over plans exceeds another explorer's on the same plans, with its interval of 95 %."""
     drawn = np.random.default_rng(0).integers(len(own), size=(draws, len(own)))

@@ -22,7 +22,7 @@ REACH = 1
 _WIDE = 1 << 20
 
 
-def fully_traced(cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, "n"]:
+def fully_traced(cell: Int[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
     """Which receivers, by row and column from 1, rays were shot to: even row, odd column."""
     return (cell[:, 0] % 2 == 0) & (cell[:, 1] % 2 == 1)
 
@@ -56,7 +56,7 @@ def with_coarse(
     return np.vstack([cell, around]), np.vstack([position, origin + SPACING_M * around[:, ::-1] * (1, -1)])
 
 
-def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, "n"]:
+def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, " n"]:
     """Which paths of one transmitter end at a fully traced receiver, or have the interactions of one that does around.
 
     Args:
@@ -83,6 +83,6 @@ def _steps() -> Int[np.ndarray, "k 2"]:
     return np.stack(np.meshgrid(one, one, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _number(cell: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "n"]:
+def _number(cell: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
     """One number for each cell."""
     return (cell[:, 0] + _WIDE // 2) * _WIDE + cell[:, 1] + _WIDE // 2

@@ -58,17 +58,17 @@ SAMPLE_S, ELEMENTS, DIRECTIONS = 2.5e-9, 8, 360
 class Links:
     """Traced beside published, for each link of a transmitter."""
 
-    published: UInt8[np.ndarray, "n"]
+    published: UInt8[np.ndarray, " n"]
     """Published link state."""
-    computed: UInt8[np.ndarray, "n"]
+    computed: UInt8[np.ndarray, " n"]
     """Computed link state."""
-    clear: Bool[np.ndarray, "n"]
+    clear: Bool[np.ndarray, " n"]
     """Whether the link is in the transmitter's own piece of free space and off border cells."""
-    strongest_off: Float[np.ndarray, "n"]
+    strongest_off: Float[np.ndarray, " n"]
     """Angle between the strongest computed path's arrival and the published estimate [rad]; NaN for none."""
-    cluster_off: Float[np.ndarray, "n"]
+    cluster_off: Float[np.ndarray, " n"]
     """The same of what a receiver with beams would take for the strongest path."""
-    any_off: Float[np.ndarray, "n"]
+    any_off: Float[np.ndarray, " n"]
     """The same of the computed path that is nearest to the estimate."""
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -146,7 +146,7 @@ def _with_stronger_edges(paths: Paths) -> Paths:
 
 def in_the_clear(
     building: Building, tx: Float[np.ndarray, "2"], rx: Float[np.ndarray, "n 2"]
-) -> Bool[np.ndarray, "n"]:
+) -> Bool[np.ndarray, " n"]:
     """Which receivers are in the transmitter's own piece of free space, in cells with eight free neighbours.
 
     Raises:
@@ -165,7 +165,7 @@ def in_the_clear(
     return inner[cell[:, 1], cell[:, 0]] & shapely.contains_xy(own, rx)
 
 
-def received_azimuth(paths: Paths) -> Float[np.ndarray, "n_rx"]:
+def received_azimuth(paths: Paths) -> Float[np.ndarray, " n_rx"]:
     """Azimuth of arrival that a receiver with beams takes for the strongest path [rad]; NaN without paths.
 
     Paths in one sample of delay and one beam add up, incoherently since their phases are random. The beam is
@@ -191,19 +191,19 @@ def _beam(off: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
     return np.where(np.cos(off) > 0, factor**2, 0.0)
 
 
-def _apart(a: Float[np.ndarray, "n"], b: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _apart(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Angle between directions [rad]."""
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _nearest(paths: Paths, estimate: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n"]:
+def _nearest(paths: Paths, estimate: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Least angle between a link's paths and its estimate [rad]; NaN without paths."""
     off = np.full(len(estimate), np.inf)
     np.minimum.at(off, paths.rx, _apart(paths.aoa_az, estimate[paths.rx]))
     return np.where(np.isinf(off), np.nan, off)
 
 
-def confusion(links: Links, mask: Bool[np.ndarray, "n"]) -> Int[np.ndarray, "4 4"]:
+def confusion(links: Links, mask: Bool[np.ndarray, " n"]) -> Int[np.ndarray, "4 4"]:
     """Number of links by published (row) and computed (column) state."""
     pairs = 4 * links.published[mask].astype(np.int64) + links.computed[mask]
     return np.bincount(pairs, minlength=16).reshape(4, 4)

@@ -172,5 +172,5 @@ def trajectory_errors(true: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n
     }
 
 
-def _rms(values: Float[np.ndarray, "n"]) -> float:
+def _rms(values: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

@@ -128,9 +128,9 @@ class Result:
     """How one camera did."""
 
     name: str
-    seconds: Float[np.ndarray, "n_turns"]
+    seconds: Float[np.ndarray, " n_turns"]
     """Seconds per picture, turn by turn; empty if it could not take any."""
-    cpu_s: Float[np.ndarray, "n_turns"]
+    cpu_s: Float[np.ndarray, " n_turns"]
     """Processor time per picture, of all its threads; the same as `seconds` if nothing else runs."""
     depth: Any = None
     """Depth of all poses [m]."""

@@ -21,7 +21,7 @@ ALIKE = 0.95
 
 def strongest_sum_rad(
     sounder: Sounder, rays: Rays, rng: np.random.Generator, *, alike: float = ALIKE
-) -> Float[np.ndarray, "links"]:
+) -> Float[np.ndarray, " links"]:
     """Azimuth of arrival of the strongest sum's strongest path, for each link.
 
     Args:

@@ -75,7 +75,7 @@ def draw_segments(building: Building, count: int, rng: np.random.Generator) -> S
     return Segments(np.column_stack([start, z[:, 0]])[chosen], np.column_stack([stop, z[:, 1]])[chosen])
 
 
-def judge(walls: Float[np.ndarray, "w 2 2"], segments: Segments) -> Int8[np.ndarray, "n"]:
+def judge(walls: Float[np.ndarray, "w 2 2"], segments: Segments) -> Int8[np.ndarray, " n"]:
     """1 for certainly hidden, 0 for certainly seen, -1 for too close to say."""
     p, q = segments.start[:, :2], segments.stop[:, :2]
     tree = shapely.STRtree(shapely.linestrings(walls))
@@ -96,7 +96,7 @@ def judge(walls: Float[np.ndarray, "w 2 2"], segments: Segments) -> Int8[np.ndar
 
 def _off(
     a: Float[np.ndarray, "n 2"], b: Float[np.ndarray, "n 2"], p: Float[np.ndarray, "n 2"]
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     """Distance of points from lines, positive on the left."""
     way, to = b - a, p - a
     return (way[:, 0] * to[:, 1] - way[:, 1] * to[:, 0]) / np.linalg.norm(way, axis=1)
@@ -133,7 +133,7 @@ def _timed(ask: Callable[[], Answer]) -> tuple[float, Answer]:
     return perf_counter() - begin, answer
 
 
-def _double(triangle: np.ndarray, p: np.ndarray, q: np.ndarray) -> Callable[[], Bool[np.ndarray, "n"]]:
+def _double(triangle: np.ndarray, p: np.ndarray, q: np.ndarray) -> Callable[[], Bool[np.ndarray, " n"]]:
     """Our box tree."""
     tree = make_tree(triangle)
     hidden_each(tree, p[:1], q[:1])  # compiles
@@ -142,7 +142,7 @@ def _double(triangle: np.ndarray, p: np.ndarray, q: np.ndarray) -> Callable[[], 
 
 def _embree(
     triangle: np.ndarray, p: np.ndarray, q: np.ndarray, shift_m: float = 0.0
-) -> Callable[[], Bool[np.ndarray, "n"]]:
+) -> Callable[[], Bool[np.ndarray, " n"]]:
     """Embree's query for any hit, segments converted beforehand."""
     scene = EmbreeScene()
     TriangleMesh(scene, triangle.astype(np.float32))  # enters itself into the scene
@@ -152,7 +152,7 @@ def _embree(
     origin, along = (p + shift_m * way).astype(np.float32), way.astype(np.float32)
     reach = (length - 2 * shift_m).astype(np.float32)
 
-    def ask() -> Bool[np.ndarray, "n"]:
+    def ask() -> Bool[np.ndarray, " n"]:
         return np.asarray(scene.run(origin, along, reach, query="OCCLUDED")) != -1
 
     return ask

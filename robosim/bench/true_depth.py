@@ -72,7 +72,7 @@ class DepthJudge:
 
 def plain_depth(
     mesh: trimesh.Trimesh, origin: Float[np.ndarray, "3"], directions: Float[np.ndarray, "n 3"]
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     """Distance to the first triangle in units of the directions, by trying them all; `inf` for none.
 
     Slow, short, and without Embree: what the judge itself is judged by. Rays closer than 1e-9 to an edge count

@@ -102,7 +102,7 @@ class Episode:
     """Estimated poses."""
     goals: Float[np.ndarray, "m 2"]
     """Where the robot wanted to be at each decision."""
-    coverage: Float[np.ndarray, "n"]
+    coverage: Float[np.ndarray, " n"]
     """Part of the reachable floor seen, at each pose."""
     links: Float[np.ndarray, "k 4"]
     """True state, believed state, SNR [dB] and error of the angle of arrival [rad] at each decision."""

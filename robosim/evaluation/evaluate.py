@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.ablations import POLICIES, PolicyName
-from robosim.episode import EpisodeConfig
+from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import SUMMARY_HEADS, summary_cells

@@ -72,7 +72,7 @@ def progress(
     }
 
 
-def _gains(episode: Episode, left: Float[np.ndarray, "n"], *, explores: bool) -> list[tuple[str, float]]:
+def _gains(episode: Episode, left: Float[np.ndarray, " n"], *, explores: bool) -> list[tuple[str, float]]:
     """How much shorter the way left is later, with what the robot followed at the time."""
     follow, found = FollowConfig(), []
     for i, (_, believed, snr_db, _) in enumerate(episode.links):

@@ -155,7 +155,7 @@ def bootstrap(values: Float[np.ndarray, "n_tasks n_repeats"], quantile: float | 
     return Estimate(float(_statistic(values.reshape(1, -1), quantile)[0]), float(low), float(high))
 
 
-def _statistic(rows: Float[np.ndarray, "m n"], quantile: float | None) -> Float[np.ndarray, "m"]:
+def _statistic(rows: Float[np.ndarray, "m n"], quantile: float | None) -> Float[np.ndarray, " m"]:
     if quantile is None:
         return np.nanmean(rows, axis=1)
     rows = np.sort(rows, axis=1)  # NaN last

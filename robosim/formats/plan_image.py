@@ -122,7 +122,7 @@ def three_states(
     return looked_up(state, light)
 
 
-def looked_up(state: UInt8[np.ndarray, "n"], light: UInt[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+def looked_up(state: UInt8[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
     """The state of each pixel by its brightness; a few rows at a time, since NumPy's indices take 8 bytes each."""
     found = np.empty(light.shape, np.uint8)
     rows = max(1, 1_000_000 // light.shape[1])

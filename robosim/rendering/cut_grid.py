@@ -30,7 +30,7 @@ class CutGrid:
         """Points in steps; lines have whole coordinates."""
         self._n_corners = len(corners)
 
-    def cut(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, "m"]]:
+    def cut(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, " m"]]:
         """Cut edges between corners wherever they cross a line.
 
         Returns:
@@ -56,7 +56,7 @@ class CutGrid:
 
     def tiles(
         self, triangles: Int[np.ndarray, "n 3"], border: Int[np.ndarray, "m 2"]
-    ) -> tuple[Int[np.ndarray, "k 3"], Int[np.ndarray, "k"]]:
+    ) -> tuple[Int[np.ndarray, "k 3"], Int[np.ndarray, " k"]]:
         """Cut a level region into the parts of it that lie in each square.
 
         Args:
@@ -108,7 +108,7 @@ class CutGrid:
         length = np.abs(self.xy[ends[span, 1]] - self.xy[ends[span, 0]]).sum(axis=1)
         return _chains(ends, span, from_start / length, crossings)[0]
 
-    def _add(self, xy: Float[np.ndarray, "n 2"], map_xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, "n"]:
+    def _add(self, xy: Float[np.ndarray, "n 2"], map_xy: Float[np.ndarray, "n 2"]) -> Int[np.ndarray, " n"]:
         """Numbers of new points."""
         first = len(self.xy)
         self.xy, self.map_xy = np.concatenate([self.xy, xy]), np.concatenate([self.map_xy, map_xy])
@@ -116,8 +116,8 @@ class CutGrid:
 
 
 def _whole_between(
-    a: Float[np.ndarray, "n"], b: Float[np.ndarray, "n"]
-) -> tuple[Int[np.ndarray, "m"], Float[np.ndarray, "m"]]:
+    a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]
+) -> tuple[Int[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """All whole numbers strictly between a and b: for which element, and the number."""
     first = np.floor(np.minimum(a, b)) + 1
     count = np.maximum(np.ceil(np.maximum(a, b)) - first, 0).astype(int)
@@ -127,10 +127,10 @@ def _whole_between(
 
 def _chains(
     ends: Int[np.ndarray, "n 2"],
-    owner: Int[np.ndarray, "m"],
-    share: Float[np.ndarray, "m"],
-    points: Int[np.ndarray, "m"],
-) -> tuple[Int[np.ndarray, "k 2"], Int[np.ndarray, "k"]]:
+    owner: Int[np.ndarray, " m"],
+    share: Float[np.ndarray, " m"],
+    points: Int[np.ndarray, " m"],
+) -> tuple[Int[np.ndarray, "k 2"], Int[np.ndarray, " k"]]:
     """Cut lines at points.
 
     Args:
@@ -151,7 +151,7 @@ def _chains(
     return np.column_stack([point[:-1], point[1:]])[inside], line[1:][inside]
 
 
-def _doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, "n"]:
+def _doubled_area(triangles: Float[np.ndarray, "n 3 2"]) -> Float[np.ndarray, " n"]:
     """Twice the area of triangles, positive if counter-clockwise."""
     side, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     return side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]

@@ -68,7 +68,7 @@ class EmbreeCamera:
 
     def _cast(
         self, T_map_camera: Float[np.ndarray, "4 4"]
-    ) -> tuple[dict[str, np.ndarray], Float32[np.ndarray, "n"]]:
+    ) -> tuple[dict[str, np.ndarray], Float32[np.ndarray, " n"]]:
         """Hits of all rays, and their depths [m], 0 for none between the near and the far plane."""
         if self._scene is None:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")

@@ -58,7 +58,7 @@ class FlatPass:
     def __init__(
         self,
         scene: pyrender.Scene,
-        counts: Int[np.ndarray, "n"],
+        counts: Int[np.ndarray, " n"],
         renderer: pyrender.Renderer,
         calls: GLCalls,
     ) -> None:
@@ -90,7 +90,7 @@ class FlatPass:
         self._state_for_colour: bool | None = None
         self.set_state(True)
 
-    def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, "n"], *, colour: bool = True) -> None:
+    def draw(self, P_V: Sequence[float], runs: Int[np.ndarray, " n"], *, colour: bool = True) -> None:
         """Draw one frame to the current context and wait for its end.
 
         Args:

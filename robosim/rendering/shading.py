@@ -85,7 +85,7 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
 
 def ambient_light(
     patches: Patches, mesh: trimesh.Trimesh, *, range_m: float, n_rays: int
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     """Share of the ambient light that reaches the patches' vertices, 0 to 1.
 
     Rays start a little inside of the patch: a vertex in a corner of a room lies on the other walls, and would see
@@ -132,7 +132,7 @@ def _frames(normals: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3 3"]:
 
 def _open_share(
     scene: EmbreeScene, starts: np.ndarray, directions: Float[np.ndarray, "n k 3"], range_m: float
-) -> Float[np.ndarray, "n"]:
+) -> Float[np.ndarray, " n"]:
     n, k, _ = directions.shape
     rays = directions.reshape(-1, 3).astype(np.float32)
     hits = scene.run(np.repeat(starts, k, axis=0), rays, np.full(n * k, range_m, np.float32), output=True)
@@ -177,7 +177,7 @@ def _albedo(building: Building, patches: Patches) -> Float[np.ndarray, "n 3"]:
     return colours * (1.0 + swing * _tone(patches.cell))[:, None]
 
 
-def _tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, "n"]:
+def _tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
     """A number from -1 to 1 for each square of a grid, with no pattern that one sees."""
     mixed = (cell.astype(np.uint64) * _ODD).sum(axis=1)
     mixed ^= mixed >> np.uint64(29)

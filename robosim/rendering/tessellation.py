@@ -27,13 +27,13 @@ class Patches:
     """Unit normals of the patches, into free space."""
     inward: Float[np.ndarray, "n 3"]
     """Unit vectors in the patch's plane, from the vertex into the patch."""
-    kind: UInt8[np.ndarray, "n"]
+    kind: UInt8[np.ndarray, " n"]
     """What the patch is part of: index into `robosim.building.KINDS`."""
     cell: Int[np.ndarray, "n 2"]
     """Column and row of the grid's square that the patch lies in."""
-    row: Int[np.ndarray, "n"]
+    row: Int[np.ndarray, " n"]
     """Strip of a wall, counted from the floor up; 0 for level patches."""
-    source: Int[np.ndarray, "n"]
+    source: Int[np.ndarray, " n"]
     """A face of the building's mesh on the same surface."""
     faces: Int[np.ndarray, "m 3"]
     """Vertices of the triangles, counter-clockwise as seen from free space."""
@@ -93,7 +93,7 @@ class _Cuts:
         self._pieces, edge = grid.cut(self._edges)
         self._first = np.searchsorted(edge, np.arange(len(self._edges) + 1))
 
-    def of(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, "m"]]:
+    def of(self, edges: Int[np.ndarray, "n 2"]) -> tuple[Int[np.ndarray, "m 2"], Int[np.ndarray, " m"]]:
         """Pieces of some edges, each directed as its edge, and which edge each is a piece of."""
         low, high = np.sort(edges, axis=1).T
         base = len(self.grid.xy)
@@ -116,7 +116,7 @@ def _border(triangles: Int[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
 
 def _walls(
     building: Building,
-    walls: Int[np.ndarray, "n"],
+    walls: Int[np.ndarray, " n"],
     foot: Int[np.ndarray, "n 2"],
     cuts: _Cuts,
     heights_m: Sequence[float],
@@ -163,7 +163,7 @@ def _walls(
 
 def _tiles(
     building: Building,
-    region: Int[np.ndarray, "n"],
+    region: Int[np.ndarray, " n"],
     corners: Int[np.ndarray, "n 3"],
     border: Int[np.ndarray, "m 2"],
     grid: CutGrid,

@@ -31,11 +31,11 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 class Parts(NamedTuple):
     """Triangles in runs, one for each square of a grid."""
 
-    order: Int[np.ndarray, "m"]
+    order: Int[np.ndarray, " m"]
     """All triangles, part by part."""
-    starts: Int[np.ndarray, "n"]
+    starts: Int[np.ndarray, " n"]
     """Where the parts start in that order."""
-    counts: Int[np.ndarray, "n"]
+    counts: Int[np.ndarray, " n"]
     """How many triangles they have."""
 
     @classmethod
@@ -67,7 +67,7 @@ class Visibility:
         self._walls = EmbreeScene(robust=True) if len(walls) else None
         self._faces = TriangleMesh(self._walls, _standing(walls)) if len(walls) else None
 
-    def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, "_"]:
+    def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, " _"]:
         """Parts that may be seen from a pose.
 
         Args:
@@ -102,7 +102,7 @@ class Visibility:
             rows += [[u, v, sign * abs(u), sign * abs(v), -u * x - v * y] for sign in (-1.0, 1.0)]
         return np.array(rows) @ self._boxes
 
-    def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, "_"]:
+    def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, " _"]:
         """How far ahead one sees in each column [m], and one value more."""
         if self._walls is not None and self._floor < t[2] < self._top:
             self._rays[:, :2] = self._fan @ R[:2, ::2].T.astype(np.float32)

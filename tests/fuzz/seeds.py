@@ -36,7 +36,7 @@ from robosim.record import EpisodeLog, Link
 from robosim.snapshot import Arrivals, Layer, Snapshot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.files import plain, write_files, write_json, write_whole
+from robosim.support.files import npz_bytes, plain, write_files, write_json, write_whole
 from robosim.support.run_folder import SETTINGS
 from robosim.tasks import Task
 from slam.choosing import initial_weights
@@ -371,9 +371,10 @@ def arrays(folder: Path) -> None:
     home, rng = _into(folder, "arrays"), np.random.default_rng(6)
     states = np.array([1, 2, 3], np.uint8)
     off = rng.random(3)
-    Links(
+    labels = Links(
         published=states, computed=states, clear=states > 1, strongest_off=off, cluster_off=off, any_off=off
-    ).save(home / "labels.npz")
+    )
+    write_whole(home / "labels.npz", npz_bytes(labels.arrays()))
     np.savez(
         home / "home-1000220.npz",
         tokens=rng.normal(size=(4, 5, 5)).astype(np.float32),

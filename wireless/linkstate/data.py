@@ -27,11 +27,11 @@ class Links:
 
     tokens: Float32[np.ndarray, "n 5 5"]
     """Estimated paths from `make_tokens`."""
-    state: UInt8[np.ndarray, "n"]
+    state: UInt8[np.ndarray, " n"]
     """True `wireless.paths.LinkState`."""
-    building: Int[np.ndarray, "n"]
+    building: Int[np.ndarray, " n"]
     """Building of each link, as a number into the names."""
-    transmitter: Int[np.ndarray, "n"]
+    transmitter: Int[np.ndarray, " n"]
     """Number of the transmitter of each link, different between buildings."""
     position: Float32[np.ndarray, "n 2"]
     """Where the receiver of each link is [m]."""
@@ -40,7 +40,7 @@ class Links:
     names: tuple[str, ...]
     """Names of the buildings, sorted."""
 
-    def __getitem__(self, rows: Bool[np.ndarray, "n"]) -> "Links":
+    def __getitem__(self, rows: Bool[np.ndarray, " n"]) -> "Links":
         """Some of the links."""
         return Links(
             **{name: values if name == "names" else values[rows] for name, values in vars(self).items()}
@@ -51,7 +51,7 @@ class Links:
         """Columns of tokens that this data has."""
         return tuple(name for i, name in enumerate(COLUMNS) if np.isfinite(self.tokens[:, 0, i]).any())
 
-    def within(self, buildings: tuple[int, ...]) -> Bool[np.ndarray, "n"]:
+    def within(self, buildings: tuple[int, ...]) -> Bool[np.ndarray, " n"]:
         """Which links are in some buildings."""
         return np.isin(self.building, buildings)
 
@@ -62,7 +62,7 @@ class _Unit:
 
     building: str
     tokens: Float32[np.ndarray, "n 5 5"]
-    state: UInt8[np.ndarray, "n"]
+    state: UInt8[np.ndarray, " n"]
     position: Float32[np.ndarray, "n 2"]
     sender: Float32[np.ndarray, "2"]
 

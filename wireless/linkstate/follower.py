@@ -36,7 +36,7 @@ class Follower:
 
     def update(
         self,
-        aoa_rad: Float[np.ndarray, "paths"],
+        aoa_rad: Float[np.ndarray, " paths"],
         snr_db: Float[np.ndarray, "*snr"],
         *,
         moved_m: float,
@@ -86,7 +86,7 @@ class Follower:
 
 
 def fused_probability(
-    logits: Float[np.ndarray, "n 4"], there: Bool[np.ndarray, "n"], states: tuple[int, ...]
+    logits: Float[np.ndarray, "n 4"], there: Bool[np.ndarray, " n"], states: tuple[int, ...]
 ) -> Float[np.ndarray, "n 4"]:
     """Probabilities of the states that links with paths can be in; outage for sure where there are none."""
     probability = np.zeros((len(logits), N_STATES))

@@ -9,7 +9,7 @@ from wireless.linkstate.calibration import cross_entropy, fit_temperature, relia
 
 
 def confusion(
-    probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, "n"]
+    probability: Float[np.ndarray, "n 4"], state: Shaped[np.ndarray, " n"]
 ) -> Int[np.ndarray, "4 4"]:
     """Number of links by true state (rows) and told state (columns)."""
     return np.bincount(4 * state.astype(int) + probability.argmax(1), minlength=16).reshape(4, 4)
@@ -17,9 +17,9 @@ def confusion(
 
 def scores(
     probability: Float[np.ndarray, "n 4"],
-    state: Shaped[np.ndarray, "n"],
-    reached: Bool[np.ndarray, "n"],
-    building: Int[np.ndarray, "n"],
+    state: Shaped[np.ndarray, " n"],
+    reached: Bool[np.ndarray, " n"],
+    building: Int[np.ndarray, " n"],
     names: tuple[str, ...],
 ) -> dict[str, Any]:
     """Scores of calibrated probabilities.
@@ -52,9 +52,9 @@ def scores(
 
 def calibrated_across(
     probability: Float[np.ndarray, "n 4"],
-    state: Shaped[np.ndarray, "n"],
-    reached: Bool[np.ndarray, "n"],
-    building: Int[np.ndarray, "n"],
+    state: Shaped[np.ndarray, " n"],
+    reached: Bool[np.ndarray, " n"],
+    building: Int[np.ndarray, " n"],
 ) -> Float[np.ndarray, "n 4"]:
     """Probabilities of each half of the buildings at the temperature that fits the other half.
 

@@ -65,7 +65,7 @@ def found(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n paths
     return np.isfinite(tokens[..., SNR])
 
 
-def reached(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, "n"]:
+def reached(tokens: Float32[np.ndarray, "n paths 5"]) -> Bool[np.ndarray, " n"]:
     """Which links have a path."""
     return np.asarray(found(tokens).any(axis=1))
 

@@ -130,10 +130,10 @@ class Epoch:
 
 def train(
     tokens: Float32[np.ndarray, "n 5 5"],
-    state: Int[np.ndarray, "n"],
+    state: Int[np.ndarray, " n"],
     recipe: Recipe,
     *,
-    watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, "m"]] | None = None,
+    watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, " m"]] | None = None,
     checkpoint: Store | None = None,
     report: Callable[[Epoch], None] | None = None,
 ) -> tuple[nn.Module, list[Epoch]]:

@@ -91,11 +91,11 @@ class WayBatch:
 
 
 def pack_ways(
-    rows: Sequence[Int[np.ndarray, "_"]],
-    moved_m: Sequence[Float[np.ndarray, "_"]],
+    rows: Sequence[Int[np.ndarray, " _"]],
+    moved_m: Sequence[Float[np.ndarray, " _"]],
     probability: Float[np.ndarray, "n 4"],
     tokens: Float[np.ndarray, "n 5 5"],
-    state: Int[np.ndarray, "n"],
+    state: Int[np.ndarray, " n"],
     inputs: Sequence[str],
 ) -> WayBatch:
     """Ways along rows of links, cut into pieces of at most `PIECE` places."""

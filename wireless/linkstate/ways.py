@@ -22,7 +22,7 @@ def make_ways(
     rng: np.random.Generator,
     *,
     goal: Float[np.ndarray, "2"] | None = None,
-) -> list[Int[np.ndarray, "_"]]:
+) -> list[Int[np.ndarray, " _"]]:
     """Ways as rows of `position`.
 
     Args:
@@ -50,6 +50,8 @@ def make_ways(
     return ways
 
 
-def moved(position: Float[np.ndarray, "n 2"], way: Int[np.ndarray, "places"]) -> Float[np.ndarray, "places"]:
+def moved(
+    position: Float[np.ndarray, "n 2"], way: Int[np.ndarray, " places"]
+) -> Float[np.ndarray, " places"]:
     """Distance of each place of a way from the one before [m]; 0 for the first."""
     return np.linalg.norm(np.diff(position[way], axis=0, prepend=position[way[:1]]), axis=1)
