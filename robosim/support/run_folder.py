@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from robosim.support.files import plain, remove_partials, write_json
-from robosim.support.reading import FileError
+from robosim.support.reading import FileError, one_line, shown
 from robosim.support.text_in import read_json
 
 SETTINGS = "settings.json"
@@ -81,8 +81,8 @@ def check_folder(folder: Path, command: str) -> None:
     there = _kept(folder)
     if there is not None and there["command"] != command and _holds_results(folder):
         raise FolderError(
-            f"out is {str(folder)!r}, which holds the results of `robosim {there['command']}`. Choose another folder "
-            f"for `robosim {command}`."
+            f"out is {str(folder)!r}, which holds the results of `robosim {one_line(there['command'], 80)}`. "
+            f"Choose another folder for `robosim {command}`."
         )
 
 
@@ -141,7 +141,8 @@ def _settle(folder: Path, command: str, settings: Mapping[str, Any] | None, grow
         before = there["settings"]
         if told := _difference(before, now, grows):
             raise FolderError(
-                f"{folder} holds results of other settings: {told}. Choose another folder, or the same settings."
+                f"{shown(folder)} holds results of other settings: {one_line(told, 400)}. Choose another folder, or "
+                "the same settings."
             )
         for name in grows:
             now[name] = {**before.get(name, {}), **now[name]}
@@ -205,7 +206,7 @@ def _alone(folder: Path) -> Iterator[None]:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise FolderError(
-                f"Another process is at work in {folder}. Wait for it, or choose another folder."
+                f"Another process is at work in {shown(folder)}. Wait for it, or choose another folder."
             ) from None
         except OSError:
             pass  # a file system without locks

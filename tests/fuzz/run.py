@@ -88,7 +88,7 @@ def fuzz(cases: Sequence[Case], seeds: Path, out: Path, workers: int) -> Tally:
                 if outcome.kind in BAD:
                     _keep(case, outcome, folder / "case", out)
         finally:
-            worker.stop()
+            worker.close()
 
     with tempfile.TemporaryDirectory() as folder:
         threads = [threading.Thread(target=work, args=(Path(folder) / f"{i}",)) for i in range(workers)]
@@ -139,13 +139,19 @@ class _Worker:
         kind = "hung" if self._process.poll() is None else "died"
         self.stop()
         words = f"exit status {self._process.returncode}: {self._last_words()}"
+        self._said.close()
         self._start()
         return Outcome(kind, "?", "?", HUNG_S if kind == "hung" else 0.0, 0.0, words)
 
     def stop(self) -> None:
         """End the process."""
         self._process.kill()
-        self._process.wait()
+        self._process.communicate()
+
+    def close(self) -> None:
+        """End it for good."""
+        self.stop()
+        self._said.close()
 
     def _answer(self, seconds: float) -> bytes:
         """The next line, or nothing if none comes in time."""

@@ -65,8 +65,8 @@ class Target:
     """What a refusal may name instead of the damaged file: the file that was asked for."""
 
 
-class EnoughError(Exception):
-    """All has been read; what a command would go on to do is not tried here."""
+class EnoughError(BaseException):
+    """All has been read; what a command would go on to do is not tried here. No error that a command would report."""
 
 
 def _stop(*args: Any, **kwargs: Any) -> Any:
@@ -258,10 +258,10 @@ def _command_episode(folder: Path, option: str) -> None:
 
 
 TARGETS: dict[str, Target] = {
-    "ros map": Target("ros-pgm", "map.*", _ros),
-    "ros map with png": Target("ros-png", "map.*", _ros),
-    "ros map in full": Target("ros-rich", "map.*", _ros),
-    "real ros map": Target("real-ros", "*", _ros),
+    "ros map": Target("ros-pgm", "map.*", _ros, names=".yaml"),
+    "ros map with png": Target("ros-png", "map.*", _ros, names=".yaml"),
+    "ros map in full": Target("ros-rich", "map.*", _ros, names=".yaml"),
+    "real ros map": Target("real-ros", "*", _ros, names=".yaml"),
     "image": Target("images", "*", _plan, 3),
     "grid, house, array": Target("plans", "*", _plan, 3),
     "real grid": Target("real-grid", "*", _plan, 0.5),
