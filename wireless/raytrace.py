@@ -38,6 +38,10 @@ logger = logging.getLogger(__name__)
 #: its paths; each reflection more takes a half to three times longer (12 of them: a second a link of a home's exact
 #: outline, where 3 take 30 ms), and costs a drywall's path some 10 dB.
 MOST_IN_A_ROW, MOST_PATHS = 12, 5000
+#: Thickest layer of a wall, and widest gap between two [m].
+THICKEST_M = 100.0
+#: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
+MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
 
@@ -88,16 +92,21 @@ class TracerConfig:
         ):
             value = getattr(self, name)
             if not (_whole(value) and low <= value <= high):
-                raise ValueError(f"{name} is {value}, expected a whole number from {low} to {high}.")
+                raise ValueError(f"{name} is {_cut(value)}, expected a whole number from {low} to {high}.")
         for name in ("diffraction_side_reflections", "max_interactions"):
             value = getattr(self, name)
-            if value is not None and not (_whole(value) and value >= 0):
-                raise ValueError(f"{name} is {value}, expected a whole number of at least 0, or None.")
-        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m < np.inf:
-            raise ValueError(f"wall_thickness_m is {self.wall_thickness_m}, expected metres, or None.")
-        if not 0 <= self.wall_gap_m < np.inf:
+            if value is not None and not (_whole(value) and 0 <= value <= MOST_INTERACTIONS):
+                raise ValueError(
+                    f"{name} is {_cut(value)}, expected a whole number from 0 to {MOST_INTERACTIONS}, or None."
+                )
+        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m <= THICKEST_M:
             raise ValueError(
-                f"wall_gap_m is {self.wall_gap_m}, expected metres, or 0 for walls of one layer."
+                f"wall_thickness_m is {self.wall_thickness_m}, expected more than 0 and at most {THICKEST_M:g} m, or "
+                "None."
+            )
+        if not 0 <= self.wall_gap_m <= THICKEST_M:
+            raise ValueError(
+                f"wall_gap_m is {self.wall_gap_m}, expected 0 (walls of one layer) to {THICKEST_M:g} m."
             )
         if self.wall_gap_m and self.wall_thickness_m is None:
             raise ValueError(
@@ -117,6 +126,12 @@ class TracerConfig:
             raise ValueError(
                 f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
             )
+
+
+def _cut(value: object) -> str:
+    """A value as messages show it."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def _whole(value: object) -> bool:

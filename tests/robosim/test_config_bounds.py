@@ -36,16 +36,11 @@ from robosim.wireless_figures import FiguresConfig
 from slam.exploration import ExplorerConfig, ExplorerName
 from slam.grid import GridFrame
 
-#: Frozen dataclasses with numbers by default that are no configurations, and one that says so itself.
+#: Frozen dataclasses with numbers by default that are no configurations.
 EXEMPT = {
     "Row": "a measurement, in which not-a-number stands for what was not measured",
     "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
-    "TracerConfig": "checked by its own tests",
 }
-#: Options of commands that are handed on to it.
-TRACED = {
-    "max_reflections", "diffraction_reflections", "max_transmissions", "wall_thickness", "wall_gap", "max_paths",
-}  # fmt: skip
 #: What must be given to make one of them.
 NEEDED = {"ExplorationSettings": {"mapper": "classical"}, "GridFrame": {"origin_xy": (0.0, 0.0)}}
 BAD = {
@@ -96,7 +91,6 @@ CASES = [
     for kind in configurations()
     if kind.__name__ not in EXEMPT
     for name, what in numbers(kind)
-    if name not in TRACED
 ]
 
 

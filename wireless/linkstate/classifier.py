@@ -18,7 +18,7 @@ from safetensors.torch import load, save
 from torch import nn
 
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.networks import N_STATES, NETWORKS
+from wireless.linkstate.networks import N_STATES, NETWORKS, WIDEST
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
@@ -183,12 +183,12 @@ def load_classifier(path: Path) -> LinkStateClassifier:
 def _checked(card: dict[str, Any]) -> dict[str, Any]:
     """A card, if networks can be made by it, of a size that is worth the memory."""
     options, width, states = card["options"], card["way_width"], card["states"]
-    limits = {"width": (1, 512), "rounds": (1, 16)}
+    limits = {"width": (2, WIDEST), "rounds": (1, 16)}
     good = {
         "model": card["model"] in NETWORKS,
         "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
         "networks": _is_whole(card["networks"], 1, 100),
-        "way_width": width is None or _is_whole(width, 1, 512),
+        "way_width": width is None or _is_whole(width, 1, WIDEST),
         "options": set(options) <= {*limits, "dropout"}
         and all(_is_whole(options[name], *limits[name]) for name in limits if name in options),
         "states": 0 < len(states) == len(set(states)) and set(states) <= set(LinkState),

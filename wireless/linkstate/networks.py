@@ -21,6 +21,8 @@ from wireless.linkstate.features import feature_counts, path_and_pair_features, 
 from wireless.linkstate.tokens import AOA, AOD, DELAY, N_PATHS, PEAK, SNR
 
 N_STATES = 4
+#: Widest network that is made; weights that are read must fit into memory.
+WIDEST = 512
 
 
 class RelationNetwork(nn.Module):

@@ -16,7 +16,7 @@ import torch
 from jaxtyping import Float32, Int
 from torch import Tensor, nn
 
-from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.networks import NETWORKS, WIDEST
 from wireless.linkstate.optimiser import restore_optimiser
 from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
@@ -81,7 +81,7 @@ class Recipe:
             ("weight_decay", 0, 10),
             ("jitter_deg", 0, 180),
             ("shift_db", 0, 200),
-            ("width", 1, 65_536),
+            ("width", 2, WIDEST),
             ("seed", 0, 2**63 - 1),
         ):
             if not least <= getattr(self, name) <= most:
