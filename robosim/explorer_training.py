@@ -34,8 +34,8 @@ from robosim.support.workers import Workers
 from slam.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.cost_map import CostConfig
 from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
-from slam.optimiser import restore_optimiser
 from slam.ppo import PpoConfig, Walk, improve
+from slam.restoring import check_weights, restore_optimiser
 
 Weights = dict[str, Float32[np.ndarray, "..."]]
 #: Numbers of the homes to choose the best weights by, and of those to compare in the end; learning begins behind.
@@ -251,6 +251,7 @@ def resume(
     state: dict[str, Any] = {}
 
     def put(kept: dict[str, Any]) -> None:
+        check_weights(kept["weights"])
         restore_optimiser(optimiser, kept["optimiser"])
         state.update(_checked(kept["state"], recipe, weights))
         with torch.no_grad():
@@ -268,6 +269,7 @@ def _checked(
     best, curve, rounds = state["best"], state["curve"], state["round"]
     good = isinstance(rounds, int) and 0 <= rounds <= recipe.rounds and isinstance(state["score"], float)
     good &= isinstance(curve, list) and all(isinstance(row.get("round"), int) for row in curve)
+    check_weights(best or {})
     good &= best is None or {k: v.shape for k, v in best.items()} == {k: v.shape for k, v in weights.items()}
     if not good:
         raise ValueError("its state is none of a training")

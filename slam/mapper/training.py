@@ -22,7 +22,7 @@ from slam.checks import check_numbers
 from slam.mapper.features import BELIEF, PLACE_LEFT
 from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, loss
 from slam.mapper.scores import PatchScores
-from slam.optimiser import restore_optimiser
+from slam.restoring import check_weights, restore_network, restore_optimiser
 
 
 @runtime_checkable
@@ -123,7 +123,7 @@ def train(
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
 
     def go_on(kept: dict[str, Any]) -> None:
-        network.load_state_dict(kept["network"])
+        restore_network(network, kept["network"])
         restore_optimiser(optimiser, kept["optimiser"])
         state.update(_checked(kept["state"], recipe, network))
 
@@ -140,6 +140,10 @@ def train(
             group["lr"] = recipe.rate * _schedule(step, recipe.steps)
         rng = np.random.default_rng([recipe.seed, step])
         value = _learn(network, optimiser, *_batch(frames, recipe, rng))
+        if not math.isfinite(value):
+            raise ValueError(
+                f"the loss is {value} after {step} steps, with rate = {recipe.rate}. Choose a smaller rate."
+            )
         state["learnt"] += value
         state["step"] = step + 1
         if state["step"] % recipe.every == 0 or state["step"] == recipe.steps:
@@ -165,7 +169,9 @@ def _checked(state: dict[str, Any], recipe: Recipe, network: MapNetwork) -> dict
     step, curve, best, learnt = (state[key] for key in ("step", "curve", "best", "learnt"))
     good = isinstance(step, int) and 0 <= step <= recipe.steps and isinstance(learnt, float)
     good = good and isinstance(curve, list) and all(isinstance(row["loss"], float) for row in curve)
+    good = good and bool(curve) == (best is not None) and (best is not None or step < recipe.steps)
     if best is not None:
+        check_weights(best)
         shapes = {name: value.shape for name, value in network.state_dict().items()}
         good = good and {name: value.shape for name, value in best.items()} == shapes
     if not good:

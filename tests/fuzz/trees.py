@@ -1,5 +1,6 @@
 """Damage to trees of values in JSON and YAML, and in headers that hold them: types, keys, nesting, aliases, tags."""
 
+import copy
 import json
 import random
 import struct
@@ -20,8 +21,13 @@ VALUES: list[Any] = [
 ]  # fmt: skip
 
 
+def _value(rng: random.Random) -> Any:
+    """One that is nobody else's: the next damage may change what is in it."""
+    return copy.deepcopy(rng.choice(VALUES))
+
+
 def _deep(rng: random.Random) -> Any:
-    value: Any = rng.choice(VALUES)
+    value = _value(rng)
     for _ in range(rng.choice([3, 60, 300])):
         value = [value] if rng.random() < 0.5 else {"a": value}
     return value
@@ -43,7 +49,7 @@ def changed(tree: Any, rng: random.Random) -> Any:
         places += [(node, key) for key, _ in items]
         stack += [value for _, value in items if isinstance(value, (dict, list))]
     if not places or rng.random() < 0.03:
-        return rng.choice([*VALUES, _deep(rng)])
+        return _value(rng) if rng.random() < 0.97 else _deep(rng)
     # The outermost are few, and matter most.
     node, key = rng.choice(places[: rng.choice([4, 40, len(places)])])
     how = rng.choice(["value", "value", "value", "remove", "rename", "deep", "many", "other"])
@@ -56,9 +62,10 @@ def changed(tree: Any, rng: random.Random) -> Any:
     elif how == "many":
         node[key] = [node[key]] * rng.choice([2, 5, 3000])
     elif how == "other":
-        node[key] = node[rng.choice(list(node) if isinstance(node, dict) else range(len(node)))]
+        other = rng.choice(list(node) if isinstance(node, dict) else range(len(node)))
+        node[key] = copy.deepcopy(node[other])
     else:
-        node[key] = rng.choice(VALUES)
+        node[key] = _value(rng)
     return tree
 
 

@@ -17,7 +17,7 @@ from jaxtyping import Float32, Int
 from torch import Tensor, nn
 
 from wireless.linkstate.networks import NETWORKS, WIDEST
-from wireless.linkstate.optimiser import restore_optimiser
+from wireless.linkstate.restoring import restore_network, restore_optimiser
 from wireless.linkstate.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 
@@ -269,8 +269,8 @@ class _Run:
                 f"checkpoint of another training: {name} {signature.get(name)} there, "
                 f"{self._signature()[name]} now. Choose another folder."
             )
-        self.network.load_state_dict(kept["network"])
-        self.averaged.load_state_dict(kept["averaged"])
+        restore_network(self.network, kept["network"])
+        restore_network(self.averaged, kept["averaged"])
         restore_optimiser(self.optimiser, kept["optimiser"])
         self.epochs = [Epoch(**epoch) for epoch in kept["epochs"]]
         if [epoch.epoch for epoch in self.epochs] != list(range(1, len(self.epochs) + 1)):

@@ -1,0 +1,53 @@
+"""A network and its optimiser, put back into a state that was kept: whole, and such as training can go on from."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import torch
+
+#: Larger weights overflow in the next step or the one after.
+_LARGEST = 1e6
+
+
+def restore_network(network: torch.nn.Module, kept: Mapping[str, Any]) -> None:
+    """Put a network into a state that was kept.
+
+    Raises:
+        ValueError: If a weight is no number, or one that no training comes to.
+        RuntimeError: If names or shapes are others.
+    """
+    check_weights(kept)
+    network.load_state_dict(dict(kept))
+
+
+def check_weights(kept: Mapping[str, Any]) -> None:
+    """See that tensors hold what weights can be.
+
+    Raises:
+        ValueError: If one does not.
+    """
+    for name, value in kept.items():
+        if not (isinstance(value, torch.Tensor) and bool((value.abs() <= _LARGEST).all())):
+            raise ValueError(f"{name} has values that are no weights")
+
+
+def restore_optimiser(optimiser: torch.optim.Optimizer, kept: Mapping[str, Any]) -> None:
+    """Put an optimiser of Adam's kind into a state that was kept.
+
+    Raises:
+        ValueError: If the state is of other options or of weights of other shapes, which would show at a step only.
+    """
+    options = [_options(group) for group in optimiser.param_groups]
+    optimiser.load_state_dict(dict(kept))
+    if [_options(group) for group in optimiser.param_groups] != options:
+        raise ValueError("its optimiser has other options")
+    for weight in (weight for group in optimiser.param_groups for weight in group["params"]):
+        shapes = {"step": torch.Size([]), "exp_avg": weight.shape, "exp_avg_sq": weight.shape}
+        state = optimiser.state.get(weight, {})
+        if state and {name: getattr(value, "shape", None) for name, value in state.items()} != shapes:
+            raise ValueError("the state of its optimiser fits no weights")
+
+
+def _options(group: Mapping[str, Any]) -> dict[str, Any]:
+    """What does not change in the course of a training."""
+    return {name: value for name, value in group.items() if name not in ("params", "lr", "initial_lr")}
