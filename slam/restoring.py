@@ -7,6 +7,8 @@ import torch
 
 #: Larger weights overflow in the next step or the one after.
 _LARGEST = 1e6
+#: No training has so many steps, nor so large gradients.
+_MOST_STEPS = 1e9
 
 
 def restore_network(network: torch.nn.Module, kept: Mapping[str, Any]) -> None:
@@ -46,6 +48,10 @@ def restore_optimiser(optimiser: torch.optim.Optimizer, kept: Mapping[str, Any])
         state = optimiser.state.get(weight, {})
         if state and {name: getattr(value, "shape", None) for name, value in state.items()} != shapes:
             raise ValueError("the state of its optimiser fits no weights")
+        if not all(bool((value.abs() < _MOST_STEPS).all()) for value in state.values()):
+            raise ValueError("the state of its optimiser has values that no training comes to")
+        if state and not (state["step"] >= 0 and bool((state["exp_avg_sq"] >= 0).all())):
+            raise ValueError("the state of its optimiser has negative values")
 
 
 def _options(group: Mapping[str, Any]) -> dict[str, Any]:
