@@ -110,7 +110,7 @@ _EXPECTED = {
 }  # fmt: skip
 _WHAT, _REMEDY = "the log of an episode", "Give a folder of `robosim episode`, or run the episode again."
 #: Pixels of a picture; and how far from the target anything is [m], or it could not be drawn in whole pixels.
-_MOST_PIXELS, _FARTHEST_M = 4096**2, 1e5
+_MOST_PIXELS, _FARTHEST_M, _NARROWEST_M = 4096**2, 1e5, 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +204,11 @@ def read_decisions(folder: Path) -> DecisionLog:
 
 def _check(log: DecisionLog) -> None:
     """Refuse what no episode has and nothing can draw."""
-    if not any(map(len, log.rings)):
+    corners = np.vstack([np.zeros((0, 2)), *log.rings])
+    if not len(corners) or np.ptp(corners, axis=0).min() < _NARROWEST_M:
         raise ValueError("no outline of a building")
+    if np.abs(corners - log.target).max() > _FARTHEST_M:
+        raise ValueError(f"a wall lies more than {_FARTHEST_M:g} m from the target")
     columns = log.columns
     for name in ("pose", "estimate", "goal", "path"):
         parts = columns[name] if name == "path" else [columns[name]]
