@@ -294,7 +294,7 @@ TARGETS: dict[str, Target] = {
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robosim replay": Target("decisions", "*", _replay, 0.7, True),
-    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "settings"),
+    "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim figures search": Target("evaluation", "**/*.*", _search, 0.4, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),

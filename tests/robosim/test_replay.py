@@ -136,7 +136,7 @@ def test_mistakes_are_named(tmp_path):
     (tmp_path / DECISIONS).write_bytes(b"half of a fi")
     with pytest.raises(ValueError, match=r"decisions\.npz: not readable as the log of an episode"):
         replay(tmp_path, tmp_path)
-    DecisionWriter([np.zeros((3, 2))], np.zeros(2)).save(tmp_path / DECISIONS)
+    DecisionWriter([np.array([[0.0, 0], [6, 0], [6, 3]])], np.zeros(2)).save(tmp_path / DECISIONS)
     with pytest.raises(ValueError, match="without a decision to draw"):
         replay(tmp_path, tmp_path)
 
