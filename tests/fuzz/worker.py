@@ -87,6 +87,7 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
     """Read, refused or traceback; the message; and what else was said on standard error, by whatever language."""
     kind, message, code = "read", "", 0
     # A command prints warnings, which may not stand beside a refusal; what a reader logs is no concern of its own.
+    disabled = logging.root.manager.disable
     logging.disable(logging.NOTSET if target.is_command else logging.CRITICAL)
     with tempfile.TemporaryFile() as heard:
         kept = os.dup(2)
@@ -105,6 +106,7 @@ def _called(target: Target, folder: Path, file: Path) -> tuple[str, str, str]:
         except BaseException:
             kind, message = "traceback", traceback.format_exc()
         finally:
+            logging.disable(disabled)
             sys.stderr.flush()
             plt.close("all")
             os.dup2(kept, 2)

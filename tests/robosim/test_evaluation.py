@@ -267,12 +267,20 @@ def test_other_weights_under_the_same_name_make_other_episodes(suite, tmp_path):
 
 def test_an_episode_that_fails_stops_no_other(suite, tmp_path, tables_only):
     """A target inside a wall: that task is told with its reason, the other has its result."""
-    bad = replace(suite.tasks[1], target=(50.0, 50.0))
+    bad = replace(suite.tasks[1], target=(3.1, 0.3))
     result = _evaluate(replace(suite, tasks=(suite.tasks[0], bad)), tmp_path)
     assert {failure.job.task.number for failure in result.errors} == {1}
     assert "is in a wall, or outside of the building" in result.errors[0].error
     assert {row["task"] for row in result.rows} == {0}
     assert "pair/001-oracle-0 failed and is left out" in result.warnings[0]
+
+
+def test_a_task_outside_of_its_plan_is_refused_before_any_other_runs(suite, tmp_path):
+    """By the task's number."""
+    bad = replace(suite.tasks[1], target=(50.0, 50.0))
+    with pytest.raises(ValueError, match=r"task 1 of pair: target is \(50, 50\) m, outside of the plan"):
+        _evaluate(replace(suite, tasks=(suite.tasks[0], bad)), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
 
 
 def test_what_the_log_tells_passes_through(suite, tmp_path, monkeypatch, tables_only):
