@@ -4,6 +4,7 @@
 `make faults` (--long --moments 20) tries all faults on all commands, at twenty random moments each, and prints counts.
 """
 
+import fcntl
 import os
 import random
 import signal
@@ -65,12 +66,15 @@ class Reference:
 
 
 class Bench:
-    """Material for commands, and what they come to undisturbed."""
+    """Material for commands, and what they come to undisturbed; made once for all processes that run tests."""
 
     def __init__(self, folder: Path, shared: Path | None) -> None:
         self.folder, self.shared = folder, shared
         self.plan = folder / "pair.yaml"
-        write_ros(two_rooms(0.8), self.plan)
+        folder.mkdir(exist_ok=True)
+        with self._alone("plan"):
+            if not self.plan.exists():
+                write_ros(two_rooms(0.8), self.plan)
         self._references: dict[str, Reference] = {}
 
     def words(self, command: Command, folder: Path) -> list[str]:
@@ -81,9 +85,9 @@ class Bench:
                 # A replay writes into the episode's folder: each has its own.
                 places[EPISODE] = folder / "out"
                 if not places[EPISODE].exists():
-                    copied(self._made(COMMANDS["episode"], EPISODE), places[EPISODE])
+                    copied(self.out("episode"), places[EPISODE])
             elif need == FRAMES:
-                places[FRAMES] = self._made(COMMANDS["collect"], FRAMES)
+                places[FRAMES] = self.out("collect")
             elif need == LINKS:
                 places[LINKS] = self._made(
                     Command("dataset --generated 3 --tx-per-plan 1 --grid 0.5 --estimator pca --workers 2"),
@@ -104,27 +108,41 @@ class Bench:
     def reference(self, name: str) -> Reference:
         """What a command comes to, run once."""
         if name not in self._references:
-            folder = self.folder / "reference" / name.replace(" ", "-")
-            folder.mkdir(parents=True, exist_ok=True)
-            ended = run(self.words(COMMANDS[name], folder))
-            assert ended.status == 0, (name, ended.complained)
-            self._references[name] = Reference(ended.seconds, contents(folder / "out", COMMANDS[name]))
+            folder = self._made(COMMANDS[name], f"reference-{name}")
+            seconds = float((folder.parent / "seconds").read_text())
+            self._references[name] = Reference(seconds, contents(folder, COMMANDS[name]))
         return self._references[name]
 
+    def out(self, name: str) -> Path:
+        """Where a command's results are that nothing disturbed."""
+        return self._made(COMMANDS[name], f"reference-{name}")
+
     def _made(self, command: Command, name: str) -> Path:
-        folder = self.folder / "material" / name
-        if not folder.exists():
-            folder.mkdir(parents=True)
-            ended = run(self.words(command, folder))
-            assert ended.status == 0, ended.complained
+        """Results of a command, run once."""
+        folder = self.folder / name.replace(" ", "-")
+        with self._alone(folder.name):
+            if not (folder / "seconds").exists():
+                folder.mkdir()
+                ended = run(self.words(command, folder))
+                assert ended.status == 0, (name, ended.complained)
+                (folder / "seconds").write_text(str(ended.seconds))
         return folder / "out"
+
+    @contextmanager
+    def _alone(self, name: str) -> Iterator[None]:
+        """One process at a time."""
+        with open(self.folder / f"{name}.lock", "w") as file:
+            fcntl.flock(file, fcntl.LOCK_EX)
+            yield
 
 
 @pytest.fixture(scope="session")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     """Material for commands."""
     shared = Path(__file__).resolve().parents[3] / "shared"
-    return Bench(tmp_path_factory.mktemp("faults"), shared if shared.is_dir() else None)
+    base = tmp_path_factory.getbasetemp()
+    together = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return Bench(together / "faults", shared if shared.is_dir() else None)
 
 
 @pytest.fixture

@@ -46,13 +46,11 @@ def _fails_clearly(ended, folder: Path) -> None:
 
 
 def _size(bench, name: str) -> int:
-    folder = bench.folder / "reference" / name.replace(" ", "-") / "out"
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    return sum(path.stat().st_size for path in bench.out(name).rglob("*") if path.is_file())
 
 
 def test_a_full_disk(bench, name, moments, disk, tmp_path):
     """Disks that hold a random part of what the command writes."""
-    bench.reference(name)
     statuses = []
     for share in moments(name, 0.9):
         size = 4096 * max(1, int(share * _size(bench, name) / 4096))
@@ -70,9 +68,7 @@ test_a_full_disk.daily = ("episode", "dataset")
 
 def test_files_that_may_not_grow(bench, name, moments, tmp_path):
     """A limit on the size of files (RLIMIT_FSIZE), as quotas work; then the same command without it."""
-    bench.reference(name)
-    out = bench.folder / "reference" / name.replace(" ", "-") / "out"
-    largest = max(path.stat().st_size for path in out.rglob("*") if path.is_file())
+    largest = max(path.stat().st_size for path in bench.out(name).rglob("*") if path.is_file())
     statuses = []
     for k, share in enumerate(moments(name, 0.9)):
         folder = tmp_path / str(k)
