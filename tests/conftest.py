@@ -1,13 +1,18 @@
 """Where the tests find floor plans and data that are not part of this project."""
 
+import os
 import signal
 import threading
 from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
+from typecheck import check_all_again
 
 from robosim.support.workers import Workers
+
+# Each of several processes on as many cores: threads of theirs would wait for one another.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 # A job that a shell runs in the background ignores Ctrl-C, and so would all that the tests start.
 if (
@@ -25,6 +30,12 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("needs the real floor plans in ../shared, which are not part of this project")
     return SHARED
+
+
+@pytest.fixture(autouse=True)
+def looked_at_again() -> None:
+    """Types are checked in each test anew."""
+    check_all_again()
 
 
 @pytest.fixture

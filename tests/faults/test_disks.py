@@ -83,7 +83,7 @@ def test_files_that_may_not_grow(bench, name, moments, tmp_path):
     print(f"{name}, RLIMIT_FSIZE: {len(statuses)} limits, statuses {sorted(set(statuses))}")
 
 
-test_files_that_may_not_grow.daily = ("replay", "train mapper")
+test_files_that_may_not_grow.daily = ("replay",)
 
 
 def test_a_folder_that_becomes_unwritable(bench, name, moments, disk):
@@ -110,4 +110,4 @@ def test_a_folder_that_becomes_unwritable(bench, name, moments, disk):
     print(f"{name}, read-only: {len(statuses)} moments, statuses {sorted(set(statuses))}")
 
 
-test_a_folder_that_becomes_unwritable.daily = ("trace", "collect")
+test_a_folder_that_becomes_unwritable.daily = ("trace",)

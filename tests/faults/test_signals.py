@@ -56,9 +56,9 @@ def test_sigkill_at_any_moment(bench, name, moments, tmp_path):
     _at_any_moment(bench, name, signal.SIGKILL, moments, tmp_path)
 
 
-test_ctrl_c_at_any_moment.daily = ("replay", "trace", "dataset", "train mapper")
-test_sigterm_at_any_moment.daily = ("collect", "train explorer", "train link-state")
-test_sigkill_at_any_moment.daily = ("episode", "evaluate", "train steering")
+test_ctrl_c_at_any_moment.daily = ("replay", "dataset", "train mapper")
+test_sigterm_at_any_moment.daily = ("collect", "train link-state")
+test_sigkill_at_any_moment.daily = ("episode", "trace", "evaluate")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)

@@ -17,7 +17,7 @@ from tests.fuzz.targets import TARGETS, Target
 from tests.fuzz.trees import MARKER
 from tests.fuzz.worker import Case, run_case
 
-CASES = 400
+CASES = 300
 
 
 @pytest.fixture(scope="module")

@@ -30,11 +30,11 @@ def test_the_learned_local_policy_arrives():
 
 
 def test_the_learned_choice_sees_more_sooner():
-    """Walks of 150 decisions through six homes of another seed: above the hand-made rating it began from.
+    """Walks of 150 decisions through four homes of another seed: above the hand-made rating it began from.
 
     Measured: 0.484 of the floor seen on average against 0.411; over 40 homes and 300 decisions 0.664 against 0.621.
     """
     weights, recipe = load_file(shipped_network("explorer")), ExplorerRecipe(decisions=150, seed=77)
-    learned = [mean_coverage(home, recipe, "learned", weights) for home in range(6)]
-    rated = [mean_coverage(home, recipe, "gain") for home in range(6)]
+    learned = [mean_coverage(home, recipe, "learned", weights) for home in range(4)]
+    rated = [mean_coverage(home, recipe, "gain") for home in range(4)]
     assert np.mean(learned) > np.mean(rated) + 0.03
