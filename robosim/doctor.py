@@ -20,12 +20,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from robosim.camera.rendering.gl_binding import default_system
+from robosim.camera.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
 from robosim.remedies import CACHE_REMEDY, remedy
-from robosim.rendering.gl_binding import default_system
-from robosim.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
 
 if TYPE_CHECKING:
-    from robosim.building import Building
+    from robosim.building.building import Building
 
 _CAMERA = "camera"
 # A camera takes two seconds, where loops have to be compiled some minutes.
@@ -138,8 +138,8 @@ def tell_camera(system: GLSystem) -> None:
 
 
 def _measure_camera(system: GLSystem) -> str:
-    from robosim.camera import CameraConfig, camera_pose, make_camera
-    from robosim.rendering.shading import shaded_mesh
+    from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+    from robosim.camera.rendering.shading import shaded_mesh
 
     config = CameraConfig()
     camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=system)
@@ -220,7 +220,7 @@ def _fast_marching() -> str:
 def _mujoco() -> str:
     import mujoco
 
-    from robosim.world import World
+    from robosim.robot.dynamic import World
 
     world = World(_room())
     world.reset(np.array([1.0, 1.0, 0.0]))
@@ -279,7 +279,7 @@ def _mapper() -> str:
 
 def _room() -> "Building":
     """A room of 4 m by 3 m, for probes."""
-    from robosim.building import make_building
-    from robosim.floorplan import FloorPlan
+    from robosim.building.building import make_building
+    from robosim.plans.floorplan import FloorPlan
 
     return make_building(FloorPlan(occupancy=np.zeros((60, 80), np.uint8), resolution_m=0.05, name="room"))

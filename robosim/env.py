@@ -9,14 +9,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from robosim.building import make_building
-from robosim.floorplan import FloorPlan
-from robosim.picture import Picture, building_rings
-from robosim.planfiles import read_plan
-from robosim.reach import reach
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.drawing.picture import Picture, building_rings
+from robosim.drawing.snapshot import Snapshot, whole_mm
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FloorPlan
 from robosim.simulator import Simulator, SimulatorConfig
-from robosim.snapshot import Snapshot, whole_mm
-from robosim.tasks import ARRIVAL_M, make_task
+from robosim.task.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
 
 #: Depth in observations is cut off here [m]: a sensor's range, and the bound of the space.

@@ -13,23 +13,23 @@ from typing import get_args
 import numpy as np
 from jaxtyping import Float
 
-from robosim.belief import TargetBelief
-from robosim.building import Building, BuildingConfig
-from robosim.coverage import Coverage
-from robosim.fused import FusedConfig
-from robosim.goals import GoalName, GoalPolicy, make_policy
-from robosim.hearing import TRUE_STATES, Heard, Listener
-from robosim.link_state import read_classifier
-from robosim.moment import Moment
+from robosim.building.building import Building, BuildingConfig
+from robosim.building.reach import Reach
 from robosim.navigation import MAPPERS, ControllerName, make_navigator
-from robosim.reach import Reach
-from robosim.record import EpisodeLog
+from robosim.policies.belief import TargetBelief
+from robosim.policies.fused import FusedConfig
+from robosim.policies.goals import GoalName, GoalPolicy, make_policy
+from robosim.policies.moment import Moment
+from robosim.radio.link_state import read_classifier
+from robosim.radio.measurement import TRUE_STATES, Heard, Listener
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.assets import shipped_weights
 from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
-from robosim.tasks import Task
+from robosim.task.coverage import Coverage
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.exploration import ExplorerName
 from slam.grid import MapEstimate

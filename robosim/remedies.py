@@ -7,7 +7,7 @@ wherever it is met first.
 import importlib.metadata
 import re
 
-from robosim.rendering.gl_libraries import OpenGLError
+from robosim.camera.rendering.gl_libraries import OpenGLError
 
 #: Where numba finds no folder for compiled code: neither the package's own nor one in the home directory.
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is kept"

@@ -12,24 +12,24 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
-from robosim.building import Building, make_building
-from robosim.decision_log import DECISIONS, DecisionWriter
+from robosim.building.building import Building, make_building
+from robosim.building.reach import Reach, reach
+from robosim.drawing.picture import Picture, building_rings
+from robosim.drawing.plots import plot_episode
+from robosim.drawing.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
+from robosim.drawing.video import VideoWriter
 from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
-from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.picture import Picture, building_rings
-from robosim.planfiles import write_ros
-from robosim.plots import plot_episode
-from robosim.reach import Reach, reach
-from robosim.record import EpisodeLog
-from robosim.rerun_recording import RECORDING, RerunRecording, rerun_sdk
-from robosim.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
+from robosim.plans.files import write_ros
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.recording.decision_log import DECISIONS, DecisionWriter
+from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.support.files import write_json
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.tasks import Task, make_task
-from robosim.video import VideoWriter
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import Task, make_task
 from slam.grid import MapEstimate
 
 #: What an episode leaves, in the order in which it is told.

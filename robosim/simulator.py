@@ -11,20 +11,20 @@ from typing import Literal, get_args
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.building import Building
-from robosim.camera import RGBD, Backend, Camera, CameraConfig, camera_pose, make_camera
-from robosim.depth_noise import DepthNoise
-from robosim.kinematic import KinematicWorld
-from robosim.odometry import NoiseModel
-from robosim.radio import RadioLink, RadioLinkConfig
-from robosim.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
-from robosim.rendering.shading import shaded_mesh
-from robosim.robot import RobotConfig
+from robosim.building.building import Building
+from robosim.camera.camera import RGBD, Backend, Camera, CameraConfig, camera_pose, make_camera
+from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.camera.target import target_mesh
+from robosim.radio.link import RadioLink, RadioLinkConfig
+from robosim.robot.dynamic import Motion, World
+from robosim.robot.kinematic import KinematicWorld
+from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.support.checks import check_choice
 from robosim.support.stopwatch import Stopwatch
-from robosim.target import target_mesh
-from robosim.tasks import Task
-from robosim.world import Motion, World
+from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.poses import between
 from wireless.estimates import PathEstimates

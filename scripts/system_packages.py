@@ -19,7 +19,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "rendering"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering"))
 from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same look at the machine as a camera's
 
 VENV_PACKAGE = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"

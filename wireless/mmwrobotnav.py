@@ -1,7 +1,7 @@
 """The public radio data of mmwRobotNav: transmitters, receivers, true link states and estimated paths.
 
 One folder a building, `NAME/NAME_tx_pos.csv` with a row per transmitter and `NAME/NAME_Tx_K_beam_search.csv`
-with a row per link, K from 1. Positions are metres in the frame of the plans (`robosim.formats.mmwrobotnav`:
+with a row per link, K from 1. Positions are metres in the frame of the plans (`robosim.plans.formats.mmwrobotnav`:
 x to the right, y up, so that y is negative). Angles in the files are degrees, counter-clockwise from +x; here
 they are radians. The link states come from a commercial ray tracer, the paths from a simulated receiver.
 

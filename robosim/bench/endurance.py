@@ -21,10 +21,10 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.bench.slam_plan import SlamSettings
-from robosim.building import make_building
-from robosim.floorplan import FloorPlan
+from robosim.building.building import make_building
+from robosim.building.reach import reach
 from robosim.navigation import Navigator, make_navigator
-from robosim.reach import reach
+from robosim.plans.floorplan import FloorPlan
 from robosim.simulator import Simulator
 from robosim.support.files import write_json
 from robosim.support.progress import told_units

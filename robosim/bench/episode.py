@@ -21,15 +21,15 @@ from jaxtyping import Float
 from rich.console import Console
 from rich.table import Table
 
-from robosim.building import BuildingConfig
+from robosim.building.building import BuildingConfig
+from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Head, Job, make_jobs, read_head, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap
-from robosim.goals import GoalName
-from robosim.plots import save_figure
-from robosim.radio import RadioLinkConfig
+from robosim.policies.goals import GoalName
+from robosim.radio.link import RadioLinkConfig
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder

@@ -30,10 +30,10 @@ from rich.console import Console, Group
 
 from robosim.bench.estimation_report import plot, tables
 from robosim.bench.resolution import strongest_sum_rad
-from robosim.building import BuildingConfig
-from robosim.floorplan import FloorPlan
-from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import receiver_grid
+from robosim.building.building import BuildingConfig
+from robosim.plans.floorplan import FloorPlan
+from robosim.radio.receivers import receiver_grid
+from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
 from wireless.blocks import available_cores

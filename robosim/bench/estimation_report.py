@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from robosim.plots import save_figure
-from robosim.radio_plots import STATES
+from robosim.drawing.plots import save_figure
+from robosim.drawing.radio import STATES
 from wireless.estimation import ESTIMATORS
 from wireless.paths import LinkState
 

@@ -21,14 +21,14 @@ from matplotlib.collections import LineCollection
 from rich.console import Console
 from rich.table import Table
 
-from robosim.building import Building, make_building
-from robosim.depth_noise import DepthNoise
+from robosim.building.building import Building, make_building
+from robosim.building.reach import reach
+from robosim.camera.depth_noise import DepthNoise
+from robosim.drawing.plots import draw_walls, plan_axes, save_figure
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.navigation import MAPPERS
-from robosim.odometry import NoiseModel
-from robosim.planfiles import find_plans, read_plan
-from robosim.plots import draw_walls, plan_axes, save_figure
-from robosim.reach import reach
+from robosim.plans.files import find_plans, read_plan
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Physics, SimulatorConfig
 from robosim.support.checks import LEVEL, SEED, check_choice, check_network, check_numbers
 from robosim.support.files import write_json
@@ -37,7 +37,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
 from slam.exploration import ExplorerName
 
 #: Decisions of an episode, and those at which coverage is told.

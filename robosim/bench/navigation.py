@@ -19,8 +19,8 @@ from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.sweep import sweep
-from robosim.goals import GoalName
-from robosim.odometry import NoiseModel
+from robosim.policies.goals import GoalName
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
 from robosim.support.run_folder import run_folder

@@ -19,13 +19,13 @@ import shapely
 from rich.table import Table
 from rich.text import Text
 
-from robosim.building import Building
-from robosim.kinematic import KinematicWorld
-from robosim.odometry import NoiseModel
-from robosim.plots import save_figure
-from robosim.robot import RobotConfig
+from robosim.building.building import Building
+from robosim.drawing.plots import save_figure
+from robosim.robot.dynamic import PhysicsConfig, World
+from robosim.robot.kinematic import KinematicWorld
+from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import RobotConfig
 from robosim.support.files import write_json
-from robosim.world import PhysicsConfig, World
 from slam.actions import Action
 from slam.poses import between
 

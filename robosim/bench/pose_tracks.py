@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from robosim.camera import CameraConfig
-from robosim.odometry import NoiseModel
+from robosim.camera.camera import CameraConfig
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
 from slam.mapping import Mapper

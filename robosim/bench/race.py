@@ -23,8 +23,8 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
-from robosim.camera import CameraConfig
-from robosim.rendering.gl_libraries import OpenGLError, missing
+from robosim.camera.camera import CameraConfig
+from robosim.camera.rendering.gl_libraries import OpenGLError, missing
 from robosim.support.workers import end_with_parent
 
 _START_S = 120.0

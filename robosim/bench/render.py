@@ -23,11 +23,11 @@ from rich.text import Text
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
 from robosim.bench.true_depth import DepthJudge, plain_depth
-from robosim.building import Building, make_building
-from robosim.camera import CameraConfig, camera_pose
-from robosim.planfiles import read_plan
-from robosim.rendering.gl_libraries import missing
-from robosim.rendering.shading import shaded_mesh
+from robosim.building.building import Building, make_building
+from robosim.camera.camera import CameraConfig, camera_pose
+from robosim.camera.rendering.gl_libraries import missing
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.plans.files import read_plan
 from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file, write_json
 

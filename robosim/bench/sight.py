@@ -23,7 +23,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int8
 
-from robosim.building import Building
+from robosim.building.building import Building
 from wireless.links import views_of
 from wireless.occlusion import hidden_each, make_tree
 from wireless.plan import Locator, make_plan

@@ -20,8 +20,8 @@ from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
 from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
 from robosim.bench.slam_plan import EVERY, TELLERS, TOLD_AT, SlamSettings, measure_plan
 from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
-from robosim.building import make_building
-from robosim.planfiles import find_plans, read_plan
+from robosim.building.building import make_building
+from robosim.plans.files import find_plans, read_plan
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder

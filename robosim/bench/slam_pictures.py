@@ -8,8 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from robosim.bench.exploration import area_under, held
-from robosim.building import Building
-from robosim.plots import ESTIMATE, TRUE, draw_walls, save_figure
+from robosim.building.building import Building
+from robosim.drawing.plots import ESTIMATE, TRUE, draw_walls, save_figure
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.reading import reading
 from slam.mapper.scores import PatchScores

@@ -2,7 +2,7 @@
 
 The plan is explored twice, from the same start and with the same seed: by the classical map, and by the learned one.
 On the way of the first, everything is compared on the same frames: at every `EVERY`th one the truth ahead
-(`robosim.true_patch`) with what is told of it by
+(`robosim.datasets.true_patch`) with what is told of it by
 
 - the frame alone: its scan entered into an empty classical grid that lies along the patch,
 - the classical map, cut at the estimated pose, cell by cell and mixed between cells, whichever fits the truth better,
@@ -29,20 +29,20 @@ from robosim.bench.pose_tracks import (
     UnbiasedOdometry,
     trajectory_errors,
 )
-from robosim.building import Building, make_building
-from robosim.depth_noise import DepthNoise
+from robosim.building.building import Building, make_building
+from robosim.building.reach import Reach, reach
+from robosim.camera.depth_noise import DepthNoise
+from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.navigation import MAPPERS, make_navigator
-from robosim.odometry import NoiseModel
-from robosim.planfiles import read_plan
-from robosim.reach import Reach, reach
-from robosim.record import EpisodeLog
+from robosim.plans.files import read_plan
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Physics, SimulatorConfig
 from robosim.support.checks import LEVEL, SEED, STEPS, check_choice, check_network, check_numbers
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
-from robosim.tasks import Task, make_task
-from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import Task, make_task
 from slam.actions import Action
 from slam.egocentric import AHEAD, belief_ahead, egocentric_map
 from slam.grid import MapEstimate

@@ -18,21 +18,21 @@ from rich.console import Console
 from rich.table import Table
 
 from robosim.bench.slam_plan import EVERY, SlamSettings, told_ahead
-from robosim.building import Building, make_building
-from robosim.camera import CameraConfig, camera_pose, make_camera
-from robosim.depth_noise import DepthNoise
+from robosim.building.building import Building, make_building
+from robosim.building.reach import reach
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
+from robosim.drawing.plots import save_figure
 from robosim.episode import Decision, run_episode
 from robosim.navigation import MAPPERS, make_navigator
-from robosim.planfiles import read_plan
-from robosim.plots import save_figure
-from robosim.reach import reach
-from robosim.rendering.shading import shaded_mesh
+from robosim.plans.files import read_plan
 from robosim.support.checks import SIZE_PX, check_network, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
-from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.actions import Action
 from slam.egocentric import belief_ahead, egocentric_map
 from slam.grid import MapEstimate

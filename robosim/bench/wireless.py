@@ -29,8 +29,8 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.bench import sight
-from robosim.building import Building, BuildingConfig, make_building
-from robosim.floorplan import FloorPlan
+from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.plans.floorplan import FloorPlan
 from robosim.support.files import whole_file, write_json
 from robosim.support.progress import tracked
 from wireless.blocks import available_cores

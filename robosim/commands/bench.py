@@ -28,7 +28,7 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
         out: Folder for the table and the plot; a new one under runs/ if not given.
     """
     from robosim.bench.render import run
-    from robosim.building import make_building
+    from robosim.building.building import make_building
 
     check_some("sizes", sizes, "widths of pictures, such as 128 256")
     for size in sizes:
@@ -46,7 +46,7 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
         out: Folder for the table and the plot; a new one under runs/ if not given.
     """
     from robosim.bench.physics import run
-    from robosim.building import make_building
+    from robosim.building.building import make_building
 
     check_some("plans", plans, PLANS)
     with results_in(out, "bench physics") as folder:
@@ -273,7 +273,7 @@ def wireless(
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
     from robosim.bench.wireless import run
-    from robosim.planfiles import find_plans
+    from robosim.plans.files import find_plans
 
     check_some("plans", plans, PLANS)
     check_number("receivers", receivers, 1, 1_000_000, whole=True)
@@ -338,8 +338,8 @@ def estimation(
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
     from robosim.bench.estimation import TX_PER_PLAN, run
-    from robosim.outline import check_tolerance
-    from robosim.planfiles import find_plans
+    from robosim.building.outline import check_tolerance
+    from robosim.plans.files import find_plans
 
     check_some("plans", plans, PLANS)
     check_number("links", links, 4 * TX_PER_PLAN, 1_000_000, "in each plan", whole=True)

@@ -34,10 +34,10 @@ def collect(
         work: Who does the work.
         out: Folder for the files, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.collect import CollectConfig
-    from robosim.collect import collect as collect_frames
-    from robosim.depth_noise import DepthNoise
-    from robosim.odometry import NoiseModel
+    from robosim.camera.depth_noise import DepthNoise
+    from robosim.datasets.collect import CollectConfig
+    from robosim.datasets.collect import collect as collect_frames
+    from robosim.robot.odometry import NoiseModel
 
     config = CollectConfig(
         homes=homes,

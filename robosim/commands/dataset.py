@@ -63,10 +63,10 @@ def dataset(
         work: Who does the work.
         out: Folder for the data, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.generate import generate_plan
-    from robosim.link_dataset import make_dataset
-    from robosim.link_units import LinkSetConfig
-    from robosim.planfiles import find_plans
+    from robosim.datasets.link_units import LinkSetConfig
+    from robosim.datasets.links import make_dataset
+    from robosim.generator.generate import generate_plan
+    from robosim.plans.files import find_plans
 
     check_number("generated", generated, 0, 100_000, "homes", whole=True)
     if not plans and not generated:

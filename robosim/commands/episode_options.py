@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from robosim.ablations import PolicyName
     from robosim.episode import EpisodeConfig
+    from robosim.evaluation.ablations import PolicyName
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +48,14 @@ class EpisodeOptions:
         Raises:
             ValueError: If a number is out of its bounds, or a name unknown.
         """
-        from robosim.ablations import configured
-        from robosim.building import BuildingConfig
-        from robosim.camera import CameraConfig
-        from robosim.depth_noise import DepthNoise
+        from robosim.building.building import BuildingConfig
+        from robosim.camera.camera import CameraConfig
+        from robosim.camera.depth_noise import DepthNoise
         from robosim.episode import EpisodeConfig
-        from robosim.odometry import NoiseModel
-        from robosim.radio import RadioLinkConfig
-        from robosim.robot import ROBOTS
+        from robosim.evaluation.ablations import configured
+        from robosim.radio.link import RadioLinkConfig
+        from robosim.robot.odometry import NoiseModel
+        from robosim.robot.robots import ROBOTS
         from robosim.simulator import SimulatorConfig
         from robosim.support.checks import check_choice
 

@@ -22,9 +22,9 @@ def plans(
         seed: Seed of the first one generated.
         out: Folder for the picture; a new one under runs/ if not given.
     """
-    from robosim.generate import GeneratorConfig, generate_plan
+    from robosim.generator.generate import GeneratorConfig, generate_plan
     from robosim.generator.planstats import plot_comparison
-    from robosim.planfiles import find_plans, read_plan
+    from robosim.plans.files import find_plans, read_plan
     from robosim.support.progress import tracked
 
     check_some("plans", plans, PLANS)
@@ -50,7 +50,7 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
         element: What the arrays are made of.
         out: Folder for the picture; a new one under runs/ if not given.
     """
-    from robosim.plots import save_figure
+    from robosim.drawing.plots import save_figure
     from wireless.antenna_figures import arrays_figure
 
     with results_in(out, "figures") as folder:
@@ -88,8 +88,8 @@ def wireless(
         seed: Seed of places, phases and noise.
         out: Folder for the pictures; a new one under runs/ if not given.
     """
-    from robosim.planfiles import find_plans
-    from robosim.wireless_figures import FiguresConfig, draw_wireless
+    from robosim.figures.wireless import FiguresConfig, draw_wireless
+    from robosim.plans.files import find_plans
 
     check_some("plans", plans, PLANS)
     config = FiguresConfig(

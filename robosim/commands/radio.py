@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
-    from robosim.radio_scene import RadioConfig
+    from robosim.radio.scene import RadioConfig
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +47,8 @@ class RadioOptions:
             tolerance: How far walls may be moved to straighten them [m].
             polarisation: Of all antennas.
         """
-        from robosim.building import BuildingConfig
-        from robosim.radio_scene import RadioConfig
+        from robosim.building.building import BuildingConfig
+        from robosim.radio.scene import RadioConfig
         from wireless.raytrace import TracerConfig
 
         return RadioConfig(

@@ -19,7 +19,7 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
         frames: How many frames the sheet shows.
         out: Folder for replay.mp4 and sheet.png; the episode's if not given.
     """
-    from robosim.replay import replay as draw
+    from robosim.recording.replay import replay as draw
 
     check_number("frames", frames, 1, 1000, whole=True)
     with run_folder(folder_for(out or episode, "episode"), "episode") as folder:
@@ -41,7 +41,7 @@ def view(episode: Positional[Path], *, web: bool = False) -> None:
     import subprocess
     import sys
 
-    from robosim.rerun_recording import RECORDING, rerun_sdk
+    from robosim.recording.rerun_recording import RECORDING, rerun_sdk
 
     path = episode / RECORDING
     if not path.is_file():

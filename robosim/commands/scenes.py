@@ -33,11 +33,11 @@ def plan(
         radius: Radius of the robot's hull [m].
         out: Folder for the files; a new one under runs/ if not given.
     """
-    from robosim.building import BuildingConfig, make_building
-    from robosim.export import export_mesh, export_mitsuba
-    from robosim.planfiles import write_png, write_ros
-    from robosim.plots import plot_plan
-    from robosim.reach import reach
+    from robosim.building.building import BuildingConfig, make_building
+    from robosim.building.export import export_mesh, export_mitsuba
+    from robosim.building.reach import reach
+    from robosim.drawing.plots import plot_plan
+    from robosim.plans.files import write_png, write_ros
 
     config = BuildingConfig(tolerance_m=tolerance)
     check_number("radius", radius, *RADIUS_M)
@@ -85,8 +85,8 @@ def generate(
         navigable: Write the area navigable for a 0.1 m robot, as the published grids are.
         out: Folder for the plans; a new one under runs/ if not given.
     """
-    from robosim.generate import GeneratorConfig, generate_plan
-    from robosim.planfiles import write_ros
+    from robosim.generator.generate import GeneratorConfig, generate_plan
+    from robosim.plans.files import write_ros
     from robosim.support.progress import tracked
 
     check_number("count", count, 1, 100_000, "plans", whole=True)

@@ -14,7 +14,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
-from robosim.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
@@ -87,7 +87,7 @@ NO_OPTIONS = PlanOptions()
 
 def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     """The floor plan of a name or file."""
-    from robosim.planfiles import read_plan
+    from robosim.plans.files import read_plan
 
     return read_plan(
         plan,

@@ -59,8 +59,8 @@ def trace(
         work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.receivers import check_step
-    from robosim.trace import check_terminals, trace_link, trace_plan
+    from robosim.datasets.trace import check_terminals, trace_link, trace_plan
+    from robosim.radio.receivers import check_step
 
     config = radio.config(tolerance, polarisation)
     check_terminals(tx, rx, config.height_m)

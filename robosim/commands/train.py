@@ -61,7 +61,7 @@ def link_state(
         raise ValueError(f"test is {str(test)!r}, which is no folder. Give one like --data.")
     from dataclasses import replace
 
-    from robosim.link_training import train_link_state
+    from robosim.training.link_state import train_link_state
     from wireless.linkstate.data import is_data_set
     from wireless.linkstate.training import default_recipe
 
@@ -134,7 +134,7 @@ def mapper(
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
     check_threads(threads, "threads")
-    from robosim.mapper_training import smoke_frames, train_mapper
+    from robosim.training.mapper import smoke_frames, train_mapper
     from slam.mapper.network import NetworkConfig
     from slam.mapper.training import Recipe
 
@@ -188,8 +188,8 @@ def pose(
         out: Folder for the results; a new one under runs/ if not given.
     """
     check_threads(threads, "threads")
-    from robosim.mapper_training import smoke_frames
-    from robosim.pose_training import train_pose_network
+    from robosim.training.mapper import smoke_frames
+    from robosim.training.pose import train_pose_network
     from slam.mapper.pose_training import PoseRecipe
 
     steps = min(steps, 60) if smoke else steps

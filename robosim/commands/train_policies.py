@@ -37,7 +37,7 @@ def explorer(
         smoke: A run of a minute that shows that all works: two rounds of few, short walks.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.explorer_training import ExplorerRecipe, train_explorer
+    from robosim.training.explorer import ExplorerRecipe, train_explorer
 
     if smoke:
         rounds, homes, decisions, held_out = (
@@ -91,7 +91,7 @@ def steering(
     """
     from dataclasses import replace
 
-    from robosim.steering_training import SteeringRecipe, train_steering
+    from robosim.training.steering import SteeringRecipe, train_steering
 
     if smoke:
         rounds, homes, held_out = min(rounds, 2), min(homes, 2), min(held_out, 2)

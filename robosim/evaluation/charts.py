@@ -12,11 +12,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from robosim.building import Building
+from robosim.building.building import Building
+from robosim.drawing.plots import ESTIMATE, TARGET, TRUE, draw_walls, plan_axes
 from robosim.evaluation.episodes import Episode
 from robosim.evaluation.scores import CLASSES, Estimate, Summary
-from robosim.plots import ESTIMATE, TARGET, TRUE, draw_walls, plan_axes
-from robosim.tasks import ARRIVAL_M
+from robosim.task.tasks import ARRIVAL_M
 
 #: Okabe and Ito's colours, in the order that policies come in.
 _COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#999999")

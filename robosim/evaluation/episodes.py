@@ -19,21 +19,21 @@ import shapely
 import torch
 from jaxtyping import Float, UInt8
 
-from robosim.ablations import PolicyName, configured
-from robosim.building import Building, BuildingConfig, make_building
+from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.reach import Reach, reach
 from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.evaluation.ablations import PolicyName, configured
 from robosim.evaluation.rows import check_row, is_number, name_of
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
-from robosim.floorplan import MapError
-from robosim.planfiles import read_plan
-from robosim.reach import Reach, reach
-from robosim.record import EpisodeLog
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import MapError
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.files import plain
 from robosim.support.reading import reading
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.support.text_in import check_object, parse_json
-from robosim.tasks import Task, make_task
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import Task, make_task
 from slam.grid import MapEstimate
 from wireless.paths import LinkState
 

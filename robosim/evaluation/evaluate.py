@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robosim.ablations import POLICIES, PolicyName
 from robosim.episode import EpisodeConfig, check_weights
+from robosim.evaluation.ablations import POLICIES, PolicyName
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
@@ -21,8 +21,8 @@ from robosim.evaluation.results import Evaluation, write_results
 from robosim.evaluation.scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
 from robosim.evaluation.sweep import sweep
-from robosim.goals import SEEKERS
-from robosim.planfiles import find_plans
+from robosim.plans.files import find_plans
+from robosim.policies.goals import SEEKERS
 from robosim.support.checks import check_choice
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder

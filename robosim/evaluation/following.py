@@ -14,9 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from robosim.arrival import FollowConfig
-from robosim.building import BuildingConfig
+from robosim.building.building import BuildingConfig
 from robosim.evaluation.episodes import Episode, read_episode, scene
+from robosim.policies.arrival import FollowConfig
 from wireless.paths import LinkState
 
 #: Decisions after which the robot is looked at again.

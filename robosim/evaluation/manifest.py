@@ -19,7 +19,7 @@ import slam
 import wireless
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
 from robosim.support.reading import read_bytes

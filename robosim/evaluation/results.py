@@ -19,14 +19,14 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.building import BuildingConfig
+from robosim.building.building import BuildingConfig
+from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
 from robosim.evaluation.episodes import Job, read_episode, scene
 from robosim.evaluation.report import FailedEpisode, Page, write_report
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
-from robosim.plots import save_figure
 from robosim.support.assets import shipped_plans
 from robosim.support.files import plain, whole_file, write_json, write_whole
 from robosim.support.progress import told_units

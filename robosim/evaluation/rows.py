@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from robosim.ablations import POLICIES
+from robosim.evaluation.ablations import POLICIES
 
 #: Columns that are looked at by name. All others are numbers, or null where there is none.
 _TEXT, _WHOLE = ("plan", "policy", "ended"), ("task", "repeat", "seed", "steps", "collisions")

@@ -19,23 +19,23 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from robosim.ablations import POLICIES, PolicyName
-from robosim.building import Building, BuildingConfig, make_building
+from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.drawing.gallery import Picture, write_index
+from robosim.drawing.picture import STATE_COLOURS
+from robosim.drawing.plots import TARGET, TRUE, draw_walls, save_figure
+from robosim.evaluation.ablations import POLICIES, PolicyName
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
 from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import read_suite
-from robosim.gallery import Picture, write_index
-from robosim.goals import SEEKERS
-from robosim.picture import STATE_COLOURS
-from robosim.planfiles import read_plan
-from robosim.plots import TARGET, TRUE, draw_walls, save_figure
+from robosim.plans.files import read_plan
+from robosim.policies.goals import SEEKERS
 from robosim.support.reading import FileError, naming, shown
 from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
-from robosim.tasks import ARRIVAL_M
+from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
 
 #: Arrival rates that were published: easy, moderate, hard.

@@ -26,15 +26,15 @@ from typing import Any
 import numpy as np
 import yaml
 
+from robosim.building.reach import Reach
 from robosim.evaluation.rows import is_number
-from robosim.floorplan import FARTHEST_M
-from robosim.planfiles import read_plan
-from robosim.reach import Reach
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FARTHEST_M
 from robosim.support.assets import shipped_plans
 from robosim.support.files import whole_file
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
 from robosim.support.text_in import MOST_JSON, MOST_YAML, check_object, parse_json, parse_yaml
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")

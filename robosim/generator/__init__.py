@@ -1,1 +1,1 @@
-"""The parts that `robosim.generate` invents buildings from, and the statistics it is judged by."""
+"""The parts that `robosim.generator.generate` invents buildings from, and the statistics it is judged by."""

@@ -25,8 +25,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
-from robosim.floorplan import FloorPlan
 from robosim.generator.rooms import clearance, find_rooms, largest_piece
+from robosim.plans.floorplan import FloorPlan
 from slam.marching import march
 
 #: Smaller islands are specks of the raster rather than things [m2].

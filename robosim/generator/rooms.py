@@ -20,7 +20,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Int32
 
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 #: Basins whose passage is at least this share of the smaller one's width are one room.
 SAME_ROOM_RATIO = 0.8

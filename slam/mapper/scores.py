@@ -2,8 +2,8 @@
 
 Overlap is intersection over union of the cells told and true, summed over all frames before dividing, so that frames
 weigh by what there is in them. The hidden part is scored for obstacles and for floor, over the cells that matter (see
-`robosim.true_patch`). Calibration is the expected calibration error: the mean gap between the probability told and the
-share of obstacles that came true, over bins of the probability.
+`robosim.datasets.true_patch`). Calibration is the expected calibration error: the mean gap between the probability
+told and the share of obstacles that came true, over bins of the probability.
 """
 
 from typing import Any

@@ -11,7 +11,7 @@ from rich.console import Console
 from robosim.bench import episode
 from robosim.bench.episode import DEFAULT, compare, run, table, variations
 from robosim.episode import EpisodeConfig
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from tests.robosim.plans import two_rooms
 
 

@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from robosim.bench import estimation
-from robosim.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan
 from wireless.codebook import terminal_named
 from wireless.estimates import PathEstimates
 from wireless.sounding import Rays, Sounder

@@ -10,10 +10,11 @@ import shapely
 import trimesh
 from rich.console import Console
 
-from robosim.bench import label_links, labels
-from robosim.bench.label_links import received_azimuth
-from robosim.bench.label_walls import published_walls
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.bench import labels
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.published import label_links
+from robosim.published.label_links import received_azimuth
+from robosim.published.label_walls import published_walls
 from wireless.estimation_public import PublicReceiver
 from wireless.mmwrobotnav import link_states, read_measurements
 from wireless.paths import Interaction, LinkState

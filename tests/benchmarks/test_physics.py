@@ -3,7 +3,7 @@
 import json
 
 from robosim.bench import physics
-from robosim.building import make_building
+from robosim.building.building import make_building
 from tests.robosim.plans import room
 
 

@@ -12,12 +12,12 @@ from robosim.bench import render
 from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
 from robosim.bench.true_depth import DepthJudge
-from robosim.building import Building, make_building
-from robosim.camera import CameraConfig
-from robosim.floorplan import FloorPlan
-from robosim.rendering.gl_binding import default_system
-from robosim.rendering.gl_libraries import OpenGLError
-from robosim.rendering.shading import shaded_mesh
+from robosim.building.building import Building, make_building
+from robosim.camera.camera import CameraConfig
+from robosim.camera.rendering.gl_binding import default_system
+from robosim.camera.rendering.gl_libraries import OpenGLError
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.plans.floorplan import FloorPlan
 
 SMALL = {"sizes": (48,), "warm_up": 3, "turns": 3, "turn_s": 0.02, "n_poses": 2}
 

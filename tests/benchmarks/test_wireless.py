@@ -9,8 +9,8 @@ import shapely
 from rich.console import Console
 
 from robosim.bench import sight, wireless
-from robosim.building import make_building
-from robosim.floorplan import FloorPlan
+from robosim.building.building import make_building
+from robosim.plans.floorplan import FloorPlan
 
 
 @pytest.fixture(scope="module")

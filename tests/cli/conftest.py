@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from robosim.cli import main
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from tests.robosim.plans import two_rooms
 
 

@@ -12,7 +12,7 @@ from robosim.cli import _COMMANDS, _GROUPS, main
 from robosim.commands.episode import episode
 from robosim.commands.episode_options import EpisodeOptions
 from robosim.episode import EpisodeConfig
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
 from tests.robosim.plans import two_rooms
 
 COMMANDS = [

@@ -12,8 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from robosim.cli import main
-from robosim.planfiles import read_plan
-from robosim.radio_scene import RadioScene
+from robosim.plans.files import read_plan
+from robosim.radio.scene import RadioScene
 from wireless.estimates import wrapped
 from wireless.link_records import COLUMNS, read_links, read_rays
 from wireless.mmwrobotnav import find_measurements, read_measurements
@@ -82,7 +82,7 @@ def test_links_are_those_of_the_tracer(made, plan_file):
 
 
 def _config():
-    from robosim.link_units import LinkSetConfig
+    from robosim.datasets.link_units import LinkSetConfig
 
     return LinkSetConfig().radio
 

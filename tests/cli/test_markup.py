@@ -9,7 +9,7 @@ import pytest
 
 from robosim.cli import main
 from robosim.commands import terminal
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from tests.robosim.plans import room, two_rooms
 
 #: Names that Rich, its emojis or matplotlib's formulas would take for theirs, or stumble over.

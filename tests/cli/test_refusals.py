@@ -2,7 +2,7 @@
 
 import pytest
 
-from robosim.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan
 
 #: Commands, and words of what is said of them; {} is a folder in which nothing is.
 REFUSED = [

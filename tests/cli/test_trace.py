@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.planfiles import write_ros
-from robosim.radio_scene import RadioConfig, RadioScene
+from robosim.plans.files import write_ros
+from robosim.radio.scene import RadioConfig, RadioScene
 from tests.robosim.plans import two_rooms
 from wireless import LinkState, Paths
 
@@ -102,7 +102,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     def interrupted(*args, **kwargs):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("robosim.trace.LinkGrid.trace", interrupted)
+    monkeypatch.setattr("robosim.datasets.trace.LinkGrid.trace", interrupted)
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130

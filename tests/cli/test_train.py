@@ -7,9 +7,9 @@ import shutil
 import numpy as np
 import pytest
 
-from robosim import explorer_training
 from robosim.cli import main
-from robosim.link_training import deal
+from robosim.training import explorer as explorer_training
+from robosim.training.link_state import deal
 from slam.choosing import load_chooser
 from slam.control import ControlConfig
 from slam.steering import load_steering

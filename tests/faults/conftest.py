@@ -19,7 +19,7 @@ from typing import Any
 
 import pytest
 
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from tests.faults.commands import COMMANDS, EPISODE, FRAMES, LINKS, Command, contents, copied
 from tests.robosim.plans import two_rooms
 

@@ -17,28 +17,28 @@ import torch
 import trimesh
 from PIL import Image
 
-from robosim.bench.label_links import Links
-from robosim.building import make_building
-from robosim.collect import CollectConfig
-from robosim.decision_log import DECISIONS, DecisionWriter
+from robosim.building.building import make_building
+from robosim.building.export import export_mesh
+from robosim.datasets.collect import CollectConfig
+from robosim.datasets.link_formats import transmitters_file
+from robosim.drawing.snapshot import Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Head, _to_bytes
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
-from robosim.explorer_training import ExplorerRecipe
-from robosim.export import export_mesh
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.formats.pgm import encode_pgm
-from robosim.formats.plan_image import GREY
-from robosim.link_formats import transmitters_file
-from robosim.planfiles import write_png, write_ros
-from robosim.record import EpisodeLog, Link
-from robosim.snapshot import Arrivals, Layer, Snapshot
+from robosim.plans.files import write_png, write_ros
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.plans.formats.pgm import encode_pgm
+from robosim.plans.formats.plan_image import GREY
+from robosim.published.label_links import Links
+from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import npz_bytes, plain, write_files, write_json, write_whole
 from robosim.support.run_folder import SETTINGS
-from robosim.tasks import Task
+from robosim.task.record import EpisodeLog, Link
+from robosim.task.tasks import Task
+from robosim.training.explorer import ExplorerRecipe
 from slam.choosing import initial_weights
 from slam.grid import GridFrame, MapEstimate
 from slam.mapper.network import NetworkConfig

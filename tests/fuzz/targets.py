@@ -12,27 +12,27 @@ import numpy as np
 import torch
 from rich.console import Console
 
-from robosim.bench.label_links import Links
 from robosim.cli import main
-from robosim.collect import collect
-from robosim.decision_log import read_decisions
+from robosim.datasets.collect import collect
+from robosim.datasets.link_grid import read_transmitter
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import read_episode, read_head
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
-from robosim.explorer_training import resume
-from robosim.link_grid import read_transmitter
-from robosim.link_state import read_classifier
-from robosim.made_links import read_homes
-from robosim.mapper_training import read_frames
-from robosim.planfiles import find_plans, read_plan
-from robosim.pose_training import read_pairs
-from robosim.steering_training import read_round
+from robosim.figures.training import confusion_of, read_card, read_epochs
+from robosim.plans.files import find_plans, read_plan
+from robosim.published.label_links import Links
+from robosim.radio.link_state import read_classifier
+from robosim.recording.decision_log import read_decisions
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.run_folder import read_settings, run_folder
 from robosim.support.text_in import read_json
-from robosim.training_figures import confusion_of, read_card, read_epochs
+from robosim.training.explorer import resume
+from robosim.training.made_links import read_homes
+from robosim.training.mapper import read_frames
+from robosim.training.pose import read_pairs
+from robosim.training.steering import read_round
 from slam.choosing import initial_weights, load_chooser
 from slam.control import ControlConfig
 from slam.mapper.weights import load_mapper, load_pose
@@ -200,14 +200,14 @@ def _search(folder: Path, file: Path) -> None:
 
 
 def _train_mapper(folder: Path, file: Path) -> None:
-    with _only_reading("robosim.mapper_training.train"):
+    with _only_reading("robosim.training.mapper.train"):
         main(["train", "mapper", "--data", str(folder), "--out", str(folder / "out")])
 
 
 def _train_link_state(folder: Path, file: Path) -> None:
     with (
-        _only_reading("robosim.link_training.make_homes"),
-        patch("robosim.link_training.links_of", read_links),
+        _only_reading("robosim.training.link_state.make_homes"),
+        patch("robosim.training.link_state.links_of", read_links),
     ):
         main(
             [
@@ -229,7 +229,7 @@ def _train_link_state(folder: Path, file: Path) -> None:
 
 def _command_plan(folder: Path, file: Path) -> None:
     words = ["--resolution", "0.05"] if file.suffix in SCALELESS else []
-    with _only_reading("robosim.building.make_building"):
+    with _only_reading("robosim.building.building.make_building"):
         main(["plan", str(file), *words, "--out", str(folder / "out")])
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 
 def room(width_m: float = 4.0, depth_m: float = 3.0, resolution_m: float = 0.05, **kwargs) -> FloorPlan:

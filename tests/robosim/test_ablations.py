@@ -6,18 +6,18 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from robosim.ablations import POLICIES, AblationName, configured
-from robosim.building import make_building
+from robosim.building.building import make_building
+from robosim.building.reach import reach
 from robosim.commands.episode_options import EpisodeOptions
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.evaluation.ablations import POLICIES, AblationName, configured
 from robosim.evaluation.episodes import make_jobs
 from robosim.evaluation.evaluate import check_policies
 from robosim.evaluation.suite import Suite, SuiteTask
-from robosim.goals import GoalName, make_policy
 from robosim.navigation import make_navigator
-from robosim.reach import reach
+from robosim.policies.goals import GoalName, make_policy
 from robosim.simulator import Simulator, SimulatorConfig
-from robosim.tasks import Task, make_task
+from robosim.task.tasks import Task, make_task
 from tests.robosim.plans import two_rooms
 
 CHANGED = {

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robosim.arrival import Dwelling, FollowArrival, FollowConfig
-from robosim.hearing import Heard
+from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
+from robosim.radio.measurement import Heard
 from wireless.paths import LinkState
 
 BOTH = (LinkState.LOS, LinkState.FIRST_ORDER)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robosim import planfiles
-from robosim.floorplan import FloorPlan, MapError
-from robosim.planfiles import read_plan, write_ros
+from robosim.plans import files as planfiles
+from robosim.plans.files import read_plan, write_ros
+from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support import assets
 
 

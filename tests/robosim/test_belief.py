@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robosim.belief import BeliefConfig, TargetBelief
-from robosim.hearing import Heard
-from robosim.sightlines import bent, in_sight, knowledge
+from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.sightlines import bent, in_sight, knowledge
+from robosim.radio.measurement import Heard
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 

@@ -12,13 +12,13 @@ from robosim.bench.pose_tracks import OpenCVOdometry, RawOdometry, Track, Unbias
 from robosim.bench.slam import run
 from robosim.bench.slam_plan import LEARNED, MATCHED, ODOMETRY, OPENCV, TELLERS, UNBIASED, SlamSettings
 from robosim.bench.slam_speed import SpeedSettings
-from robosim.building import make_building
-from robosim.camera import CameraConfig
-from robosim.odometry import NoiseModel
-from robosim.planfiles import read_plan
-from robosim.reach import reach
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.camera.camera import CameraConfig
+from robosim.plans.files import read_plan
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
 from slam.actions import Action
 from slam.poses import compose
 

@@ -6,9 +6,9 @@ import shapely
 import trimesh
 from scipy.ndimage import gaussian_filter
 
-from robosim.building import KINDS, BuildingConfig, make_building
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.outline import wall_lines
+from robosim.building.building import KINDS, BuildingConfig, make_building
+from robosim.building.outline import wall_lines
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 CELL_M = 0.05
 WALL_LINES = ["cell_edge", "cell_centre"]

@@ -9,11 +9,11 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from robosim.bench.true_depth import DepthJudge, plain_depth
-from robosim.building import Building, make_building
-from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
-from robosim.floorplan import FloorPlan
-from robosim.planfiles import read_plan
-from robosim.rendering.shading import shaded_mesh
+from robosim.building.building import Building, make_building
+from robosim.camera.camera import RGBD, CameraConfig, camera_pose, make_camera
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FloorPlan
 
 ENGINES = ("pyrender", "embree")
 ROOM = (4.0, 3.0, 2.5)

@@ -11,7 +11,7 @@ from rich.console import Console
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.suite import Suite, SuiteTask
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
 from tests.robosim.plans import two_rooms
 

@@ -5,13 +5,13 @@ import pytest
 from rich.console import Console
 from scipy.ndimage import maximum_filter
 
-from robosim.building import make_building
-from robosim.camera import CameraConfig, camera_pose, make_camera
-from robosim.collect import CollectConfig, collect, collect_home, home_building
-from robosim.depth_noise import DepthNoise
-from robosim.odometry import NoiseModel
-from robosim.rendering.shading import shaded_mesh
-from robosim.true_patch import TruePatches
+from robosim.building.building import make_building
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.datasets.collect import CollectConfig, collect, collect_home, home_building
+from robosim.datasets.true_patch import TruePatches
+from robosim.robot.odometry import NoiseModel
 from slam.poses import between
 from tests.robosim.plans import two_rooms
 

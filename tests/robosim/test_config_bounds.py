@@ -13,26 +13,26 @@ import pytest
 import robosim
 import slam
 import wireless
-from robosim.ablations import POLICIES, configured
 from robosim.bench.exploration import ExplorationSettings
 from robosim.bench.slam_plan import SlamSettings
 from robosim.bench.slam_speed import SpeedSettings
-from robosim.camera import Backend
+from robosim.camera.camera import Backend
+from robosim.camera.recognition import Recognition
 from robosim.commands.episode import episode
 from robosim.commands.episode_options import EpisodeOptions
 from robosim.commands.radio import RadioOptions
 from robosim.commands.terminal import PlanOptions
+from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode import EpisodeConfig
-from robosim.formats.mesh_slice import UpAxis
-from robosim.generate import GeneratorConfig
-from robosim.link_units import LinkSetConfig
+from robosim.evaluation.ablations import POLICIES, configured
+from robosim.figures.wireless import FiguresConfig
+from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import ControllerName, make_navigator
-from robosim.odometry import NoiseModel
-from robosim.radio import RadioEngine, RadioLinkConfig
-from robosim.recognition import Recognition
-from robosim.robot import ROBOTS
+from robosim.plans.formats.mesh_slice import UpAxis
+from robosim.radio.link import RadioEngine, RadioLinkConfig
+from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import ROBOTS
 from robosim.simulator import Physics, SimulatorConfig
-from robosim.wireless_figures import FiguresConfig
 from slam.exploration import ExplorerConfig, ExplorerName
 from slam.grid import GridFrame
 

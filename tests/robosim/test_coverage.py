@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.coverage import VISION_RANGE_M, Coverage
+from robosim.task.coverage import VISION_RANGE_M, Coverage
 from tests.robosim.plans import room
 
 HFOV = np.radians(90)

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from robosim.floorplan import FloorPlan, MapError
-from robosim.formats.pgm import encode_pgm
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.formats.pgm import encode_pgm
 
 GREY = np.where(np.add.outer(np.arange(12), np.arange(16)) % 5 == 0, 0, 254).astype(np.uint8)
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from robosim.depth_noise import NATIVE_FOCAL_PX, DepthNoise
+from robosim.camera.depth_noise import NATIVE_FOCAL_PX, DepthNoise
 
 FOCAL_PX = 64.0
 #: Only one effect at a time: everything else off.

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from robosim.bench.endurance import PARTS, run
 from robosim.bench.slam_plan import SlamSettings
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 
 def _room() -> FloorPlan:

@@ -6,7 +6,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
-from robosim.odometry import NoiseModel
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from tests.robosim.plans import two_rooms
 

@@ -10,15 +10,15 @@ import av
 import numpy as np
 import pytest
 
-from robosim.building import BuildingConfig, make_building
-from robosim.depth_noise import DepthNoise
+from robosim.building.building import BuildingConfig, make_building
+from robosim.building.reach import reach
+from robosim.camera.depth_noise import DepthNoise
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.planfiles import read_plan
-from robosim.reach import reach
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.run import record_episode
 from robosim.simulator import Simulator, SimulatorConfig
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
 from slam.actions import Action
 from tests.robosim.plans import two_rooms
 

@@ -13,7 +13,8 @@ import scipy.stats
 from PIL import Image
 from rich.console import Console
 
-from robosim.building import make_building
+from robosim.building.building import make_building
+from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
 from robosim.evaluation import episodes, results, sweep
 from robosim.evaluation.evaluate import evaluate
@@ -21,8 +22,7 @@ from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.results import replay_command
 from robosim.evaluation.scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
-from robosim.planfiles import write_ros
-from robosim.reach import reach
+from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
 from robosim.support.run_folder import FolderError
 from tests.robosim.plans import two_rooms

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.building import KINDS, BuildingConfig, make_building
-from robosim.export import KIND_COLOURS, export_mesh, export_mitsuba
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.building.building import KINDS, BuildingConfig, make_building
+from robosim.building.export import KIND_COLOURS, export_mesh, export_mitsuba
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 FLOAT32_M = 1e-5
 """Half a step of 32-bit coordinates below 100 m, and more."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.floorplan import FloorPlan, MapError, grid_size
+from robosim.plans.floorplan import FloorPlan, MapError, grid_size
 
 GOOD = {"occupancy": np.array([[0, 1, 2]], np.uint8), "resolution_m": 0.05}
 

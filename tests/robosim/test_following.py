@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from robosim.building import BuildingConfig
+from robosim.building.building import BuildingConfig
 from robosim.evaluation.following import EXPLORED, progress, told
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from tests.robosim import kept
 from tests.robosim.plans import room
 from wireless.paths import LinkState

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from robosim.fused import Fused
-from robosim.hearing import Heard
-from robosim.moment import Moment
 from robosim.navigation import make_navigator
+from robosim.policies.fused import Fused
+from robosim.policies.moment import Moment
+from robosim.radio.measurement import Heard
 from robosim.simulator import SimulatorConfig
 from slam.grid import MapEstimate
 from tests.robosim.test_belief import FRIIS_1M_DB, estimate, heard, to, wall

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from robosim.building import make_building
-from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
+from robosim.building.building import make_building
+from robosim.building.outline import free_polygons
+from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
+from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
 from robosim.generator.layout import Layout, lay_out
 from robosim.generator.planstats import (
     PlanStatistics,
@@ -23,9 +24,8 @@ from robosim.generator.planstats import (
     plan_statistics,
 )
 from robosim.generator.rooms import find_rooms, largest_piece
-from robosim.outline import free_polygons
-from robosim.planfiles import find_plans, read_plan
-from robosim.reach import reach
+from robosim.plans.files import find_plans, read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 
 NAVIGABLE = GeneratorConfig(navigable=True)
 EMPTY = GeneratorConfig(furniture=0)
@@ -116,7 +116,7 @@ def test_free_cells_are_one_piece_inside_a_solid_rim(config: GeneratorConfig):
 def test_equal_seeds_give_equal_plans_in_other_processes():
     """Bit for bit, whatever the hash seed, the number of threads, and what was generated before."""
     code = (
-        "import hashlib, cv2; from robosim.generate import *; cv2.setNumThreads(1)\n"
+        "import hashlib, cv2; from robosim.generator.generate import *; cv2.setNumThreads(1)\n"
         "for seed in (8, 7):\n"
         "    p = generate_plan(seed)\n"
         "    print(hashlib.sha256(p.occupancy.tobytes() + repr(p.shape).encode()).hexdigest())"

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.camera import RGBD, CameraConfig, camera_pose, make_camera
-from robosim.rendering import gl_libraries
-from robosim.rendering.gl_binding import bind_opengl, default_system
-from robosim.rendering.gl_libraries import SYSTEM_NAMES
+from robosim.camera.camera import RGBD, CameraConfig, camera_pose, make_camera
+from robosim.camera.rendering import gl_libraries
+from robosim.camera.rendering.gl_binding import bind_opengl, default_system
+from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES
 
 
 def room(size: tuple[float, float, float] = (4.0, 3.0, 2.5)) -> trimesh.Trimesh:
@@ -162,7 +162,7 @@ room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 
 def test_a_servers_setting_for_mujoco_is_no_obstacle():
     """MUJOCO_GL=egl made `import mujoco` fail beside the old PyOpenGL that pyrender asks for."""
-    result = run_alone("import robosim.world", MUJOCO_GL="egl")
+    result = run_alone("import robosim.robot.dynamic", MUJOCO_GL="egl")
     assert result.returncode == 0, result.stderr
 
 
@@ -176,7 +176,7 @@ def test_mujocos_renderer_works_in_the_same_process():
         ROOM_FROM_TRIMESH
         + f"""
 import os
-from robosim.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
 os.environ["MUJOCO_GL"] = {system!r}
 camera = make_camera([room], CameraConfig())
 T = camera_pose(np.zeros(3), CameraConfig())
@@ -209,7 +209,7 @@ def test_the_other_system_draws_the_same_picture(view, tmp_path):
     result = run_alone(
         ROOM_FROM_TRIMESH
         + f"""
-from robosim.camera import CameraConfig, make_camera
+from robosim.camera.camera import CameraConfig, make_camera
 saved = np.load({str(tmp_path / "room.npz")!r})
 room.visual.vertex_colors = saved["colours"]
 first, second = (make_camera([room], CameraConfig(), platform={other!r}) for _ in range(2))
@@ -242,7 +242,7 @@ def test_pyopengl_for_a_display_is_reported():
 import sys, types
 class GLXPlatform: pass
 sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
-from robosim.rendering.gl_binding import bind_opengl
+from robosim.camera.rendering.gl_binding import bind_opengl
 bind_opengl()
 """
     )

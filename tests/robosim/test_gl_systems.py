@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from robosim.rendering.gl_binding import default_system
-from robosim.rendering.gl_libraries import SYSTEM_NAMES, missing
+from robosim.camera.rendering.gl_binding import default_system
+from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, missing
 
 ROOT = Path(__file__).resolve().parents[2]
 RENDERING_TESTS = ("robosim/test_camera.py", "robosim/test_gl_binding.py", "benchmarks/test_render.py")
@@ -46,7 +46,7 @@ def test_the_other_system_passes_the_rendering_tests_too(name, tmp_path):
 ALL_THAT_DRAWS = """
 import sys
 import numpy as np, trimesh
-from robosim.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
 room = trimesh.creation.box((4.0, 3.0, 2.5)); room.invert()
 room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 with make_camera([room]) as camera:

@@ -5,10 +5,10 @@ import pytest
 import shapely
 from scipy import ndimage
 
-from robosim.building import make_building
-from robosim.generate import generate_plan
-from robosim.grid_walk import GridWalk
-from robosim.reach import reach
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.generator.generate import generate_plan
+from robosim.training.grid_walk import GridWalk
 from slam.exploration import ExplorerConfig, FrontierExplorer
 from tests.robosim.plans import room, two_rooms
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.floorplan import MapError
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import MapError
 
 # Two rooms of 3 m x 4 m; the wall between them is a slit of 0.2 m, with a door of 1 m.
 TWO_ROOMS = [

@@ -11,10 +11,10 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robosim.building import Building, make_building
-from robosim.kinematic import GAP_M, KinematicWorld
-from robosim.robot import ROBOTS
-from robosim.world import World
+from robosim.building.building import Building, make_building
+from robosim.robot.dynamic import World
+from robosim.robot.kinematic import GAP_M, KinematicWorld
+from robosim.robot.robots import ROBOTS
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.poses import between, compose
 from tests.robosim.plans import room

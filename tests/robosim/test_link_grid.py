@@ -5,11 +5,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from robosim import link_grid
-from robosim.building import BuildingConfig
-from robosim.link_grid import LinkGrid, read_transmitter
-from robosim.radio_scene import RadioConfig, RadioScene
-from robosim.receivers import receiver_grid
+from robosim.building.building import BuildingConfig
+from robosim.datasets import link_grid
+from robosim.datasets.link_grid import LinkGrid, read_transmitter
+from robosim.radio.receivers import receiver_grid
+from robosim.radio.scene import RadioConfig, RadioScene
 from tests.robosim.plans import two_rooms
 from wireless import Paths
 

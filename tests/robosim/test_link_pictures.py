@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from robosim.building import make_building
-from robosim.link_pictures import choose_telling, draw_directions, power_over_directions
-from robosim.receivers import receiver_grid
+from robosim.building.building import make_building
+from robosim.drawing.links import choose_telling, draw_directions, power_over_directions
+from robosim.radio.receivers import receiver_grid
 from tests.robosim.plans import two_rooms
 from wireless import LinkState, PathEstimates, Rays, Sounder, Tracer, terminal_named
 

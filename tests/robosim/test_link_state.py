@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.link_state import read_classifier
+from robosim.radio.link_state import read_classifier
 from robosim.support.assets import shipped_weights
 
 

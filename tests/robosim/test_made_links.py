@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.made_links import FIRST_SEED, make_home, make_homes, read_homes
+from robosim.training.made_links import FIRST_SEED, make_home, make_homes, read_homes
 from wireless.linkstate.tokens import AOA, AOD, SNR
 from wireless.paths import LinkState
 

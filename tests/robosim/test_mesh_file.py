@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.floorplan import MapError
-from robosim.formats.mesh_file import load_triangles
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import MapError
+from robosim.plans.formats.mesh_file import load_triangles
 
 #: A room: floor and four walls, y upwards, as glTF has it.
 CORNERS = np.array(

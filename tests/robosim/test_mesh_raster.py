@@ -5,8 +5,8 @@ import pytest
 import shapely
 import trimesh
 
-from robosim.formats.mesh_raster import MARGIN, cells_touched, section
-from robosim.formats.scanline import winding_numbers
+from robosim.plans.formats.mesh_raster import MARGIN, cells_touched, section
+from robosim.plans.formats.scanline import winding_numbers
 
 SHAPE = (12, 15)
 

@@ -7,12 +7,12 @@ import pytest
 import shapely
 import trimesh
 
-from robosim.building import make_building
-from robosim.export import export_mesh
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan, MapError
-from robosim.formats.mesh_slice import plan_from_triangles
-from robosim.formats.storeys import find_storeys
-from robosim.planfiles import read_plan
+from robosim.building.building import make_building
+from robosim.building.export import export_mesh
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.plans.formats.mesh_slice import plan_from_triangles
+from robosim.plans.formats.storeys import find_storeys
 
 #: '.' is free; one cell is 0.1 m. Two rooms with a door, a column, a wall one cell thick and a diagonal one.
 PICTURE = """

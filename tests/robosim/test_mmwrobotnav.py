@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim.floorplan import FREE, OCCUPIED
-from robosim.formats.mmwrobotnav import parse_grid
-from robosim.planfiles import find_plans, read_plan, write_ros
+from robosim.plans.files import find_plans, read_plan, write_ros
+from robosim.plans.floorplan import FREE, OCCUPIED
+from robosim.plans.formats.mmwrobotnav import parse_grid
 
 GRID = np.array([[0, 2, 2, 0], [0, 2, 1, 2], [0, 0, 2, 0]])
 

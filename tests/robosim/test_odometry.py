@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.odometry import NOMINAL, NoiseModel
+from robosim.robot.odometry import NOMINAL, NoiseModel
 from slam.actions import FORWARD_M, TURN_RAD, Action
 
 # As published (Active Neural SLAM's fitted mixtures, overall moments): cm, cm, degrees. Actuation is still in

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim.formats.pgm import decode_pgm, encode_pgm
+from robosim.plans.formats.pgm import decode_pgm, encode_pgm
 
 
 def plain(samples, white, comment=""):

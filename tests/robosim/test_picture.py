@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from robosim.building import make_building
+from robosim.building.building import make_building
+from robosim.drawing.picture import HEIGHT, Picture, building_rings
+from robosim.drawing.snapshot import GUESS, GUESS_LEVELS, OBSTACLE, UNKNOWN, Snapshot, built_layer
 from robosim.episode import EpisodeConfig
-from robosim.picture import HEIGHT, Picture, building_rings
-from robosim.planfiles import read_plan
-from robosim.replay import replay
+from robosim.plans.files import read_plan
+from robosim.recording.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
-from robosim.snapshot import GUESS, GUESS_LEVELS, OBSTACLE, UNKNOWN, Snapshot, built_layer
 from slam.grid import GridFrame, MapEstimate
 from tests.robosim.plans import two_rooms
 

@@ -5,9 +5,9 @@ import io
 import numpy as np
 import pytest
 
-from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, MapError
-from robosim.formats.plan_array import plan_from_array
-from robosim.planfiles import read_plan
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, MapError
+from robosim.plans.formats.plan_array import plan_from_array
 
 NAN = float("nan")
 

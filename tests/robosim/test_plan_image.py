@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.formats.plan_image import decode_image
-from robosim.planfiles import read_plan, write_png
+from robosim.plans.files import read_plan, write_png
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.formats.plan_image import decode_image
 
 GREY = np.array([[0, 205, 254], [255, 100, 1]], np.uint8)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.floorplan import FloorPlan, MapError
-from robosim.planfiles import find_plans, read_plan, write_png, write_ros
+from robosim.plans.files import find_plans, read_plan, write_png, write_ros
+from robosim.plans.floorplan import FloorPlan, MapError
 
 FREE_EDGE = np.array([[0, 0, 1], [2, 0, 1]], np.uint8)
 

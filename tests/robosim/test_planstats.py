@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.generator.canvas import Canvas
 from robosim.generator.planstats import ks_distance, perimeter_m, plan_statistics, plot_comparison
 from robosim.generator.rect import Rect
 from robosim.generator.rooms import clearance, find_rooms
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 
 CELL_M = 0.05
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robosim.building import make_building
-from robosim.hearing import TRUE_STATES, Listener
-from robosim.radio import SQUARE_M, RadioLink, RadioLinkConfig
+from robosim.building.building import make_building
+from robosim.radio.link import SQUARE_M, RadioLink, RadioLinkConfig
+from robosim.radio.measurement import TRUE_STATES, Listener
 from tests.robosim.plans import room, two_rooms
 from wireless.paths import LinkState
 

@@ -8,8 +8,8 @@ from matplotlib.colors import to_hex
 from matplotlib.quiver import Quiver
 from PIL import Image
 
-from robosim.building import make_building
-from robosim.radio_plots import (
+from robosim.building.building import make_building
+from robosim.drawing.radio import (
     STATES,
     choose_link,
     draw_arrival,
@@ -18,7 +18,7 @@ from robosim.radio_plots import (
     draw_state,
     plot_grid,
 )
-from robosim.receivers import receiver_grid
+from robosim.radio.receivers import receiver_grid
 from tests.robosim.plans import two_rooms
 from wireless import LinkState, Tracer
 

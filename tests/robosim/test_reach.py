@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from robosim.building import make_building
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.reach import reach
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from tests.robosim.plans import room, two_rooms
 
 

@@ -9,7 +9,7 @@ import zlib
 import numpy as np
 import pytest
 
-from robosim.floorplan import MapError
+from robosim.plans.floorplan import MapError
 from robosim.support.reading import FileError, read_bytes, reading, shown
 
 REMEDY = "Bake it again."

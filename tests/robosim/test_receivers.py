@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.building import make_building
-from robosim.floorplan import OCCUPIED
-from robosim.planfiles import read_plan
-from robosim.receivers import receiver_grid
+from robosim.building.building import make_building
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import OCCUPIED
+from robosim.radio.receivers import receiver_grid
 from tests.robosim.plans import room, two_rooms
 
 

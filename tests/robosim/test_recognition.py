@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from robosim.building import make_building
-from robosim.camera import CameraConfig, camera_pose, make_camera
-from robosim.recognition import MarkerRecogniser, PerfectRecogniser
-from robosim.rendering.shading import shaded_mesh
-from robosim.target import target_mesh
+from robosim.building.building import make_building
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.camera.target import target_mesh
 from slam.poses import between
 from tests.robosim.plans import two_rooms
 

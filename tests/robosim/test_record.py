@@ -7,10 +7,10 @@ import pytest
 from evo.core import metrics, sync
 from evo.tools import file_interface
 
-from robosim.record import EpisodeLog
+from robosim.robot.dynamic import Motion
 from robosim.support.files import whole_file, write_json
-from robosim.tasks import Task
-from robosim.world import Motion
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import Task
 
 
 def _motion(pose, **kwargs) -> Motion:

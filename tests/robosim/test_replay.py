@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim import replay as replaying
-from robosim.decision_log import DECISIONS, DecisionWriter, read_decisions
+from robosim.drawing.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
-from robosim.replay import replay
+from robosim.recording import replay as replaying
+from robosim.recording.decision_log import DECISIONS, DecisionWriter, read_decisions
+from robosim.recording.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
-from robosim.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
 from robosim.support.reading import FileError
 from slam.grid import GridFrame
 from tests.robosim.plans import two_rooms

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.decision_log import read_decisions
+from robosim.drawing.picture import PALETTE
 from robosim.episode import EpisodeConfig
-from robosim.picture import PALETTE
-from robosim.rerun_recording import RAY_COLOURS, RECORDING, ray_kind, rerun_sdk
+from robosim.recording.decision_log import read_decisions
+from robosim.recording.rerun_recording import RAY_COLOURS, RECORDING, ray_kind, rerun_sdk
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from tests.robosim.plans import two_rooms

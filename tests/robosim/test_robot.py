@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from robosim.collision import WallSolids
-from robosim.motion import SpeedProfile
-from robosim.physics import PhysicsConfig, add_floor, add_walls, new_spec
-from robosim.robot import ROBOTS, RobotConfig, add_robot
+from robosim.robot.collision import WallSolids
+from robosim.robot.motion import SpeedProfile
+from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
+from robosim.robot.robots import ROBOTS, RobotConfig, add_robot
 
 ROBOT_NAMES = sorted(ROBOTS)
 

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from robosim.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.formats.ros_header import read_header
-from robosim.planfiles import read_plan, write_ros
+from robosim.plans.files import read_plan, write_ros
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.formats.ros_header import read_header
 
 HEADER = {
     "image": "map.png",

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.formats.scanline import Windings, Work, winding_numbers
+from robosim.plans.formats.scanline import Windings, Work, winding_numbers
 
 
 def centres(shape):

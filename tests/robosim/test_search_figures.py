@@ -18,7 +18,7 @@ from robosim.evaluation.search_figures import (
     longest_stay,
 )
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
-from robosim.planfiles import write_ros
+from robosim.plans.files import write_ros
 from robosim.support.files import write_json
 from tests.robosim import kept
 from tests.robosim.plans import two_rooms

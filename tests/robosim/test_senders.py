@@ -3,8 +3,8 @@
 import numpy as np
 import shapely
 
-from robosim.building import make_building
-from robosim.senders import CLEARANCE_M, random_senders
+from robosim.building.building import make_building
+from robosim.radio.transmitters import CLEARANCE_M, random_senders
 from tests.robosim.plans import two_rooms
 
 

@@ -7,11 +7,11 @@ import pytest
 import shapely
 import trimesh
 
-from robosim.building import KINDS, Building, BuildingConfig, make_building
-from robosim.floorplan import FloorPlan
-from robosim.planfiles import read_plan
-from robosim.rendering.shading import ShadingConfig, ambient_light, cosine_directions, shaded_mesh
-from robosim.rendering.tessellation import Patches, tessellate
+from robosim.building.building import KINDS, Building, BuildingConfig, make_building
+from robosim.camera.rendering.shading import ShadingConfig, ambient_light, cosine_directions, shaded_mesh
+from robosim.camera.rendering.tessellation import Patches, tessellate
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FloorPlan
 
 FLOOR, WALL = KINDS.index("floor"), KINDS.index("wall")
 

@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.building import make_building
-from robosim.collect import CollectConfig, collect, collect_home, home_building
-from robosim.depth_noise import DepthNoise
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.camera.depth_noise import DepthNoise
+from robosim.datasets.collect import CollectConfig, collect, collect_home, home_building
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.mapper_training import read_frames, train_mapper
 from robosim.navigation import make_navigator
-from robosim.planfiles import read_plan
-from robosim.pose_training import read_pairs
-from robosim.reach import reach
+from robosim.plans.files import read_plan
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
+from robosim.training.mapper import read_frames, train_mapper
+from robosim.training.pose import read_pairs
 from slam.mapper.pose_training import pose_scores
 from slam.mapper.training import Recipe, classical_scores, validate
 from slam.mapper.weights import load_mapper, load_pose

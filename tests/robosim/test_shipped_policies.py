@@ -3,13 +3,13 @@
 import numpy as np
 from safetensors.numpy import load_file
 
-from robosim.building import make_building
+from robosim.building.building import make_building
+from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.explorer_training import ExplorerRecipe, mean_coverage
-from robosim.planfiles import read_plan
-from robosim.reach import reach
+from robosim.plans.files import read_plan
 from robosim.support.assets import shipped_network
-from robosim.tasks import make_task
+from robosim.task.tasks import make_task
+from robosim.training.explorer import ExplorerRecipe, mean_coverage
 
 
 def test_the_learned_local_policy_arrives():

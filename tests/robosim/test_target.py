@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.building import make_building
-from robosim.camera import CameraConfig, camera_pose, make_camera
-from robosim.floorplan import FloorPlan
-from robosim.rendering.shading import shaded_mesh
-from robosim.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
+from robosim.building.building import make_building
+from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.rendering.shading import shaded_mesh
+from robosim.camera.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
+from robosim.plans.floorplan import FloorPlan
 
 PLACE = np.array([3.2, 2.9])
 

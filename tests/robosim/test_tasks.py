@@ -5,10 +5,10 @@ import re
 import numpy as np
 import pytest
 
-from robosim.building import make_building
-from robosim.floorplan import MapError
-from robosim.reach import reach
-from robosim.tasks import ARRIVAL_M, make_task
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.plans.floorplan import MapError
+from robosim.task.tasks import ARRIVAL_M, make_task
 from tests.robosim.plans import room, two_rooms
 
 

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from robosim.training_figures import confusion_of, draw_training, read_card, read_epochs
+from robosim.figures.training import confusion_of, draw_training, read_card, read_epochs
 
 FOLDS = np.array([np.diag([4, 3, 2, 1]), np.diag([1, 1, 1, 1])[::-1]])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from robosim.building import make_building
-from robosim.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
+from robosim.building.building import make_building
+from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from slam.egocentric import AHEAD
 from tests.robosim.plans import two_rooms
 

@@ -4,7 +4,7 @@ import av
 import numpy as np
 import pytest
 
-from robosim.video import VideoWriter
+from robosim.drawing.video import VideoWriter
 
 
 def test_frames_come_back_in_order_and_colour(tmp_path):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from robosim import wireless_figures
 from robosim.cli import main
-from robosim.gallery import Picture, write_index
+from robosim.drawing.gallery import Picture, write_index
+from robosim.figures import wireless as wireless_figures
 from robosim.support.files import write_files
 from tests.robosim.plans import two_rooms
 from wireless import LinkState
@@ -28,7 +28,7 @@ def untrained(tmp_path_factory):
 
 def test_every_picture_is_made_and_shown(untrained, tmp_path, capsys, monkeypatch):
     """The page shows each PNG in the folder once, in colour, and says what is missing."""
-    monkeypatch.setattr("robosim.planfiles.find_plans", lambda names: list(names))
+    monkeypatch.setattr("robosim.plans.files.find_plans", lambda names: list(names))
     monkeypatch.setattr("robosim.commands.figures.read", lambda name: two_rooms(0.8))
     main(
         f"figures wireless rooms --links 60 --grid 0.5 --classifier {untrained} --out {tmp_path}/out".split()

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import shapely
 
-import robosim.world as world_module
-from robosim.building import Building, make_building
-from robosim.collision import WallSolids, wall_solids
-from robosim.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.odometry import NoiseModel
-from robosim.robot import ROBOTS
-from robosim.world import PhysicsConfig, World
+import robosim.robot.dynamic as world_module
+from robosim.building.building import Building, make_building
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.robot.collision import WallSolids, wall_solids
+from robosim.robot.dynamic import PhysicsConfig, World
+from robosim.robot.odometry import NoiseModel
+from robosim.robot.robots import ROBOTS
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.poses import between
 from tests.robosim.plans import room
@@ -111,8 +111,8 @@ def test_physics_does_not_feel_where_the_plan_lies():
 
 DRIVES = """
 import numpy as np
-from robosim.building import make_building
-from robosim.world import World
+from robosim.building.building import make_building
+from robosim.robot.dynamic import World
 from tests.robosim.test_world import cluttered, turned_to, errands
 world = World(make_building(cluttered()))
 print(errands(world, seed=3).hex())
@@ -318,8 +318,8 @@ def test_other_time_steps_work(timestep_s):
 
 def test_real_buildings_hold(shared):
     """Slanted and exact outlines of a real building: reckless moves stay within 5 mm; measured 2.5 mm."""
-    from robosim.building import BuildingConfig
-    from robosim.planfiles import read_plan
+    from robosim.building.building import BuildingConfig
+    from robosim.plans.files import read_plan
 
     (path,) = shared.glob("maps/gibson/*/Nemacolin.glb_topdownmap.out")
     for tolerance_m in (0.0, 0.05):

@@ -1,0 +1,209 @@
+"""A building made from a floor plan: one geometry for camera, collision and radio.
+
+The walls of the plan's outline are extruded from the floor at z = 0 to the ceiling; floor and ceiling are
+triangulated between them with no vertices but the corners of the walls. So each free polygon becomes a closed
+shell whose normals point into free space (its signed volume is negative, therefore) and that has no seams for
+a ray to slip through. Small islands in free space are furniture, which may be lower than walls.
+
+Where walls meet at a point with free space on two sides, each side has vertices of its own and the shell is a
+manifold still; a file format that merges vertices by position joins them, which changes no surface. Walls in
+passages of no width (`robosim.building.outline`) are added as flat pockets of no volume, with a face on either side.
+
+Left out: doors and windows as such, walls with a thickness, more than one storey.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import trimesh
+from jaxtyping import Bool, Float, Int, UInt8
+
+from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
+from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
+from robosim.plans.floorplan import FloorPlan
+from robosim.support.checks import check_numbers
+from wireless.materials import check_material
+
+logger = logging.getLogger(__name__)
+
+#: What a face can be; `Building.face_kind` counts along these, as `robosim.building.extrusion` does.
+KINDS = ("wall", "floor", "ceiling", "furniture")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BuildingConfig:
+    """How a floor plan becomes a building."""
+
+    tolerance_m: float = 0.0
+    """How far walls may be moved to save corners [m]; 0 keeps the exact outline of the cells."""
+    height_m: float = 2.5
+    """Height of the ceiling above the floor [m]."""
+    ceiling: bool = True
+    """Whether there is a ceiling."""
+    furniture_max_m2: float = 4.0
+    """Islands in free space of at most this area are furniture [m2]; 0 for none."""
+    furniture_height_m: float | None = None
+    """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
+    wall_material: str = "drywall"
+    """Radio material of walls."""
+    floor_material: str = "concrete"
+    """Radio material of the floor."""
+    ceiling_material: str = "ceiling_board"
+    """Radio material of the ceiling."""
+    furniture_material: str = "drywall"
+    """Radio material of furniture."""
+
+    def __post_init__(self) -> None:
+        check_tolerance(self.tolerance_m)
+        check_numbers(
+            self,
+            height_m=(0.1, 100, "m, such as 2.5"),
+            furniture_max_m2=(0, 1e6, "m2, 0 for no furniture"),
+            furniture_height_m=(0.01, 100, "m. Leave it out for furniture up to the ceiling"),
+        )
+        low = self.furniture_height_m
+        if low is not None and not low < self.height_m:
+            raise ValueError(
+                f"furniture_height_m is {low}, expected a height between 0 and height_m = {self.height_m}. "
+                "Leave it out for furniture up to the ceiling."
+            )
+        for kind in KINDS:
+            check_material(self.material(kind), f"{kind}_material")
+
+    def material(self, kind: str) -> str:
+        """Radio material of a kind of face."""
+        return getattr(self, f"{kind}_material")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Building:
+    """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
+
+    plan: FloorPlan
+    """What it was made from."""
+    free: shapely.MultiPolygon
+    """Free floor [m] in `map`; walls stand on its boundary."""
+    height_m: float
+    """Height of the ceiling above the floor [m]."""
+    mesh: trimesh.Trimesh
+    """All faces, with normals into free space; vertices are corners of walls only."""
+    face_kind: UInt8[np.ndarray, " n_faces"]
+    """What each face is: index into `KINDS`."""
+    materials: tuple[str, ...]
+    """Radio materials of the faces, by the names of `wireless.materials`."""
+    face_material: UInt8[np.ndarray, " n_faces"]
+    """What each face is made of: index into `materials`."""
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lowest and highest x, y, z [m] in `map`."""
+        return self.mesh.bounds
+
+    @property
+    def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:
+        """Walls and furniture from above: ends (x, y) [m] of segments in `map`, free space on their left.
+
+        A passage of no width has each of its two walls.
+        """
+        upright = self.mesh.faces[np.isin(self.face_kind, (WALL, FURNITURE))]
+        up = self.mesh.vertices[upright][:, :, 2] > 0
+        standing = up.sum(axis=1) == 1  # the triangle of each wall that has an edge on the floor
+        row, top = np.arange(standing.sum()), np.argmax(up[standing], axis=1)
+        # Seen from free space a face turns counter-clockwise, and so runs along the floor from left to right.
+        # Free space is on the left of the way back.
+        triangles = upright[standing]
+        ends = np.stack([triangles[row, (top + 2) % 3], triangles[row, (top + 1) % 3]], axis=1)
+        return self.mesh.vertices[ends][:, :, :2]
+
+    def submesh(self, *kinds: str) -> trimesh.Trimesh:
+        """The faces of some kinds, as a mesh of their own.
+
+        Raises:
+            ValueError: If a kind is unknown.
+        """
+        if unknown := [kind for kind in kinds if kind not in KINDS]:
+            raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
+        return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
+
+    def of_material(self, material: str) -> trimesh.Trimesh:
+        """The faces of one radio material, as a mesh of their own.
+
+        Raises:
+            ValueError: If the building has no such material.
+        """
+        if material not in self.materials:
+            raise ValueError(f"material is {material!r}, expected one of {', '.join(self.materials)}.")
+        return self._part(self.face_material == self.materials.index(material))
+
+    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
+        used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
+        return _mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
+
+
+def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> Building:
+    """Extrude the outline of a floor plan to a building.
+
+    Args:
+        plan: Free cells and where their walls stand.
+        config: Heights, tolerance and materials; None for the defaults.
+
+    Raises:
+        MapError: If the plan has no free area.
+    """
+    config = config or BuildingConfig()
+    cells = free_cells(plan, config.tolerance_m)
+    islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
+    solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
+    if config.tolerance_m == 0:
+        solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
+    vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
+    free = shapely.transform(cells, lambda points: placed(plan, points))
+    of_kind = [config.material(kind) for kind in KINDS]
+    materials = tuple(dict.fromkeys(of_kind[kind] for kind in np.unique(solid.kind)))
+    index = np.array([materials.index(name) if name in materials else 0 for name in of_kind], np.uint8)
+    made_from = {
+        "plan": plan.name,
+        "wall_line": plan.wall_line,
+        "tolerance_m": config.tolerance_m,
+        "frame": "map",
+    }
+    logger.info("%s: %d faces around %.1f m2 of free floor", plan.name, len(solid.faces), free.area)
+    return Building(
+        plan=plan,
+        free=free,
+        height_m=config.height_m,
+        mesh=_mesh(vertices, solid.faces, made_from),
+        face_kind=solid.kind,
+        materials=materials,
+        face_material=index[solid.kind],
+    )
+
+
+def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:
+    """Which rings go around islands of at most this area that have no free space inside."""
+    parts = shapely.get_parts(free)
+    rings, part = shapely.get_rings(parts, return_index=True)
+    island = np.append(False, part[1:] == part[:-1])  # the first ring of each part is its outer one
+    filled = shapely.polygons(rings)
+    holds, _ = shapely.STRtree(shapely.point_on_surface(parts)).query(filled, predicate="contains")
+    island[holds] = False
+    return island & (shapely.area(filled) <= max_area)
+
+
+def _joined(one: Solid, other: Solid) -> Solid:
+    """Both together, without merging vertices."""
+    faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
+    return Solid(
+        np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])
+    )
+
+
+def _mesh(
+    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], metadata: dict[str, object]
+) -> trimesh.Trimesh:
+    """Mesh whose vertices stay as they are, unmerged and in order."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False, metadata=dict(metadata))
+    mesh.units = "m"
+    return mesh

@@ -1,0 +1,272 @@
+"""Where free space ends: the walls of a floor plan, as lines.
+
+``"cell_edge"`` plans have a wall on every edge between a free cell and another one. Going along such edges
+with the free cell on the left gives closed rings, counter-clockwise around free space and clockwise around
+holes. Where two free cells touch by a corner only, no way leads through: there the line turns so that
+different components stay apart and that every ring is simple, as the OGC rules for polygons ask.
+
+``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
+`cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
+its two walls on one line: it is closed, has no area and is missing in `free_polygons`, but `wall_lines` has
+both its walls, since a traced radio path knows them.
+
+A tolerance above zero straightens staircases by the Douglas-Peucker rule, never moving a wall by more than
+the tolerance and never letting walls cross. Left out: walls with a thickness.
+"""
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float, Int
+
+from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.support.checks import check_number
+
+#: Steps east, north, west and south between corners of cells, as (ix, iy).
+STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
+
+
+def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
+    """Free space of a plan as polygons [m] in `map`, one for each room that no free way leads out of.
+
+    The polygons are valid and share at most single points. Vertices lie where walls turn or meet.
+
+    Args:
+        plan: Where the free cells are, and where walls stand between them and the others. Outside of the
+            array nothing is free.
+        tolerance_m: How far a wall may be moved to save corners. 0 keeps each one. One cell takes most steps
+            out of slanted walls, 1.4 cells all, since the corners of steps lie in a band that wide.
+
+    Raises:
+        ValueError: If the tolerance is negative or not finite.
+        MapError: If nothing is left, because all passages are one cell wide and walls go through centres.
+    """
+    cells = free_cells(plan, tolerance_m)
+    return shapely.transform(cells, lambda points: placed(plan, points))
+
+
+def free_cells(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
+    """The same as `free_polygons` in cell coordinates (column, row), where all vertices are halves exactly.
+
+    Args:
+        plan: Where the free cells are.
+        tolerance_m: How far a wall may be moved to save corners [m].
+
+    Raises:
+        ValueError: If the tolerance is negative or not finite.
+        MapError: If there is no free area.
+    """
+    check_tolerance(tolerance_m)
+    free = _edge_polygons(plan.free) if plan.wall_line == "cell_edge" else _centre_polygons(plan.free)
+    if free.is_empty:
+        raise MapError(
+            f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave "
+            'no space between them. Use wall_line="cell_edge", or a finer plan.'
+        )
+    return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m > 0 else free
+
+
+def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarray, "_ 2"]]:
+    """Walls of a plan as closed lines [m] in `map`; the last point repeats the first.
+
+    With walls through cell centres and no tolerance these are the lines of
+    ``cv2.findContours(free, RETR_CCOMP, CHAIN_APPROX_SIMPLE)`` as they come: a passage one cell wide is
+    walked forth and back, so that rings may touch themselves, and the direction of a ring means nothing.
+    Free cells all alone have no line. Otherwise they are the boundaries of `free_polygons`, with free space
+    on the left.
+
+    Args:
+        plan: Where the free cells are.
+        tolerance_m: How far a wall may be moved to save corners; above 0, zero-width passages are dropped.
+
+    Raises:
+        ValueError: If the tolerance is negative or not finite.
+        MapError: If there is no free area.
+    """
+    check_tolerance(tolerance_m)
+    if plan.wall_line == "cell_centre" and tolerance_m == 0:
+        rings = [ring for ring, _ in _contours(plan.free) if len(ring) > 2]
+        return [plan.to_map(ring) for ring in rings]
+    free = shapely.get_rings(shapely.get_parts(free_polygons(plan, tolerance_m)))
+    return [shapely.get_coordinates(ring) for ring in free]
+
+
+def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
+    """Ends (column, row), in cell coordinates, of the walls in passages too narrow for `free_cells`.
+
+    Both walls of such a passage stand on each of these segments. There are none but with walls through cell
+    centres and no tolerance.
+
+    Args:
+        plan: Where the free cells are.
+    """
+    if plan.wall_line == "cell_edge":
+        return np.empty((0, 2, 2))
+    lines = shapely.MultiLineString([ring for ring, _ in _contours(plan.free) if len(ring) > 2])
+    left = shapely.line_merge(lines.difference(_centre_polygons(plan.free).boundary))
+    pieces = [shapely.get_coordinates(piece) for piece in shapely.get_parts(left)]
+    return np.concatenate([np.empty((0, 2, 2)), *(np.stack([p[:-1], p[1:]], axis=1) for p in pieces)])
+
+
+def placed(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    """`plan.to_map`, but equal points stay equal to the last bit, which matrix products need not grant."""
+    distinct, inverse = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
+    return plan.to_map(np.column_stack([distinct.real, distinct.imag]))[inverse]
+
+
+def simplified(free: shapely.MultiPolygon, tolerance: float) -> shapely.MultiPolygon:
+    """Polygons with fewer corners, each wall within `tolerance` of where it was, and the same topology.
+
+    Three far corners of each ring stay, so that no ring collapses; the walls between them are simplified all
+    at once by GEOS' topology-preserving Douglas-Peucker, which looks at crossings between all of them.
+    (From closed rings GEOS would also remove the corner they start at, and move walls by up to twice the
+    tolerance.)
+
+    Args:
+        free: Valid polygons.
+        tolerance: Largest distance between old and new walls, in the units of the polygons. Where walls lie
+            closer to each other than that, less is simplified.
+    """
+    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    walls = shapely.MultiLineString([third for ring in rings for third in _thirds(ring)])
+    # A new wall may step over a small ring that it does not touch; then a smaller tolerance will not.
+    for attempt in tolerance / 2.0 ** np.arange(8):
+        thirds = shapely.get_parts(shapely.simplify(walls, attempt, preserve_topology=True))
+        points, third = shapely.get_coordinates(thirds, return_index=True)
+        new = np.append(third[1:] == third[:-1], False)  # the last of a third is the first of the next one
+        shorter = shapely.linearrings(points[new], indices=third[new] // 3)
+        simple = _multi(shapely.polygons(shorter, indices=owner))
+        if shapely.is_valid(simple):
+            return simple
+    return free
+
+
+def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
+    """A closed line in three pieces that meet at corners far apart and not on one line."""
+    points = shapely.get_coordinates(ring)[:-1]
+    first = points[np.argmax(np.linalg.norm(points - points.mean(axis=0), axis=1))]
+    chord = points - first
+    reach = np.linalg.norm(chord, axis=1)
+    second = chord[np.argmax(reach)]
+    off_line = np.abs(chord @ (-second[1], second[0]))
+    cuts = np.sort([np.argmin(reach), np.argmax(reach), np.argmax(off_line)])
+    turned = np.roll(points, -cuts[0], axis=0)
+    turned = np.vstack([turned, turned[:1]])
+    ends = [*(cuts - cuts[0]), len(points)]
+    return [turned[start : end + 1] for start, end in pairwise(ends)]
+
+
+def check_tolerance(tolerance_m: float) -> None:
+    """Complain of a tolerance that would do without walls, or is none."""
+    hint = "m. Use 0 for the exact outline, 1.4 cells to straighten the steps of slanted walls"
+    check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
+
+
+def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
+    """Polygons around the 4-connected components of the free cells, in cell coordinates."""
+    cells = np.pad(free, 1)
+    _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
+    parts: dict[int, tuple[list, list]] = {}
+    for ring, component in _trace(cells, label):
+        around, holes = parts.setdefault(component, ([], []))
+        (around if _signed_area(ring) > 0 else holes).append(ring - 1)
+    return _multi([shapely.Polygon(around[0], holes) for around, holes in parts.values()])
+
+
+def _trace(
+    cells: Bool[np.ndarray, "ny nx"], label: Int[np.ndarray, "ny nx"]
+) -> list[tuple[Int[np.ndarray, "_ 2"], int]]:
+    """Corners (ix, iy) of the closed lines around free cells, and the component each line belongs to.
+
+    Args:
+        cells: Free cells; those at the border of the array must not be free.
+        label: Number of the 4-connected component of each free cell, from 1 on; 0 elsewhere.
+    """
+    # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
+    around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
+        -1, 4
+    )
+    is_free = around > 0
+    leaves = is_free & ~np.roll(
+        is_free, 1, axis=1
+    )  # east, north, ...: free cell on the left, none on the right
+    edges = np.flatnonzero(leaves)  # corner * 4 + direction
+    corner, way = np.divmod(edges, 4)
+    width = cells.shape[1] - 1
+    reached = corner + (STEPS @ (1, width))[way]
+
+    left, right = (way + 1) % 4, (way + 3) % 4
+    goes_left, goes_right = leaves[reached, left], leaves[reached, right]
+    # Both ways: two free cells touch by this corner. The line goes over to the other one if some way around
+    # joins them, and so leaves a ring that is simple; else it stays with the cell it came along.
+    here, other = around[reached, (way + 1) % 4], around[reached, (way + 3) % 4]
+    goes_over = goes_right & (~goes_left | (here == other))
+    turn = np.where(goes_over, right, np.where(goes_left, left, way))
+    following = np.searchsorted(edges, reached * 4 + turn)
+
+    turns = np.empty(len(edges), bool)
+    turns[following] = turn != way
+    points = np.column_stack([corner % width, corner // width]) + 1
+    lines = _cycles(following.tolist())
+    return [(points[line[turns[line]]], int(around[corner[line[0]], way[line[0]]])) for line in lines]
+
+
+def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:
+    """Cycles of a permutation, each from its lowest element on."""
+    seen = bytearray(len(following))
+    cycles = []
+    for start in range(len(following)):
+        if seen[start]:
+            continue
+        cycle, at = [], start
+        while not seen[at]:
+            seen[at] = 1
+            cycle.append(at)
+            at = following[at]
+        cycles.append(np.array(cycle))
+    return cycles
+
+
+def _signed_area(ring: Int[np.ndarray, "n 2"]) -> float:
+    """Area inside of a closed line of corners, negative when it runs clockwise."""
+    x, y = ring.T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
+
+
+def _contours(free: Bool[np.ndarray, "ny nx"]) -> list[tuple[Float[np.ndarray, "_ 2"], int]]:
+    """Closed lines through the centres of the outermost free cells, and for a hole the number of its outside.
+
+    The number is -1 for an outer line.
+    """
+    padded = np.pad(free, 1).astype(np.uint8)
+    lines, hierarchy = cv2.findContours(padded, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    parents = hierarchy.reshape(-1, 4)[:, 3]
+    rings = [line.reshape(-1, 2) - 0.5 for line in lines]  # cell (0, 0), now at (1, 1), has its centre at 0.5
+    return [(np.vstack([ring, ring[:1]]), int(parent)) for ring, parent in zip(rings, parents, strict=True)]
+
+
+def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
+    """The areas between the lines through the outermost free cells, in cell coordinates.
+
+    Vertices lie on a lattice and no lines cross, so that the overlay below is exact.
+    """
+    contours = _contours(free)
+    holes: dict[int, list] = {}
+    for ring, parent in contours:
+        if parent >= 0:
+            holes.setdefault(parent, []).append(ring)
+    parts: list[shapely.Polygon] = []
+    for number, (ring, parent) in enumerate(contours):
+        if parent < 0 and len(ring) > 3:
+            polygon = shapely.Polygon(ring, holes.get(number))
+            valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
+            parts.extend(p for p in shapely.get_parts(valid) if p.geom_type == "Polygon" and p.area > 0)
+    return _multi(parts)
+
+
+def _multi(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
+    """The polygons together, with free space on the left of each ring."""
+    return shapely.MultiPolygon(list(shapely.orient_polygons(list(polygons))))

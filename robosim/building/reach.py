@@ -1,0 +1,147 @@
+"""Where a robot's hull can be, how far it has to drive, and which rooms it cannot enter.
+
+The hull is a disk: its centre may be wherever the free floor, shrunk by the hull's radius, is. That set is
+sampled at the centres of the plan's cells, and its 4-connected parts are what the hull can drive through.
+Distances are travel times of a front that moves at unit speed from a cell through such a part (fast
+marching, exact to a fraction of a cell). Left out: turning, and passages narrower than a cell beyond the
+hull, which the sampling may close.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float, Int
+from scipy import ndimage
+
+from robosim.building.building import Building
+from robosim.plans.floorplan import FloorPlan
+from robosim.support.checks import RADIUS_M, check_number
+from slam.marching import march
+
+#: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
+ROOM_AREA_M2 = 0.5
+
+
+@dataclass(frozen=True)
+class CutOff:
+    """A piece of floor that the hull cannot reach."""
+
+    area_m2: float
+    centre: Float[np.ndarray, "2"]
+    """A point of it, as far from its walls as there is, in `map` [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """The places of a hull of one radius in one building."""
+
+    plan: FloorPlan
+    radius_m: float
+    parts: Int[np.ndarray, "ny nx"]
+    """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1."""
+    free: shapely.Geometry
+    """The floor between the walls, in `map` [m]."""
+
+    @cached_property
+    def n_parts(self) -> int:
+        """Count of connected parts."""
+        return int(self.parts.max())
+
+    def part_at(self, point: Float[np.ndarray, "2"]) -> int:
+        """Number of the part that holds a point of `map`, or 0."""
+        ix, iy = np.floor(self.plan.to_cells(point)).astype(int)
+        ny, nx = self.plan.shape
+        return int(self.parts[iy, ix]) if 0 <= iy < ny and 0 <= ix < nx else 0
+
+    def part_near(self, point: Float[np.ndarray, "2"], distance_m: float) -> int:
+        """Number of the part that comes within a distance of a point, the nearest one, or 0."""
+        centres = self.plan.centres(self.parts > 0)
+        if not len(centres):
+            return 0
+        gap = np.hypot(*(centres - point).T)
+        nearest = int(np.argmin(gap))
+        return int(self.parts[self.parts > 0][nearest]) if gap[nearest] <= distance_m else 0
+
+    def swept(self, part: int) -> Bool[np.ndarray, "ny nx"]:
+        """Free cells that some place of the hull within a part covers: the area that it can visit."""
+        gap = ndimage.distance_transform_edt(self.parts != part) * self.plan.resolution_m
+        return (gap <= self.radius_m + self.plan.resolution_m) & self.plan.free
+
+    def travel_m(self, point: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:
+        """Length of the shortest drive of the hull's centre from a point to each cell [m].
+
+        Infinite where the hull cannot come. A point outside every part counts from the nearest cell of one.
+        """
+        cells = np.argwhere(self.parts > 0)
+        if not len(cells):
+            return np.full(self.plan.shape, np.inf)
+        column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
+        start = cells[np.argmin(np.hypot(cells[:, 0] - row, cells[:, 1] - column))]
+        inside = self.parts == self.parts[tuple(start)]
+        rows, columns = (np.flatnonzero(inside.any(axis)) for axis in (1, 0))
+        window = np.s_[
+            max(rows[0] - 1, 0) : rows[-1] + 2,
+            max(columns[0] - 1, 0) : columns[-1] + 2,
+        ]
+        corner = (window[0].start, window[1].start)
+        local = (int(start[0] - corner[0]), int(start[1] - corner[1]))
+        travel = np.full(self.plan.shape, np.inf)
+        travel[window] = march(inside[window].astype(float), local, self.plan.resolution_m)
+        return travel
+
+    def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
+        """Travel at a point between cell centres: the best way over a cell within two cells of it [m].
+
+        Where none of them is reached, in a passage that the sampling has closed, over the nearest one that is.
+        """
+        column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
+        iy, ix = round(float(row)), round(float(column))
+        window = np.s_[max(iy - 2, 0) : max(iy + 3, 0), max(ix - 2, 0) : max(ix + 3, 0)]
+        rows, columns = np.mgrid[window]
+        near = travel[window]
+        gap = np.hypot(rows - row, columns - column)[: near.shape[0], : near.shape[1]]
+        best = float(np.min(near + gap * self.plan.resolution_m, initial=np.inf))
+        if np.isinf(best) and len(cells := np.argwhere(np.isfinite(travel))):
+            gaps = np.hypot(cells[:, 0] - row, cells[:, 1] - column)
+            nearest = int(np.argmin(gaps))
+            best = float(travel[tuple(cells[nearest])] + gaps[nearest] * self.plan.resolution_m)
+        return best
+
+    def cut_off(self, part: int) -> list[CutOff]:
+        """Rooms that the hull cannot enter from a part, largest first."""
+        # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
+        labels, n = ndimage.label(np.pad(self.plan.free & ~self.swept(part), 1))
+        numbers = np.arange(1, n + 1)
+        depth_m = ndimage.distance_transform_edt(labels > 0) * self.plan.resolution_m
+        areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
+        rooms = []
+        for area, deepest in zip(areas, ndimage.maximum_position(depth_m, labels, numbers), strict=True):
+            # Free floor beside the walls is out of the sweep too: only what has room for the hull counts.
+            if area >= ROOM_AREA_M2 and depth_m[deepest] > self.radius_m:
+                rooms.append(CutOff(float(area), self.plan.to_map(np.array(deepest[::-1]) - 0.5)))
+        return sorted(rooms, key=lambda room: -room.area_m2)
+
+
+def reach(building: Building, radius_m: float) -> Reach:
+    """Where the centre of a disk-shaped hull can be in a building.
+
+    Args:
+        building: The walls.
+        radius_m: Radius of the hull [m].
+
+    Raises:
+        ValueError: If the radius is none of a robot.
+    """
+    check_number("radius_m", radius_m, *RADIUS_M)
+    plan = building.plan
+    places = building.free.buffer(-radius_m)
+    shapely.prepare(places)
+    inside = np.zeros(plan.shape, bool)
+    inside[plan.free] = shapely.contains_xy(places, plan.centres(plan.free))
+    labels, n = ndimage.label(inside)
+    size = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    rank = np.zeros(n + 1, int)
+    rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
+    return Reach(plan, radius_m, rank[labels], building.free)

@@ -1,0 +1,1 @@
+"""The RGB-D camera: model, rendering, depth noise, and finding the target in a picture."""

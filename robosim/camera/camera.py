@@ -1,0 +1,153 @@
+"""An RGB-D camera on a robot: what it is, where it sits, and how to make one.
+
+A pinhole without distortion. In the camera frame x points right, y down and z forward; a point (x, y, z) is seen
+at u = f x / z + w / 2 columns and v = f y / z + h / 2 rows from the upper left corner of the picture, with
+f = w / (2 tan(hfov / 2)) for both axes, as pixels are square. Pixel (row i, column j) is what lies behind its
+centre, u = j + 0.5 and v = i + 0.5. (OpenCV counts pixels from the centre of the first: subtract 0.5 from the
+principal point there.)
+
+Depth is measured along z, not along the ray; 0 where nothing was hit. Two engines see the same: pyrender draws
+triangles with OpenGL, Embree casts a ray for each pixel. Both work in single precision about a centre of their
+own, so that a building may lie kilometres from the origin of `map`.
+
+Left out: lens distortion, noise, motion blur, exposure.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
+
+import numpy as np
+import trimesh
+from jaxtyping import Float, Float32, UInt8
+
+from robosim.camera.rendering.gl_binding import bind_opengl
+from robosim.camera.rendering.gl_libraries import GLSystem
+from robosim.support.checks import SIZE_PX, check_numbers
+
+Backend = Literal["pyrender", "embree"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraConfig:
+    """Size, optics and place of an RGB-D camera."""
+
+    width: int = 128
+    """Columns of a picture [pixels]."""
+    height: int = 128
+    """Rows of a picture [pixels]."""
+    hfov_deg: float = 90.0
+    """Horizontal field of view, between the outer edges of the first and last column [deg]."""
+    height_m: float = 1.25
+    """Height above the floor [m]."""
+    near_m: float = 0.05
+    """Nearer things are not seen [m along the view]."""
+    far_m: float = 50.0
+    """Farther things are not seen [m along the view]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            width=SIZE_PX,
+            height=SIZE_PX,
+            hfov_deg=(1, 170, "degrees. Angles here are no radians"),
+            height_m=(-100, 100, "m"),
+            near_m=(1e-4, 1e4, "m"),
+            far_m=(1e-3, 1e5, "m"),
+        )
+        if not self.near_m < self.far_m:
+            raise ValueError(
+                f"near_m is {self.near_m} and far_m is {self.far_m}, expected near_m < far_m. Try 0.05 and 50."
+            )
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length of both axes [pixels]."""
+        return 0.5 * self.width / np.tan(0.5 * np.radians(self.hfov_deg))
+
+    @property
+    def K(self) -> Float[np.ndarray, "3 3"]:
+        """Intrinsic matrix: (u, v, 1) z = K (x, y, z), with (0, 0) the picture's upper left corner."""
+        f = self.focal_px
+        return np.array([[f, 0.0, 0.5 * self.width], [0.0, f, 0.5 * self.height], [0.0, 0.0, 1.0]])
+
+    def directions(self) -> Float[np.ndarray, "h w 3"]:
+        """Rays through the pixel centres in the camera frame, one metre long along z.
+
+        Times the depth, these are the points seen.
+        """
+        x = (np.arange(self.width) + 0.5 - 0.5 * self.width) / self.focal_px
+        y = (np.arange(self.height) + 0.5 - 0.5 * self.height) / self.focal_px
+        grid_x, grid_y = np.meshgrid(x, y)
+        return np.stack([grid_x, grid_y, np.ones_like(grid_x)], axis=-1)
+
+
+class RGBD(NamedTuple):
+    """A picture: colour and depth of the same pixels."""
+
+    rgb: UInt8[np.ndarray, "h w 3"]
+    """Red, green and blue, row 0 on top."""
+    depth: Float32[np.ndarray, "h w"]
+    """Metres along the camera's z axis; 0 where nothing was hit."""
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """What cameras of both engines do. One thread may use a camera at a time; different ones are independent."""
+
+    def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
+        """Take a picture from a pose."""
+
+    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
+        """Take the depth of a picture only, which is faster."""
+
+    def close(self) -> None:
+        """Free what the camera holds; it takes no pictures after that."""
+
+
+def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Float[np.ndarray, "4 4"]:
+    """Pose T_map_camera of the camera above the robot's centre, looking ahead.
+
+    Args:
+        robot_pose: x [m], y [m], yaw [rad] in `map`.
+        config: Gives the height.
+    """
+    x, y, yaw = robot_pose
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array(
+        [[s, 0.0, c, x], [-c, 0.0, s, y], [0.0, -1.0, 0.0, config.height_m], [0.0, 0.0, 0.0, 1.0]]
+    )
+
+
+def make_camera(
+    meshes: Sequence[trimesh.Trimesh],
+    config: CameraConfig = CameraConfig(),
+    *,
+    backend: Backend = "pyrender",
+    platform: GLSystem | None = None,
+) -> Camera:
+    """A camera that sees some meshes in the colours of their vertices.
+
+    Args:
+        meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
+            further light. pyrender shows faces from the side only that their normals point to.
+        config: Size and optics.
+        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL.
+        platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
+            A process can use one of them only.
+
+    Raises:
+        ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
+        OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
+        RuntimeError: If OpenGL serves another platform in this process already.
+    """
+    if backend == "embree":
+        from robosim.camera.rendering.embree_camera import EmbreeCamera
+
+        return EmbreeCamera(meshes, config)
+    if backend == "pyrender":
+        system = bind_opengl(platform)  # has to come before pyrender is imported
+        from robosim.camera.rendering.pyrender_camera import PyrenderCamera
+
+        return PyrenderCamera(meshes, config, system)
+    raise ValueError(f"backend is {backend!r}, expected 'pyrender' or 'embree'.")

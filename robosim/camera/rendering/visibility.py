@@ -1,0 +1,150 @@
+"""Which parts of a scene a level camera can see, so that only these are drawn.
+
+If a camera is level, all rays of one column of pixels lie in one upright plane. Where that plane meets a wall
+that reaches from the lowest to the highest point of the scene, nothing behind the wall can be seen in that
+column. One ray a column, cast at such walls as seen from above, tells how far one sees there; parts that begin
+farther off in all columns that they may appear in are left out.
+
+Pictures stay the same to the last bit. OpenGL rounds corners to a grid of 1/256 pixel, and may so see past a wall
+that the ray at a column's middle just meets: there are two rays for each column, 1/64 pixel to either side, and
+the longer one counts.
+
+Left out: furniture that is lower than the walls hides nothing here; a camera that is tilted sees everything.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from jaxtyping import Float, Float32, Int
+
+from robosim.camera.camera import CameraConfig
+
+#: Side of the squares, seen from above, that triangles are gathered to parts by [m].
+PART_M = 0.5
+_SHAKE_PX = 1 / 64
+_MARGIN_M = 0.01
+_DOWN = np.array([0.0, 0.0, -1.0])
+
+
+class Parts(NamedTuple):
+    """Triangles in runs, one for each square of a grid."""
+
+    order: Int[np.ndarray, " m"]
+    """All triangles, part by part."""
+    starts: Int[np.ndarray, " n"]
+    """Where the parts start in that order."""
+    counts: Int[np.ndarray, " n"]
+    """How many triangles they have."""
+
+    @classmethod
+    def of(cls, triangles: Float[np.ndarray, "m 3 3"]) -> "Parts":
+        """Gather triangles by the square that their middle lies in."""
+        square = np.floor(triangles[:, :, :2].mean(axis=1) / PART_M).astype(int)
+        _, part = np.unique(square, axis=0, return_inverse=True)
+        count = np.bincount(part.ravel())
+        return cls(np.argsort(part.ravel(), kind="stable"), np.cumsum(count) - count, count)
+
+
+class Visibility:
+    """Tells which parts of a scene are seen from a pose."""
+
+    def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
+        low = np.minimum.reduceat(triangles.min(axis=1)[parts.order], parts.starts).astype(float)
+        high = np.maximum.reduceat(triangles.max(axis=1)[parts.order], parts.starts).astype(float)
+        middle, half = (low + high)[:, :2] / 2, (high - low)[:, :2] / 2
+        self._boxes = np.ascontiguousarray(np.column_stack([middle, half, np.ones(len(low))]).T)
+        self._floor, self._top = float(low[:, 2].min()), float(high[:, 2].max())
+        self._config = config
+        column = np.arange(config.width) + 0.5 - 0.5 * config.width
+        across = np.concatenate([column - _SHAKE_PX, column + _SHAKE_PX]) / config.focal_px
+        self._fan = np.column_stack([across, np.ones_like(across)]).astype(np.float32)
+        self._rays, self._origins = np.zeros((2, len(across), 3), np.float32)
+        self._reach = np.full(config.width + 1, np.inf, np.float32)
+        self._middle = np.array([[0.5 * config.width - 1.0], [0.5 * config.width + 2.0]])
+        walls = screens(triangles)
+        self._walls = EmbreeScene(robust=True) if len(walls) else None
+        self._faces = TriangleMesh(self._walls, _standing(walls)) if len(walls) else None
+
+    def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, " _"]:
+        """Parts that may be seen from a pose.
+
+        Args:
+            R: The camera's axes right, down and ahead, as columns.
+            t: Its place [m].
+        """
+        if abs(R[2, 1] + 1.0) > 1e-9 or abs(R[2, 0]) > 1e-9 or abs(R[2, 2]) > 1e-9:
+            return np.arange(self._boxes.shape[1])
+        width, near = self._config.width, self._config.near_m
+        left, right, nearest, farthest = self._extents(R, t)
+        # A box is seen widest where it is nearest, but for an edge that lies beyond the middle of the picture.
+        close, far = 1.0 / np.maximum(nearest, near), 1.0 / np.maximum(farthest, near)
+        columns = np.empty((2, len(left)))
+        np.minimum(left * close, left * far, out=columns[0])
+        np.maximum(right * close, right * far, out=columns[1])
+        columns += self._middle
+        np.maximum(columns, 0.0, out=columns)
+        np.minimum(columns, width, out=columns)
+        columns = columns.astype(np.intp)
+        inside = np.flatnonzero((columns[0] < columns[1]) & (farthest > near))
+        reach = np.maximum.reduceat(self._look(R, t), columns[:, inside].T.ravel())[::2]  # type: ignore[arg-type]
+        return inside[reach > nearest[inside] - _MARGIN_M]
+
+    def _extents(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 n"]:
+        """Least and greatest place across [focal lengths] and ahead [m] of the parts' boxes."""
+        f = self._config.focal_px
+        (rx, ry, _), (ax, ay, _) = R[:, 0].tolist(), R[:, 2].tolist()
+        x, y, _ = t.tolist()
+        across, ahead = (f * rx, f * ry), (ax, ay)
+        rows = []
+        for u, v in (across, ahead):
+            rows += [[u, v, sign * abs(u), sign * abs(v), -u * x - v * y] for sign in (-1.0, 1.0)]
+        return np.array(rows) @ self._boxes
+
+    def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, " _"]:
+        """How far ahead one sees in each column [m], and one value more."""
+        if self._walls is not None and self._floor < t[2] < self._top:
+            self._rays[:, :2] = self._fan @ R[:2, ::2].T.astype(np.float32)
+            self._origins[:, :2] = t[:2]
+            distance = self._walls.run(self._origins, self._rays, query="DISTANCE")
+            width = self._config.width
+            np.maximum(distance[:width], distance[width:], out=self._reach[:-1])
+        return self._reach
+
+
+def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]:
+    """Walls that reach from the lowest to the highest point of a scene: their ends as seen from above.
+
+    Walls may consist of strips, one above the other, each a rectangle of two triangles.
+    """
+    spot, number = np.unique(triangles[..., 0].astype(float) + 1j * triangles[..., 1], return_inverse=True)
+    number, z = number.reshape(-1, 3), triangles[..., 2]
+    a, b = number.min(axis=1), number.max(axis=1)
+    third = np.where((number == a[:, None]).sum(axis=1) == 1, a, b)  # the other two lie above each other
+    upright = (a < b) & ((number == a[:, None]) | (number == b[:, None])).all(axis=1)
+    z_third = np.where(number == third[:, None], z, -np.inf).max(axis=1)
+    strip, group = np.unique(
+        np.column_stack([a, b, z.min(axis=1), z.max(axis=1)])[upright], axis=0, return_inverse=True
+    )
+    # Of the four triangles that a rectangle has with one diagonal or the other, two make it whole.
+    corner = 2 * (third == b) + (z_third == z.max(axis=1))
+    has = np.zeros((len(strip), 4), bool)
+    has[group.ravel(), corner[upright]] = True
+    strip = strip[(has[:, 0] & has[:, 3]) | (has[:, 1] & has[:, 2])]
+    if len(strip) == 0:
+        return np.empty((0, 2, 2))
+    wall, first = np.unique(strip[:, :2].astype(int), axis=0, return_index=True)
+    low, high = strip[:, 2], strip[:, 3]
+    fits = np.append(low[1:] == high[:-1], True) | np.append(np.isin(np.arange(1, len(low)), first), True)
+    whole = np.logical_and.reduceat(fits, first)
+    whole &= (low[first] == z.min()) & (high[np.append(first[1:], len(low)) - 1] == z.max())
+    return np.stack([spot.real, spot.imag], axis=-1)[wall[whole]]
+
+
+def _standing(walls: Float[np.ndarray, "n 2 2"]) -> Float32[np.ndarray, "_ 3 3"]:
+    """Walls seen from above as triangles from z = -1 to 1."""
+    corners = np.empty((len(walls), 4, 3), np.float32)
+    corners[:, :, :2] = walls[:, [0, 1, 1, 0]]
+    corners[:, :, 2] = [-1, -1, 1, 1]
+    return corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3, 3)

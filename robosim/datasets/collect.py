@@ -1,0 +1,201 @@
+"""Frames to train a mapper on: what a robot senses as it explores invented homes, with the truth beside it.
+
+Each home is a shard, `home-00012.npz`, that depends on the seed and its number alone: any number of workers writes the
+same bytes, an interrupted run goes on where it stopped, and the last homes can be held out. The robot explores as
+in an episode, by the classical mapper and the frontier explorer; when nothing is left to see it begins anew elsewhere.
+So maps of all ages occur, and places that a robot would really look from. Motion is kinematic, for speed. Targets stand
+in the homes as in episodes; robots pass through them, and they are no obstacles in the truth.
+
+| array | shape, type | meaning |
+|---|---|---|
+| depth | (n, h, w) uint16 | measured depth [mm], 0 where nothing was |
+| rgb | (n, h, w, 3) uint8 | picture |
+| action | (n,) int8 | action that led here, -1 at the first frame of an episode |
+| odometry | (n, 3) float32 | measured motion since the last frame: x, y [m], yaw [rad] |
+| pose | (n, 3) float64 | true pose: x, y [m], yaw [rad] in `map` |
+| estimate | (n, 3) float64 | pose as the classical mapper has it |
+| belief | (n, 64, 64) uint8 | classical map ahead of the estimated pose after this frame: 255 times the probability |
+| truth | (n, 3, 64, 8) uint8 | channels of `robosim.datasets.true_patch`, bits packed along the last axis |
+"""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from robosim.building.building import Building, make_building
+from robosim.building.reach import Reach, reach
+from robosim.camera.depth_noise import DepthNoise
+from robosim.datasets.true_patch import TruePatches
+from robosim.generator.generate import GeneratorConfig, generate_plan
+from robosim.navigation import make_navigator
+from robosim.robot.odometry import NoiseModel
+from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array
+from robosim.support.checks import SEED, check_numbers
+from robosim.support.files import npz_bytes, write_whole
+from robosim.support.progress import told_units
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
+from robosim.task.tasks import make_task
+from slam.actions import Action
+from slam.egocentric import belief_ahead
+from slam.grid import MapEstimate
+
+#: Arrays of a shard, as above.
+SHARD = {
+    "depth": Array("u2", "n h w"),
+    "rgb": Array("u1", "n h w 3"),
+    "action": Array("i1", "n"),
+    "odometry": Array("f", "n 3", FAR),
+    "pose": Array("f", "n 3", FAR),
+    "estimate": Array("f", "n 3", FAR),
+    "belief": Array("u1", "n 64 64"),
+    "truth": Array("u1", "n 3 64 8"),
+}
+#: Parts of a walk that may end in one place without a step taken, before the home is given up.
+_RESTARTS = 20
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollectConfig:
+    """What is collected."""
+
+    homes: int = 100
+    """Homes, each a shard."""
+    steps: int = 300
+    """Frames of each home."""
+    seed: int = 0
+    """Seed of homes and noise."""
+    navigable: float = 0.6
+    """Share of homes in the form of the published grids, free where an agent may stand."""
+    depth_noise: DepthNoise = field(default_factory=lambda: DepthNoise(level=1.0))
+    """Noise of the depth camera."""
+    noise: NoiseModel = field(default_factory=NoiseModel)
+    """Noise of motion and odometry."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, homes=(1, 100_000), steps=(1, 10_000, "frames"), seed=SEED, navigable=(0, 1))
+
+
+def collect(
+    config: CollectConfig, out: Path, *, workers: int, cluster: str | None = None, console: Console
+) -> list[Path]:
+    """Write the shards that are not there yet.
+
+    Args:
+        config: What to collect.
+        out: Folder for the shards.
+        workers: Processes at once; the files do not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown.
+
+    Returns:
+        All shards.
+
+    Raises:
+        FolderError: If the folder holds shards that were collected otherwise, or another process is at work in it.
+        WorkerLost: If a process was killed, when the other homes are done.
+    """
+    # More homes of the same kind may be added.
+    settings = {key: value for key, value in asdict(config).items() if key != "homes"}
+    with run_folder(out, "collect", settings) as folder:
+        paths = [folder / f"home-{home:05d}.npz" for home in range(config.homes)]
+        missing = [home for home, path in enumerate(paths) if not path.exists()]
+        with (
+            Workers(min(workers, len(missing) or 1), cluster, what="homes") as pool,
+            told_units(console, "homes", len(paths), len(paths) - len(missing)) as tell,
+        ):
+            for number, shard in pool.run(_collect_shard, [(config, home) for home in missing]):
+                write_whole(paths[missing[number]], shard)
+                tell(paths[missing[number]].stem)
+    return paths
+
+
+def _collect_shard(config: CollectConfig, home: int) -> bytes:
+    return npz_bytes(collect_home(home_building(config, home), config, seed=home))
+
+
+def home_building(config: CollectConfig, home: int) -> Building:
+    """One of the invented homes."""
+    rng = np.random.default_rng([config.seed, home, 0])
+    form = GeneratorConfig(navigable=bool(rng.random() < config.navigable))
+    return make_building(generate_plan(int(rng.integers(1 << 31)), config=form))
+
+
+def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dict[str, np.ndarray]:
+    """Explore one building.
+
+    Args:
+        building: Where.
+        config: How.
+        seed: Number that, with that of the configuration, fixes everything random.
+
+    Returns:
+        The arrays of a shard.
+    """
+    simulator = Simulator(
+        building,
+        SimulatorConfig(physics="kinematic", noise=config.noise, depth_noise=config.depth_noise),
+    )
+    places = reach(building, simulator.config.robot.radius_m)
+    truth = TruePatches(building, hfov_deg=simulator.config.image.hfov_deg)
+    rng = np.random.default_rng([config.seed, seed, 1])
+    frames = _Frames(truth)
+    try:
+        for _ in range(_RESTARTS + config.steps):
+            if len(frames.rows) < config.steps:
+                _walk(simulator, places, frames, config.steps, rng)
+    finally:
+        simulator.close()
+    return frames.arrays()
+
+
+def _walk(
+    simulator: Simulator, places: Reach, frames: "_Frames", steps: int, rng: np.random.Generator
+) -> None:
+    """One episode of exploring, until all is seen or there are frames enough."""
+    mapper, planner, controller, explorer = make_navigator(simulator.config)
+    task = make_task(places, rng, min_path_m=1.0)
+    view = simulator.reset(task, rng)
+    mapper.reset(task.start)
+    action: Action | None = None
+    while len(frames.rows) < steps:
+        estimate = mapper.update(view.depth, action, view.odometry)
+        frames.add(simulator, view, estimate, action)
+        goal = explorer.goal(estimate)
+        if goal is None:
+            return
+        action = controller.act(estimate.pose, planner.plan(estimate, goal))
+        view, _ = simulator.step(action)
+
+
+class _Frames:
+    """Rows of a shard."""
+
+    def __init__(self, truth: TruePatches) -> None:
+        self._truth = truth
+        self.rows: list[dict[str, Any]] = []
+
+    def add(
+        self, simulator: Simulator, view: Observation, estimate: MapEstimate, action: Action | None
+    ) -> None:
+        """Keep what was sensed and believed, and what is true."""
+        self.rows.append(
+            {
+                "depth": np.minimum(np.rint(view.depth * 1000), 65535).astype(np.uint16),
+                "rgb": view.rgb.copy(),
+                "action": np.int8(-1 if action is None else action),
+                "odometry": view.odometry.astype(np.float32),
+                "pose": simulator.pose,
+                "estimate": estimate.pose,
+                "belief": np.rint(255 * belief_ahead(estimate)).astype(np.uint8),
+                "truth": np.packbits(self._truth.at(simulator.pose), axis=-1),
+            }
+        )
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """One array for each column."""
+        return {name: np.stack([row[name] for row in self.rows]) for name in self.rows[0]}

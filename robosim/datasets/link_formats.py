@@ -1,0 +1,71 @@
+"""Links of a building in the formats that others read: mmwRobotNav's CSV files and DeepMIMO v4 scenarios."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.radio.receivers import ReceiverGrid
+from robosim.radio.scene import RadioScene
+from wireless.deepmimo_scenario import scenario_name, scene_files, transmitter_files
+from wireless.estimated_csv import estimated_csv
+from wireless.estimates import PathEstimates
+from wireless.paths import Paths
+from wireless.traced_csv import traced_csv
+
+#: Folder below which `deepmimo.load` looks for scenarios.
+SCENARIOS = "deepmimo_scenarios"
+#: Contents of files by their names.
+Files = dict[str, bytes]
+
+
+def csv_files(
+    scene: RadioScene, grid: ReceiverGrid, paths: Paths, tx: int, estimates: PathEstimates | None = None
+) -> Files:
+    """`NAME_Tx_K.csv` with the traced paths of a transmitter, and `NAME_Tx_K_beam_search.csv` if there are estimates.
+
+    Args:
+        scene: The building.
+        grid: The receivers.
+        paths: Paths of this transmitter, and perhaps of others.
+        tx: Number of the transmitter, from 0.
+        estimates: What a receiver makes out of its links, in the frame of the scene.
+    """
+    config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
+    power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
+    files = {f"{start}.csv": traced_csv(paths, tx, grid.cell, grid.shape, **power)}
+    if estimates is not None:
+        state = paths.link_state(config.threshold_db)[tx]
+        content = estimated_csv(estimates, grid.position, state, grid.cell, grid.shape)
+        files[f"{start}_beam_search.csv"] = content
+    return files
+
+
+def transmitters_file(name: str, senders: Float[np.ndarray, "n 3"]) -> Files:
+    """`NAME_tx_pos.csv`: where transmitters are."""
+    rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(senders)]
+    return {f"{name}_tx_pos.csv": ("\n".join([",x,y,z", *rows]) + "\n").encode("ascii")}
+
+
+def deepmimo_folder(out: Path, name: str) -> Path:
+    """Where the scenario of a building belongs."""
+    return out / SCENARIOS / scenario_name(name)
+
+
+def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
+    """Paths of a transmitter in a scenario."""
+    return transmitter_files(paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
+
+
+def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
+    """What a scenario has beside its paths, to be written last: with it the scenario is complete."""
+    return scene_files(
+        mesh=scene.building.mesh,
+        materials=scene.building.materials,
+        face_material=scene.face_material,
+        frequency_hz=scene.config.frequency_hz,
+        config=scene.config.tracer,
+        n_tx=n_tx,
+        n_rx=n_rx,
+        n_rx_active=n_rx_active,
+    )

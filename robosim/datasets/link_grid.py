@@ -1,0 +1,163 @@
+"""Paths of whole grids of links, traced piece by piece into one file, so that a long run can be killed.
+
+The links are cut into units: one transmitter and some receivers in a row. Each unit is written whole or not
+at all, and a run goes on from the units that it finds, with the same result as if it had never stopped. When
+the last one is there they are joined, by transmitter and receiver, to `paths.parquet`. The memory needed is
+that of a few thousand links, however many there are.
+
+Processes that trace make the building themselves, from the plan, and keep it for their next units; those of a cluster
+need no common folder.
+"""
+
+import io
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import groupby, product
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+from jaxtyping import Float
+
+from robosim.datasets.link_units import Site, prepared
+from robosim.plans.floorplan import FloorPlan
+from robosim.radio.scene import RadioConfig
+from robosim.support.files import whole_file, write_whole
+from robosim.support.workers import Workers
+from wireless.blocks import BLOCK_RX, BLOCK_TX
+from wireless.paths import Paths
+
+PATHS, UNITS = "paths.parquet", "units"
+#: Receivers of a unit: what the tracer takes at once.
+UNIT_RX = BLOCK_RX
+
+
+class LinkGrid:
+    """All links between transmitters and the receivers on a grid over a plan."""
+
+    def __init__(
+        self,
+        plan: FloorPlan,
+        config: RadioConfig,
+        grid_m: float,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+    ) -> None:
+        """Say which.
+
+        Args:
+            plan: Where.
+            config: How links are traced.
+            grid_m: Step between receivers [m].
+            tx: Positions of transmitters [m].
+            rx: Positions of receivers [m], those of `receiver_grid`.
+        """
+        self._site = Site(plan.digest(), plan, tx, len(rx))
+        self._config, self._grid_m = config, grid_m
+        self._tx, self._rx = tx, rx
+        self._starts = range(0, len(rx), UNIT_RX)
+
+    def trace(
+        self,
+        folder: Path,
+        *,
+        workers: int,
+        cluster: str | None = None,
+        report: Callable[[int, int], None] = lambda done, total: None,
+    ) -> Path:
+        """Trace all links into a folder, or the ones that are missing there.
+
+        Args:
+            folder: Where to; nobody else is at work there.
+            workers: Processes. The result does not depend on it.
+            cluster: Address of a dask scheduler that is used instead.
+            report: Told the number of links done and of all links, at first and whenever some are on disk.
+
+        Returns:
+            The file of all paths, for `Paths.read_parquet` or `read_transmitter`.
+        """
+        total = len(self._tx) * len(self._rx)
+        if not (folder / PATHS).exists():
+            calls = list(self._missing(folder / UNITS))
+            done = total - sum(len(txs) * (self._end(first) - first) for txs, first in calls)
+            report(done, total)
+            arguments = [
+                (self._site, self._config, self._grid_m, txs, first, self._end(first)) for txs, first in calls
+            ]
+            with Workers(workers, cluster, what="links") as pool:
+                for number, tables in pool.run(_trace_unit, arguments):
+                    txs, first = calls[number]
+                    for i, table in zip(txs, tables, strict=True):
+                        write_whole(self._unit(folder / UNITS, i, first), table)
+                    done += len(txs) * (self._end(first) - first)
+                    report(done, total)
+            self._join(folder)
+        shutil.rmtree(folder / UNITS, ignore_errors=True)
+        report(total, total)
+        return folder / PATHS
+
+    def _unit(self, folder: Path, tx: int, first: int) -> Path:
+        return folder / f"tx{tx:04d}_rx{first:07d}.parquet"
+
+    def _end(self, first: int) -> int:
+        """Where the receivers of a unit end."""
+        return min(first + UNIT_RX, len(self._rx))
+
+    def _missing(self, folder: Path) -> Iterator[tuple[list[int], int]]:
+        """What is missing, as transmitters and receivers (their start) to be traced in one call.
+
+        What receivers see does not depend on the transmitter, so that several share it.
+        """
+
+        def missing(first: int) -> list[int]:
+            return [i for i in range(len(self._tx)) if not self._unit(folder, i, first).exists()]
+
+        for txs, group in groupby(self._starts, missing):
+            for first, j in product(group, range(0, len(txs), BLOCK_TX)):
+                yield txs[j : j + BLOCK_TX], first
+
+    def _join(self, folder: Path) -> None:
+        """Put the paths of all units into one file, a unit at a time."""
+        with whole_file(folder / PATHS) as partial:
+            writer = None
+            try:
+                for i, first in product(range(len(self._tx)), self._starts):
+                    unit = Paths.read_parquet(self._unit(folder / UNITS, i, first))
+                    table = replace(
+                        unit, tx_position=self._tx, rx_position=self._rx, tx=unit.tx + i, rx=unit.rx + first
+                    ).to_table()
+                    writer = writer or pq.ParquetWriter(partial, table.schema, compression="zstd")
+                    writer.write_table(table)
+            finally:
+                if writer is not None:
+                    writer.close()
+
+
+def read_transmitter(path: str | PathLike[str], tx: int) -> Paths:
+    """The paths of one transmitter out of a file of many, without reading the others.
+
+    Args:
+        path: What `LinkGrid.trace` or `Paths.write_parquet` wrote.
+        tx: Number of the transmitter.
+
+    Raises:
+        DataError: If the file is not one of radio paths, or damaged.
+    """
+    return Paths.read_parquet(path, tx)
+
+
+def _trace_unit(
+    site: Site, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
+) -> list[bytes]:
+    """Paths from some transmitters to receivers in a row, a file of each transmitter."""
+    scene, grid = prepared(site, config, grid_m)
+    paths = scene.tracer.trace(site.senders[txs], grid.position[first:end], workers=1)
+    tables = []
+    for j, tx in enumerate(txs):
+        some = paths.select(paths.tx == j)
+        buffer = io.BytesIO()
+        replace(some, tx_position=site.senders[tx : tx + 1], tx=np.zeros_like(some.tx)).write_parquet(buffer)
+        tables.append(buffer.getvalue())
+    return tables

@@ -1,0 +1,174 @@
+"""Units of a data set of links: one transmitter of one building, traced, sounded and estimated.
+
+A unit depends on its own settings and seed alone, and is worked on by one thread: neither the number of workers nor
+the order of units changes a byte. The process that works on it hands its files back as bytes. Its table of links is
+written last of them, so that where it is, the unit is complete.
+"""
+
+import io
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building.building import BuildingConfig
+from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
+from robosim.plans.floorplan import FloorPlan
+from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.support.checks import SEED, check_choice, check_numbers
+from wireless.codebook import TERMINALS, terminal_named
+from wireless.estimates import PathEstimates
+from wireless.estimation import PathEstimator, estimator_named
+from wireless.estimation_sage import SageEstimator
+from wireless.link_records import link_table, write_links
+from wireless.sounding import Rays, Sounder, SoundingConfig
+
+Format = Literal["mmwrobotnav", "deepmimo"]
+Estimator = Literal["sage", "pca"]
+Headings = Literal["fixed", "random"]
+#: Links that are sounded at once; results depend on it. Takes 50 MB.
+CHUNK_LINKS = 512
+LINKS = "links"
+MMWROBOTNAV = "mmwrobotnav"
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinkSetConfig:
+    """What is in a data set."""
+
+    tx_per_plan: int = 10
+    """Transmitters in each building, at random places."""
+    grid_m: float = 0.15
+    """Step between receivers [m]."""
+    seed: int = 0
+    """Seed of places, phases and noise."""
+    estimator: Estimator = "sage"
+    """Which of `wireless.estimation` is used."""
+    tx: str = "gnb"
+    """Terminal that sends, of `wireless.codebook`."""
+    rx: str = "ue"
+    """Terminal that listens."""
+    headings: Headings = "fixed"
+    """Where receivers' arrays face: all the same way, as published, or each at random, as a robot's do."""
+    formats: tuple[Format, ...] = ()
+    """What is written beside Parquet."""
+    radio: RadioConfig = field(default_factory=lambda: RadioConfig(building=BuildingConfig(tolerance_m=0.05)))
+    """How links are traced."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, tx_per_plan=(1, 10_000, "transmitters"), seed=SEED)
+        check_step(self.grid_m)
+        check_choice("estimator", self.estimator, get_args(Estimator))
+        check_choice("headings", self.headings, get_args(Headings))
+        for name in ("tx", "rx"):
+            check_choice(name, getattr(self, name), TERMINALS)
+        for name in self.formats:
+            check_choice("formats", name, get_args(Format))
+
+    @property
+    def sounding(self) -> SoundingConfig:
+        """How links are sounded."""
+        return SoundingConfig(tx_power_dbm=self.radio.tx_power_dbm)
+
+
+@dataclass(frozen=True)
+class Site:
+    """A building with its transmitters; equal if the plans are."""
+
+    digest: str
+    """Of the plan, see `FloorPlan.digest`."""
+    plan: FloorPlan = field(compare=False)
+    """What it is made of."""
+    senders: Float[np.ndarray, "n 3"] = field(compare=False)
+    """Where its transmitters are [m]."""
+    n_rx: int = field(compare=False)
+    """How many receivers it has."""
+
+
+def stream(seed: int, digest: str, *key: int) -> np.random.Generator:
+    """Random numbers of a plan, or of something in it."""
+    return np.random.default_rng(np.random.SeedSequence([seed, int(digest, 16)], spawn_key=key))
+
+
+def unit_path(out: Path, name: str, tx: int) -> Path:
+    """The table of a unit's links; transmitters count from 0, their files from 1."""
+    return out / LINKS / f"{name}_Tx_{tx + 1}.parquet"
+
+
+def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
+    """Trace, sound and estimate all links of a transmitter.
+
+    Returns:
+        The files of the unit by their paths below the folder of the data set, the table of links last.
+    """
+    scene, grid = prepared(site, config.radio, config.grid_m)
+    paths = scene.tracer.trace(site.senders[tx : tx + 1], grid.position, workers=1)
+    rng = stream(config.seed, site.digest, tx)
+    heading = np.zeros(len(grid.position))
+    if config.headings == "random":
+        heading = rng.uniform(-np.pi, np.pi, len(grid.position))
+    rays = Rays.from_paths(paths, rx_heading_rad=heading)
+    estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
+    paths = replace(paths, tx_position=site.senders, tx=paths.tx + tx)
+    table = link_table(
+        paths,
+        tx,
+        estimates,
+        grid.cell,
+        plan=site.plan.name,
+        rx_heading_rad=heading,
+        threshold_db=config.radio.threshold_db,
+    )
+    name = site.plan.name
+    files: Files = {}
+    if "mmwrobotnav" in config.formats:
+        files |= _below(Path(MMWROBOTNAV) / name, csv_files(scene, grid, paths, tx, estimates))
+    if "deepmimo" in config.formats:
+        files |= _below(deepmimo_folder(Path(), name), deepmimo_paths(scene, paths, tx))
+    buffer = io.BytesIO()
+    write_links(buffer, table)
+    return {**files, unit_path(Path(), name, tx).as_posix(): buffer.getvalue()}
+
+
+def _below(folder: Path, files: Files) -> Files:
+    return {(folder / name).as_posix(): content for name, content in files.items()}
+
+
+@lru_cache(maxsize=1)
+def prepared(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
+    """The building and its receivers, kept for the next unit of the same process."""
+    scene = RadioScene(site.plan, config)
+    return scene, receiver_grid(scene.building, grid_m, config.height_m)
+
+
+@lru_cache(maxsize=1)
+def _receiver(
+    estimator: Estimator, tx: str, rx: str, sounding: SoundingConfig
+) -> tuple[Sounder, PathEstimator]:
+    """The sounder and the estimator, kept for the next unit."""
+    sounder = Sounder(terminal_named(tx), terminal_named(rx), sounding)
+    found = estimator_named(estimator, sounder)
+    if isinstance(found, SageEstimator):
+        found.workers = 1
+    return sounder, found
+
+
+def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> PathEstimates:
+    """What the receiver makes out of links."""
+    sounder, estimator = _receiver(config.estimator, config.tx, config.rx, config.sounding)
+    parts = []
+    for start in range(0, len(rays), CHUNK_LINKS):
+        tensor = sounder.measure(rays[start : start + CHUNK_LINKS], rng, workers=1)
+        parts.append(estimator.estimate(tensor))
+    return PathEstimates(
+        **{name: np.concatenate([getattr(p, name) for p in parts]) for name in vars(parts[0])}
+    )
+
+
+def plain_config(config: LinkSetConfig) -> dict[str, Any]:
+    """The configuration in plain values."""
+    return {**asdict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}

@@ -1,0 +1,192 @@
+"""Data sets of links for whole lists of buildings: true paths, link states, and what a receiver estimates.
+
+A unit is a transmitter of a building (`robosim.datasets.link_units`): units are written whole or not at all, by as many
+processes as are given, and a run that was killed goes on from those it finds, to the same bytes. In the folder:
+
+    links/NAME_Tx_K.parquet   links of transmitter K of building NAME (`wireless.link_records`)
+    manifest.json             written last: versions, configuration, plans, units with their rows, columns and units
+    settings.json             what the folder belongs to; other settings are refused
+    mmwrobotnav/NAME/         CSV files of traced and of estimated paths, if asked for
+    deepmimo_scenarios/NAME/  a DeepMIMO v4 scenario, if asked for
+"""
+
+import importlib.metadata
+import platform
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.console import Console
+
+from robosim.building.building import make_building
+from robosim.datasets.link_formats import deepmimo_folder, deepmimo_scene, transmitters_file
+from robosim.datasets.link_progress import LinkProgress, link_progress
+from robosim.datasets.link_units import (
+    MMWROBOTNAV,
+    LinkSetConfig,
+    Site,
+    make_unit,
+    plain_config,
+    stream,
+    unit_path,
+)
+from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.radio.receivers import receiver_grid
+from robosim.radio.scene import RadioScene
+from robosim.radio.transmitters import random_senders
+from robosim.support.files import write_files, write_json
+from robosim.support.progress import tracked
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
+from wireless.link_records import COLUMNS, read_columns
+from wireless.paths import LinkState
+
+#: Spawn key of transmitters' places; those of units are their numbers.
+_PLACES = 1 << 31
+Unit = tuple[Site, int]
+
+
+def make_dataset(
+    plans: Sequence[FloorPlan],
+    config: LinkSetConfig,
+    out: Path,
+    *,
+    workers: int = 1,
+    cluster: str | None = None,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Make a data set in a folder, or what is missing of it there.
+
+    Args:
+        plans: Buildings, of different names.
+        config: What is in the data set.
+        out: The folder, made if it is missing.
+        workers: Processes. No result depends on it.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown; nowhere if not given.
+
+    Returns:
+        What `manifest.json` holds, and under "timing" the links, seconds and links a second of this run.
+
+    Raises:
+        FolderError: If the folder belongs to other settings or another process is at work in it.
+        MapError: If two plans have one name, or one has no free area.
+        ValueError: If a setting does not fit a plan.
+    """
+    out, console = Path(out), console or Console(quiet=True)
+    _check_names(plans)
+    with tracked(plans, "plans", console) as shown:
+        sites = [_site(plan, config) for plan in shown]
+    with run_folder(out, "dataset", _settings(sites, config)):
+        with link_progress(console, sum(len(s.senders) * s.n_rx for s in sites), out) as progress:
+            _make_units(sites, config, out, workers, cluster, progress)
+        manifest = _manifest(sites, config, out)
+        _finish_formats(sites, config, out, manifest)
+        write_json(out / "manifest.json", manifest)
+    timing = {"links": progress.new, "seconds": progress.seconds, "links_per_s": progress.rate}
+    return {**manifest, "timing": timing}
+
+
+def _check_names(plans: Sequence[FloorPlan]) -> None:
+    if not plans:
+        raise ValueError("plans is empty, expected at least one floor plan.")
+    for name, count in Counter(plan.name.lower() for plan in plans).items():
+        if count > 1:
+            raise MapError(f"{count} plans are called {name!r}, but files are named after them. Rename them.")
+
+
+def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
+    """A building's transmitters, and how many receivers it has."""
+    building = make_building(plan, config=config.radio.building)
+    digest, height_m = plan.digest(), config.radio.height_m
+    grid = receiver_grid(building, config.grid_m, height_m)
+    senders = random_senders(building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES))
+    return Site(digest, plan, senders, len(grid.position))
+
+
+def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
+    """All that the data depend on, in JSON's own types."""
+    return {
+        "version": importlib.metadata.version("robosim"),
+        "config": plain_config(config),
+        "plans": [
+            {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.senders}
+            for site in sites
+        ],
+    }
+
+
+def _make_units(
+    sites: list[Site],
+    config: LinkSetConfig,
+    out: Path,
+    workers: int,
+    cluster: str | None,
+    progress: LinkProgress,
+) -> None:
+    """Make the units that have no file."""
+    units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.senders))]
+    missing = [(site, tx) for site, tx in units if not unit_path(out, site.plan.name, tx).exists()]
+    total = sum(site.n_rx for site, _ in units)
+    done = total - sum(site.n_rx for site, _ in missing)
+    progress.report(done, total)
+    if not missing:
+        return
+    with Workers(min(workers, len(missing)), cluster, what="transmitters") as pool:
+        for number, files in pool.run(make_unit, [(site, tx, config) for site, tx in missing]):
+            write_files(out, files)
+            done += missing[number][0].n_rx
+            progress.report(done, total)
+
+
+def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, Any]:
+    """What the data set holds."""
+    units: list[dict[str, Any]] = []
+    for site in sites:
+        for tx in range(len(site.senders)):
+            path = unit_path(out, site.plan.name, tx)
+            state = read_columns(path, ["link_state"])["link_state"]
+            counts = np.bincount(state, minlength=len(LinkState))
+            units.append(
+                {
+                    "plan": site.plan.name,
+                    "tx": tx + 1,
+                    "file": path.relative_to(out).as_posix(),
+                    "rows": len(state),
+                    "states": {one.name.lower(): int(counts[one]) for one in LinkState},
+                }
+            )
+    libraries = ("numpy", "numba", "pyarrow", "scipy", "shapely")
+    return {
+        **_settings(sites, config),
+        "versions": {
+            "python": platform.python_version(),
+            **{name: importlib.metadata.version(name) for name in libraries},
+        },
+        "rows": sum(unit["rows"] for unit in units),
+        "states": {
+            one.name.lower(): sum(unit["states"][one.name.lower()] for unit in units) for one in LinkState
+        },
+        "units": units,
+        "columns": {
+            name: {"type": str(kind), "unit": unit, "meaning": meaning}
+            for name, (kind, unit, meaning) in COLUMNS.items()
+        },
+    }
+
+
+def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifest: dict[str, Any]) -> None:
+    """Write what formats have once a building."""
+    for site in sites:
+        name = site.plan.name
+        if "mmwrobotnav" in config.formats:
+            write_files(out / MMWROBOTNAV / name, transmitters_file(name, site.senders))
+        if "deepmimo" in config.formats:
+            reached = np.zeros(site.n_rx, bool)
+            for tx in range(len(site.senders)):
+                reached |= read_columns(unit_path(out, name, tx), ["n_paths"])["n_paths"] > 0
+            scene = RadioScene(site.plan, config.radio)
+            files = deepmimo_scene(scene, len(site.senders), site.n_rx, int(reached.sum()))
+            write_files(deepmimo_folder(out, name), files)

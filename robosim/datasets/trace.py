@@ -1,0 +1,248 @@
+"""Radio over a whole floor plan: traced paths, in the formats that others read, and pictures.
+
+The grid is traced into `paths.parquet` unit by unit (`robosim.datasets.link_grid`), so that a run that was killed goes
+on; the other files are made from that one, a transmitter at a time.
+"""
+
+import hashlib
+import importlib.metadata
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+from rich.console import Console
+
+from robosim.datasets.link_formats import (
+    csv_files,
+    deepmimo_folder,
+    deepmimo_paths,
+    deepmimo_scene,
+    transmitters_file,
+)
+from robosim.datasets.link_grid import UNIT_RX, LinkGrid, read_transmitter
+from robosim.datasets.link_progress import link_progress
+from robosim.drawing.radio import choose_link, plot_grid, plot_rays
+from robosim.plans.floorplan import FloorPlan
+from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.radio.scene import RadioConfig, RadioScene
+from robosim.support.checks import check_some
+from robosim.support.files import whole_file, whole_folder, write_files, write_json
+from robosim.support.run_folder import run_folder
+from wireless.deepmimo_scenario import scenario_name
+from wireless.paths import LinkState, Paths
+
+#: A receiver nearer to a transmitter than half a wave of 28 GHz is a mistake: no law of paths holds there [m].
+APART_M = 0.005
+
+
+def trace_plan(
+    plan: FloorPlan,
+    config: RadioConfig,
+    out: Path,
+    *,
+    tx: tuple[tuple[float, ...], ...],
+    grid_m: float = 0.15,
+    rx: tuple[float, ...] | None = None,
+    plots: bool = True,
+    workers: int = 1,
+    cluster: str | None = None,
+    console: Console | None = None,
+) -> dict[str, Any]:
+    """Trace transmitters to a grid of receivers over a plan, and write all about it into a folder.
+
+    The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and
+    `NAME_tx_pos.csv` as mmwRobotNav has them; pictures of each transmitter; `trace.json`. Run again after an
+    interruption it goes on, to the same files.
+
+    Args:
+        plan: Where.
+        config: How.
+        out: The folder, made if it is missing.
+        tx: Transmitters [m], with or without height.
+        grid_m: Step between receivers [m].
+        rx: Receiver whose rays are drawn; one with many paths if not given.
+        plots: Whether to draw pictures.
+        workers: Processes. The results do not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown; nowhere if not given.
+
+    Returns:
+        What `trace.json` holds.
+
+    Raises:
+        ValueError: If a position or the grid does not fit.
+        FolderError: If the folder belongs to other settings or another process is at work in it.
+        MapError: If the plan has no free area.
+    """
+    check_step(grid_m)
+    out, console = Path(out), console or Console(quiet=True)
+    check_terminals(tx, rx, config.height_m)
+    scene, senders = _prepare(plan, config, tx, console)
+    asked = None if rx is None else scene.places((rx,), "rx")[0]
+    grid = receiver_grid(scene.building, grid_m, config.height_m)
+    links = LinkGrid(plan, config, grid_m, senders, grid.position)
+    with run_folder(out, "trace", _settings(scene, senders, grid)):
+        with link_progress(console, len(senders) * len(grid.position), out) as progress:
+            path = links.trace(out, workers=workers, cluster=cluster, report=progress.report)
+        seconds = progress.seconds
+        states = _write_formats(scene, senders, grid, path, out, console)
+        if plots:
+            for i in range(len(senders)):
+                with console.status(f"drawing transmitter {i + 1} of {len(senders)} ..."):
+                    _plot(scene, grid, read_transmitter(path, i), i, asked, out)
+        result = {
+            "plan": plan.name,
+            "tx_m": senders,
+            "receivers": len(grid.position),
+            "links": len(senders) * len(grid.position),
+            "states": {one.name.lower(): int(states[one]) for one in LinkState},
+            "deepmimo": scenario_name(plan.name),
+            "config": asdict(config),
+            "timing": {
+                "seconds": round(seconds, 3),
+                "traced": progress.new,
+                "links_per_s": round(progress.new / seconds, 1),
+            },
+        }
+        write_json(out / "trace.json", result)
+    return result
+
+
+def trace_link(
+    plan: FloorPlan,
+    config: RadioConfig,
+    out: Path,
+    *,
+    tx: tuple[tuple[float, ...], ...],
+    rx: tuple[float, ...],
+    console: Console | None = None,
+) -> Paths:
+    """Trace transmitters to one receiver; writes `paths.parquet`, and the rays of each as a picture.
+
+    Raises:
+        ValueError: If a position does not fit.
+        FolderError: If the folder holds a grid.
+        MapError: If the plan has no free area.
+    """
+    out, console = Path(out), console or Console(quiet=True)
+    check_terminals(tx, rx, config.height_m)
+    with run_folder(out, "trace --rx"):
+        scene, senders = _prepare(plan, config, tx, console)
+        paths = scene.tracer.trace(senders, scene.places((rx,), "rx"))
+        with whole_file(out / "paths.parquet") as partial:
+            paths.write_parquet(partial)
+        for i in range(len(senders)):
+            plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
+    return paths
+
+
+def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
+    """Complain of terminals in one place.
+
+    Args:
+        tx: Transmitters [m], with or without height.
+        rx: A receiver, if one is asked for.
+        height_m: Height of those that do not say theirs.
+
+    Raises:
+        ValueError: If there is no transmitter, one is given twice, or the receiver is at one.
+    """
+    check_some("tx", tx, "at least one transmitter, such as --tx 2.0,1.5")
+    places = [tuple([*place, height_m][:3]) for place in tx]
+    for number, at in enumerate(places):
+        if at in places[:number]:
+            raise ValueError(f"tx {_told(at)} is given twice. Leave one of them out.")
+        if rx is not None and math.dist(at, [*rx, height_m][:3]) < APART_M:
+            raise ValueError(
+                f"rx {_told(rx)} is where tx {_told(at)} is, and a path needs some length. Move one of them by "
+                f"{1000 * APART_M:g} mm or more."
+            )
+
+
+def _told(at: tuple[float, ...]) -> str:
+    return f"({', '.join(f'{value:g}' for value in at)}) m"
+
+
+def _prepare(
+    plan: FloorPlan, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
+) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
+    """The building, and where transmitters are; tells of those in small parts of it."""
+    with console.status("preparing the building ..."):
+        scene = RadioScene(plan, config)
+    senders = scene.places(tx, "tx")
+    for at in senders:
+        if told := scene.cut_off(at):
+            console.print(told, style="yellow", highlight=False)
+    return scene, senders
+
+
+def _settings(scene: RadioScene, senders: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:
+    """All that the paths depend on."""
+    return {
+        "plan": scene.building.plan.name,
+        "tolerance_m": scene.config.building.tolerance_m,
+        "building_sha256": scene.digest,
+        "version": importlib.metadata.version("robosim"),
+        "frequency_hz": scene.config.frequency_hz,
+        **asdict(scene.config.tracer),
+        "tx_m": senders,
+        "receivers": len(grid.position),
+        "receivers_per_unit": UNIT_RX,
+        "receivers_sha256": hashlib.sha256(grid.position.tobytes()).hexdigest()[:16],
+    }
+
+
+def _write_formats(
+    scene: RadioScene,
+    senders: Float[np.ndarray, "n 3"],
+    grid: ReceiverGrid,
+    path: Path,
+    out: Path,
+    console: Console,
+) -> Int[np.ndarray, "4"]:
+    """Write the paths as a DeepMIMO scenario and as CSV files; how many links have each state."""
+    config, name = scene.config, scene.building.plan.name
+    states, reached = np.zeros(4, np.int64), np.zeros(len(grid.position), bool)
+    with (
+        whole_folder(deepmimo_folder(out, name)) as folder,
+        console.status("writing ...") as status,
+    ):
+        for i in range(len(senders)):
+            status.update(f"writing transmitter {i + 1} of {len(senders)} ...")
+            paths = read_transmitter(path, i)
+            states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
+            reached |= paths.count()[i] > 0
+            write_files(folder, deepmimo_paths(scene, paths, i))
+            write_files(out, csv_files(scene, grid, paths, i))
+        write_files(folder, deepmimo_scene(scene, len(senders), len(grid.position), int(reached.sum())))
+    write_files(out, transmitters_file(name, senders))
+    return states
+
+
+def _plot(
+    scene: RadioScene,
+    grid: ReceiverGrid,
+    paths: Paths,
+    tx: int,
+    asked: Float[np.ndarray, "3"] | None,
+    out: Path,
+) -> None:
+    """Draw one transmitter, with the rays to the receiver asked for or to a chosen one."""
+    if asked is None:
+        link = paths, tx, choose_link(paths, tx)
+    else:
+        link = scene.tracer.trace(paths.tx_position[tx : tx + 1], asked[None]), 0, 0
+    plot_grid(
+        out,
+        f"_tx{tx + 1}",
+        scene.building,
+        grid,
+        paths,
+        tx,
+        link=link,
+        tx_power_dbm=scene.config.tx_power_dbm,
+        threshold_db=scene.config.threshold_db,
+    )

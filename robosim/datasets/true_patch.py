@@ -1,0 +1,133 @@
+"""The truth about the cells ahead of a robot: what stands there, and which of them the camera can see.
+
+The patch of `slam.egocentric`, for training mappers and judging them. The building's horizontal section is rastered
+once, finely; a cell of the patch is an obstacle if any of it is solid, since a robot can be stopped by a sliver. A
+cell is seen if a ray in the section comes to it: within the camera's field of view, within the range, and no
+farther than the first wall. Behind that is the hidden part, which can only be anticipated.
+
+Most of what is solid can never be seen: the inside of thick walls, the ground around the building. Cells "matter" if
+they are floor, or solid within a hand's breadth of floor; scores count these only.
+Left out: things lower than the camera, which it looks over; the section is taken to be the same at all heights of the
+robot, as it is in buildings with furniture up to the ceiling.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from robosim.building.building import Building
+from robosim.plans.formats.scanline import winding_numbers
+from robosim.robot.collision import wall_segments
+from slam.egocentric import AHEAD
+from slam.grid import GridFrame
+from wireless.compiled import compiled
+
+#: Index of each channel of a true patch.
+OBSTACLE, SEEN, MATTERS = 0, 1, 2
+
+#: Side of the cells of the raster [m]; a quarter of the patch's.
+FINE_M = 0.0125
+#: Solid this near to floor counts as the face of a wall [m].
+FACE_M = 0.10
+#: Angle between rays [rad]: 13 mm at 3.2 m.
+RAY_RAD = 0.004
+
+_FREE, _FACE, _INSIDE = 0, 1, 2
+
+
+class TruePatches:
+    """The true patch at any pose in one building."""
+
+    def __init__(
+        self,
+        building: Building,
+        *,
+        hfov_deg: float = 90.0,
+        range_m: float = 3.2,
+        patch: GridFrame = AHEAD,
+    ) -> None:
+        """Raster the building's section.
+
+        Args:
+            building: Its `free` area is the section.
+            hfov_deg: Horizontal field of view of the camera [deg].
+            range_m: How far is looked [m].
+            patch: The cells asked for, in the robot's frame.
+        """
+        self.patch = patch
+        self._half_fov, self._range_m = math.radians(hfov_deg) / 2, range_m
+        xmin, ymin, xmax, ymax = building.free.bounds
+        margin = FACE_M + 2 * FINE_M
+        self._origin = (xmin - margin, ymin - margin)
+        shape = tuple(
+            math.ceil((high - low + 2 * margin) / FINE_M) for low, high in ((ymin, ymax), (xmin, xmax))
+        )
+        walls = (wall_segments(building.free) - self._origin) / FINE_M
+        free = winding_numbers(walls[:, 0], walls[:, 1], shape) != 0
+        gap_m = cv2.distanceTransform((~free).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * FINE_M
+        self._section = np.where(free, _FREE, np.where(gap_m <= FACE_M, _FACE, _INSIDE)).astype(np.uint8)
+
+    def at(self, pose: Float[np.ndarray, "3"]) -> Bool[np.ndarray, "3 ny nx"]:
+        """The patch at a true pose x [m], y [m], yaw [rad] in `map`.
+
+        Returns:
+            Channels obstacle, seen, matters. The hidden part is what matters and is not seen.
+        """
+        place = np.array([pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2]])
+        patch = self.patch
+        out = np.zeros((3, *patch.shape), np.bool_)
+        corner = np.array([*patch.origin_xy, patch.resolution_m])
+        _fill(self._section, place, corner, self._half_fov, self._range_m, out)
+        return out
+
+
+@compiled
+def _kind(section: UInt8[np.ndarray, "h w"], x: float, y: float) -> int:
+    """What is at a point [m] from the corner of the raster."""
+    column, row = math.floor(x / FINE_M), math.floor(y / FINE_M)
+    if row < 0 or column < 0 or row >= section.shape[0] or column >= section.shape[1]:
+        return _INSIDE
+    return section[row, column]
+
+
+@compiled
+def _fill(
+    section: UInt8[np.ndarray, "h w"],
+    pose: Float[np.ndarray, "3"],
+    corner: Float[np.ndarray, "3"],
+    half_fov: float,
+    range_m: float,
+    out: Bool[np.ndarray, "3 ny nx"],
+) -> None:
+    """Look up the cells, then follow the rays."""
+    _, ny, nx = out.shape
+    x0, y0, cell = corner
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    for iy in range(ny):
+        for ix in range(nx):
+            for k in range(16):
+                ahead = x0 + (ix + (k % 4 + 0.5) / 4) * cell
+                left = y0 + (iy + (k // 4 + 0.5) / 4) * cell
+                kind = _kind(section, pose[0] + c * ahead - s * left, pose[1] + s * ahead + c * left)
+                if kind != _FREE:
+                    out[OBSTACLE, iy, ix] = True
+                if kind != _INSIDE:
+                    out[MATTERS, iy, ix] = True
+    rays = math.ceil(2 * half_fov / RAY_RAD)
+    step = 0.8 * FINE_M
+    for ray in range(rays):
+        bearing = -half_fov + (ray + 0.5) * 2 * half_fov / rays
+        ux, uy = math.cos(bearing), math.sin(bearing)
+        for k in range(1, math.floor(range_m / step) + 1):
+            ahead, left = k * step * ux, k * step * uy
+            solid = _kind(section, pose[0] + c * ahead - s * left, pose[1] + s * ahead + c * left) != _FREE
+            ix, iy = math.floor((ahead - x0) / cell), math.floor((left - y0) / cell)
+            if 0 <= ix < nx and 0 <= iy < ny:
+                out[SEEN, iy, ix] = True
+                if solid:
+                    out[OBSTACLE, iy, ix] = True
+                    out[MATTERS, iy, ix] = True
+            if solid:
+                break

@@ -1,0 +1,169 @@
+"""Pictures of what a receiver measures of one link: power over directions, beside its rays.
+
+Power is that of the strongest delay, for each beam of the transmitter and each azimuth that the receiver looks
+to: the array that faces there, its ports matched to a level wave. Both antennas' gains are in it. True paths are
+circles, the larger the stronger, estimated ones crosses with their rank; where paths lie closer than a beam, a
+receiver sees the sum of their fields.
+"""
+
+import numpy as np
+from jaxtyping import Complex, Float
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from robosim.building.building import Building
+from robosim.drawing.radio import STATES, draw_rays
+from wireless.estimates import PathEstimates, wrapped
+from wireless.paths import LinkState, Paths
+from wireless.sounding import Sounder
+
+#: True paths are drawn down to this far under the strongest [dB].
+SHOWN_DB = 30.0
+#: Steps of the receiver's looks [deg].
+STEP_DEG = 1.0
+#: Pictures reach this far under the strongest power [dB], or to the noise.
+RANGE_DB = 60.0
+
+
+def choose_telling(paths: Paths, state: LinkState) -> int | None:
+    """A link whose picture has most to show: strong paths from many sides.
+
+    Args:
+        paths: Paths of links.
+        state: State that it has.
+
+    Returns:
+        Number of the link (`Paths.link`); None if none has this state.
+    """
+    mine = np.flatnonzero(paths.link_state().ravel() == state)
+    if not len(mine):
+        return None
+    many = paths.count().size
+    first = np.full(many, -np.inf)
+    first[paths.link[paths.rank == 0]] = paths.power_db[paths.rank == 0]
+    strong = paths.select(paths.power_db >= first[paths.link] - 20.0)
+    count = np.maximum(np.bincount(strong.link, minlength=many), 1)
+    spread = np.zeros(many)
+    for azimuth in (strong.aoa_az, strong.aod_az):
+        east, north = (np.bincount(strong.link, f(azimuth), many) / count for f in (np.cos, np.sin))
+        spread += 1 - np.hypot(east, north)
+    # Up to six paths in different directions can be told apart by eye.
+    worth = spread * np.minimum(count, 6)
+    return int(mine[np.argmax(worth[mine])])
+
+
+def power_over_directions(
+    sounder: Sounder, tensor: Complex[np.ndarray, "window kept beams"]
+) -> tuple[Float[np.ndarray, " looks"], Float[np.ndarray, "looks beams"]]:
+    """Azimuths the receiver looks to [rad], and power received there from each beam [dBm].
+
+    Args:
+        sounder: What measured.
+        tensor: The measurement of one link.
+    """
+    azimuth = np.deg2rad(np.arange(-180.0, 180.0, STEP_DEG) + STEP_DEG / 2)
+    arrays = len(sounder.rx.platform.face_rad)
+    signature = sounder.rx_response(azimuth).reshape(len(azimuth), arrays, -1)
+    size = np.linalg.norm(signature, axis=-1)
+    facing = size.argmax(axis=1)
+    looks = np.arange(len(azimuth))
+    match = signature[looks, facing] / size[looks, facing, None]
+    ports = tensor.reshape(len(tensor), arrays, -1, tensor.shape[-1])
+    power = np.empty((len(azimuth), tensor.shape[-1]))
+    for array in range(arrays):
+        mine = facing == array
+        field = np.einsum("ap,lpb->alb", match[mine].conj(), ports[:, array])
+        power[mine] = (np.abs(field) ** 2).max(axis=1)
+    c = sounder.config
+    return azimuth, 10 * np.log10(np.maximum(power, 1e-30)) + c.tx_power_dbm - c.snr_per_gain_db
+
+
+def link_figure(
+    building: Building, paths: Paths, link: int, sounder: Sounder, tensor: np.ndarray, found: PathEstimates
+) -> Figure:
+    """Rays of a link on the plan, and received power over both directions with true and estimated paths.
+
+    Args:
+        building: The walls.
+        paths: Paths of links.
+        link: Number of the link to draw.
+        sounder: What measured it, its terminals turned as the scene.
+        tensor: The measurement of this link.
+        found: Estimated paths of this link.
+    """
+    tx, rx = divmod(link, len(paths.rx_position))
+    figure = Figure(figsize=(14.5, 6.4), layout="constrained")
+    left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
+    draw_rays(left, building, paths, tx, rx, sounder.config.tx_power_dbm)
+    draw_directions(right, paths.between(tx, rx), sounder, tensor, found)
+    return figure
+
+
+def draw_directions(
+    axes: Axes, link: Paths, sounder: Sounder, tensor: np.ndarray, found: PathEstimates
+) -> None:
+    """Received power over directions of arrival and departure, with paths marked.
+
+    Args:
+        axes: Where to.
+        link: True paths of the link.
+        sounder: What measured it.
+        tensor: The measurement.
+        found: Estimated paths.
+    """
+    azimuth, power = power_over_directions(sounder, tensor)
+    order = np.argsort(sounder.tx.beam_rad)
+    order = np.append(order, order[0])  # the circle of beams closes
+    beam = np.rad2deg(np.unwrap(sounder.tx.beam_rad[order]))
+    top = float(power.max())
+    noise = sounder.config.tx_power_dbm - sounder.config.snr_per_gain_db
+    image = axes.pcolormesh(
+        np.rad2deg(azimuth),
+        beam,
+        power[:, order].T,
+        shading="nearest",
+        cmap="cividis",
+        vmin=max(noise, top - RANGE_DB),
+        vmax=top,
+        rasterized=True,
+    )
+    axes.figure.colorbar(image, ax=axes, label="received power [dBm]", extend="min")
+    under = link.power_db.max(initial=-np.inf) - link.power_db
+    shown = under <= SHOWN_DB
+    axes.scatter(
+        np.rad2deg(wrapped(link.aoa_az[shown])),
+        np.rad2deg(wrapped(link.aod_az[shown])),
+        s=160 * (1 - under[shown] / SHOWN_DB) + 12,
+        facecolor="none",
+        edgecolor="white",
+        linewidth=1.3,
+        label=f"true path, down to {SHOWN_DB:g} dB under the strongest",
+    )
+    n = int(found.count[0])
+    aoa, aod = np.rad2deg(found.aoa_rad[0, :n]), np.rad2deg(found.aod_rad[0, :n])
+    axes.plot(aoa, aod, "x", color="#D55E00", ms=9, mew=2.2, label="estimated path, by rank")
+    for i in range(n):
+        axes.annotate(
+            f"{i + 1}",
+            (aoa[i], aod[i]),
+            (6, 5),
+            textcoords="offset points",
+            color="#D55E00",
+            weight="bold",
+        )
+    axes.set(xlim=(-180, 180), ylim=(-180, 180))
+    axes.set_xticks(range(-180, 181, 60))
+    axes.set_yticks(range(-180, 181, 60))
+    axes.set_xlabel("azimuth of arrival at the receiver [degrees from +x]")
+    axes.set_ylabel("azimuth of departure, by beam of the transmitter [degrees from +x]")
+    state = STATES.get(LinkState(int(link.link_state().max())), ("outage", ""))[0]
+    axes.set_title(f"received power over directions ({state})", fontsize=10)
+    axes.legend(
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.11),
+        ncols=2,
+        fontsize=8,
+        frameon=True,
+        facecolor="0.45",
+        labelcolor="white",
+    )

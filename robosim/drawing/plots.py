@@ -1,0 +1,94 @@
+"""Pictures of results by matplotlib, drawn without a display."""
+
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from robosim.building.building import Building
+from robosim.building.reach import Reach
+from robosim.support.files import whole_file
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import ARRIVAL_M
+from slam.grid import MapEstimate
+
+WALL = "#56B4E9"
+TRUE = "#009E73"
+ESTIMATE = "#E69F00"
+TARGET = "#D55E00"
+
+
+def save_figure(figure: Figure, path: Path) -> None:
+    """Write a figure, whole or not at all, and free it."""
+    with whole_file(path) as partial:
+        figure.savefig(partial, dpi=130)
+    plt.close(figure)
+
+
+def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
+    """Draw plan, built map, both trajectories and the target of an episode."""
+    figure, axes = plan_axes(building)
+    shade = np.full(estimate.obstacle.shape, 0.85)
+    shade[estimate.explored] = 1.0
+    shade[estimate.obstacle] = 0.15
+    x, y = estimate.frame.origin_xy
+    height, width = np.array(shade.shape) * estimate.frame.resolution_m
+    axes.imshow(
+        shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(x, x + width, y, y + height), zorder=0
+    )
+    draw_walls(axes, building)
+    poses, estimates = np.array(log.poses), np.array(log.estimates)
+    axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
+    axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
+    axes.plot(*poses[0, :2], "o", color=TRUE, label="start")
+    axes.plot(*log.task.target, "*", color=TARGET, ms=13, label="target")
+    axes.add_patch(plt.Circle(tuple(log.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    result = log.result()
+    axes.set_title(
+        f"{building.plan.name}: {log.ended} after {log.steps} steps, {result['path_length_m']:.1f} m "
+        f"(shortest {log.task.shortest_m:.1f} m), {100 * result['coverage']:.0f} % seen, "
+        f"pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
+        fontsize=9,
+        parse_math=False,  # names may have dollars in them
+    )
+    axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
+    save_figure(figure, path)
+
+
+def plot_plan(path: Path, building: Building, places: Reach) -> None:
+    """Draw a plan's walls and what parts of its floor a hull can drive through, each in its own colour."""
+    figure, axes = plan_axes(building)
+    draw_walls(axes, building)
+    parts = places.plan.centres(places.parts > 0)
+    number = places.parts[places.parts > 0]
+    axes.scatter(parts[:, 0], parts[:, 1], c=(number - 1) % 10, cmap="tab10", vmin=0, vmax=9, s=1.5, lw=0)
+    axes.set_title(
+        f"{building.plan.name}: {building.free.area:.1f} m2 of free floor; places of a hull of radius "
+        f"{places.radius_m} m in {places.n_parts} part(s)",
+        fontsize=9,
+        parse_math=False,
+    )
+    save_figure(figure, path)
+
+
+def plan_axes(building: Building) -> tuple[Figure, Axes]:
+    """Figure and axes in metres that show a whole plan."""
+    west, south, east, north = building.free.bounds
+    aspect = (north - south + 1) / (east - west + 1)
+    width = 8.0 if aspect < 1.3 else 8.0 / aspect * 1.3
+    figure, axes = plt.subplots(figsize=(width, np.clip(width * aspect + 0.6, 3, 12)), layout="constrained")
+    axes.set_aspect("equal")
+    axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5), xlabel="x [m]", ylabel="y [m]")
+    axes.set_facecolor("0.85")
+    return figure, axes
+
+
+def draw_walls(axes: Axes, building: Building) -> None:
+    """Draw walls and furniture from above."""
+    axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9))

@@ -1,0 +1,346 @@
+"""Pictures of traced radio over a floor plan: power, link state, direction of arrival, rays of one link.
+
+Colours are told apart by the colour-blind: states after Okabe and Ito, power in cividis, angles in twilight,
+which is the same at both ends.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+import shapely
+from jaxtyping import Float, UInt8
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PathCollection, QuadMesh
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import BoundaryNorm, ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.path import Path as PathOutline
+
+from robosim.building.building import Building
+from robosim.drawing.plots import save_figure
+from robosim.radio.receivers import ReceiverGrid
+from wireless.paths import Interaction, LinkState, Paths
+
+WALL = "0.25"
+TX_COLOUR, RX_COLOUR = "#CC0000", "#009E73"
+STATES = {
+    LinkState.LOS: ("line of sight", "#0072B2"),
+    LinkState.FIRST_ORDER: ("first-order NLOS", "#56B4E9"),
+    LinkState.HIGHER_ORDER: ("higher-order NLOS", "#E69F00"),
+}
+KINDS = {
+    Interaction.REFLECTION: ("reflection", "o"),
+    Interaction.DIFFRACTION: ("diffraction", "^"),
+    Interaction.TRANSMISSION: ("transmission", "s"),
+}
+#: Arrows of arrival are about this far apart, as a share of the plan's longer side.
+ARROW_SHARE = 1 / 28
+_NO_PATH: dict[str, Any] = {"facecolor": "0.97", "edgecolor": "0.8", "hatch": "/////", "linewidth": 0}
+
+
+def plot_grid(
+    folder: Path,
+    suffix: str,
+    building: Building,
+    grid: ReceiverGrid,
+    paths: Paths,
+    tx: int,
+    *,
+    tx_power_dbm: float,
+    threshold_db: float,
+    link: tuple[Paths, int, int],
+) -> list[Path]:
+    """Draw what one transmitter sends to a grid of receivers, and the rays of one link.
+
+    Args:
+        folder: Where to.
+        suffix: At the end of the files' names.
+        building: The walls.
+        grid: The receivers.
+        paths: Paths of this transmitter to them.
+        tx: Number of the transmitter.
+        tx_power_dbm: Power sent.
+        threshold_db: Paths of less power gain do not count for link states.
+        link: Paths, transmitter and receiver, for the rays.
+
+    Returns:
+        The files: power, state, aoa, rays, and overview, which has all four.
+    """
+    first = paths.select((paths.tx == tx) & (paths.rank == 0))
+    state = paths.link_state(threshold_db)[tx]
+    at = paths.tx_position[tx]
+    draw: dict[str, Callable[[Axes], None]] = {
+        "power": lambda axes: draw_power(axes, building, grid, first, at, tx_power_dbm),
+        "state": lambda axes: draw_state(axes, building, grid, state, at),
+        "aoa": lambda axes: draw_arrival(axes, building, grid, first, at),
+        "rays": lambda axes: draw_rays(axes, building, *link, tx_power_dbm),
+    }
+    files = [folder / f"{name}{suffix}.png" for name in (*draw, "overview")]
+    for file, one in zip(files[:-1], draw.values(), strict=True):
+        figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
+        one(axes)
+        save_figure(figure, file)
+    save_figure(_overview(building, list(draw.values())), files[-1])
+    return files
+
+
+def plot_rays(path: Path, building: Building, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
+    """Draw the paths of one link."""
+    figure, axes = plt.subplots(figsize=_size(building, 1), layout="constrained")
+    draw_rays(axes, building, paths, tx, rx, tx_power_dbm)
+    save_figure(figure, path)
+
+
+def choose_link(paths: Paths, tx: int) -> int:
+    """A receiver whose rays are worth a look: out of sight, with many paths that turn at places far apart."""
+    count = paths.count()[tx]
+    hidden = paths.link_state()[tx] != LinkState.LOS
+    worth = np.where(hidden, count, 0) if (count[hidden] > 0).any() else count
+    mine = paths.select(paths.tx == tx)
+    turns = mine.interaction != Interaction.NONE
+    rx, point = np.repeat(mine.rx, turns.sum(axis=1)), mine.point[turns][:, :2]
+    number = np.maximum(np.bincount(rx, minlength=len(worth)), 1)
+    off = (
+        point
+        - np.column_stack([np.bincount(rx, weights=x, minlength=len(worth)) / number for x in point.T])[rx]
+    )
+    xx, yy, xy = (
+        np.bincount(rx, weights=off[:, i] * off[:, j], minlength=len(worth)) / number
+        for i, j in ((0, 0), (1, 1), (0, 1))
+    )
+    spread = xx * yy - xy**2  # of an area, which places along one line do not have
+    return int(np.argmax(np.where(2 * worth >= worth.max(), spread, -1.0)))
+
+
+def draw_power(
+    axes: Axes,
+    building: Building,
+    grid: ReceiverGrid,
+    first: Paths,
+    tx_position: Float[np.ndarray, "3"],
+    tx_power_dbm: float,
+) -> None:
+    """Received power of the strongest path."""
+    values = np.full(len(grid.position), np.nan)
+    values[first.rx] = tx_power_dbm + first.power_db
+    known = values[np.isfinite(values)]
+    low, high = np.percentile(known, [1, 99.5]) if len(known) else (0, 1)
+    image = _cells(axes, grid, values, cmap="cividis", vmin=low, vmax=high)
+    _bar(axes, image, f"received power [dBm], {tx_power_dbm:g} dBm sent", extend="both")
+    _shade_free(axes, building)
+    _frame(axes, building, "power of the strongest path")
+    _mark(axes, tx_position)
+    _legend(axes, [_tx_handle(), _nothing_handle("no path")])
+
+
+def draw_state(
+    axes: Axes,
+    building: Building,
+    grid: ReceiverGrid,
+    state: UInt8[np.ndarray, " n"],
+    tx_position: Float[np.ndarray, "3"],
+    title: str = "link state",
+) -> None:
+    """Link states, and how many links have each."""
+    colours = ListedColormap([STATES.get(one, ("", "white"))[1] for one in LinkState])
+    reached = np.where(state == LinkState.OUTAGE, np.nan, state)
+    _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 4), 4))
+    _shade_free(axes, building)
+    _frame(axes, building, title)
+    _mark(axes, tx_position)
+    share = 100 * np.bincount(state, minlength=4) / len(state)
+    _legend(
+        axes,
+        [
+            _tx_handle(),
+            *(
+                Patch(facecolor=colour, edgecolor=WALL, lw=0.4, label=f"{name} ({share[one]:.0f} %)")
+                for one, (name, colour) in STATES.items()
+            ),
+            _nothing_handle(f"outage ({share[LinkState.OUTAGE]:.0f} %)"),
+        ],
+    )
+
+
+def draw_arrival(
+    axes: Axes,
+    building: Building,
+    grid: ReceiverGrid,
+    first: Paths,
+    tx_position: Float[np.ndarray, "3"],
+) -> None:
+    """Azimuth from which the strongest path arrives, as colour, and as arrows that point there."""
+    values = np.full(len(grid.position), np.nan)
+    values[first.rx] = np.degrees(first.aoa_az)
+    image = _cells(axes, grid, values, cmap="twilight", vmin=-180, vmax=180)
+    bar = _bar(axes, image, "azimuth of arrival [degrees from +x]")
+    bar.set_ticks([-180, -90, 0, 90, 180])
+    _shade_free(axes, building)
+    _frame(axes, building, "direction of arrival of the strongest path")
+    step_m = float(np.hypot(*(grid.edges[0, 1] - grid.edges[0, 0])))
+    every = max(1, round(ARROW_SHARE * max(_extent(building)) / step_m))
+    cell = grid.cell[first.rx]
+    some = np.all(cell % every == every // 2, axis=1)
+    at, angle = grid.position[first.rx][some, :2], first.aoa_az[some]
+    for colour, width in (("white", 0.025), ("black", 0.011)):
+        axes.quiver(
+            *at.T,
+            np.cos(angle),
+            np.sin(angle),
+            color=colour,
+            angles="xy",
+            pivot="mid",
+            scale_units="xy",
+            scale=1 / (0.8 * every * step_m),
+            units="inches",
+            width=width,
+            headwidth=3.5 if colour == "black" else 2.6,
+            zorder=4,
+        )
+    _mark(axes, tx_position)
+    arrow = Line2D(
+        [], [], color="black", marker=r"$\rightarrow$", ms=10, lw=0, label="points to where it is from"
+    )
+    _legend(axes, [_tx_handle(), arrow, _nothing_handle("no path")])
+
+
+def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
+    """All paths of one link from above, coloured by power."""
+    link, ends = paths.between(tx, rx), (paths.tx_position[tx], paths.rx_position[rx])
+    power = tx_power_dbm + link.power_db
+    lines = [
+        np.vstack([ends[0][:2], link.point[i, : link.order[i], :2], ends[1][:2]])
+        for i in reversed(range(len(link)))  # the strongest one on top
+    ]
+    # The palest end of the scale would hardly show on white.
+    shades = ListedColormap(plt.get_cmap("viridis_r")(np.linspace(0.12, 1, 256)))
+    rays = LineCollection(lines, cmap=shades, linewidths=1.1, zorder=3)
+    rays.set_array(power[::-1])
+    axes.add_collection(rays)
+    if len(link):
+        _bar(axes, rays, f"received power [dBm], {tx_power_dbm:g} dBm sent")
+    handles = [
+        _tx_handle(),
+        Line2D([], [], marker="P", color=RX_COLOUR, mec="white", ms=9, lw=0, label="receiver"),
+    ]
+    for kind, (name, marker) in KINDS.items():
+        spots = link.point[link.interaction == kind][:, :2]
+        if len(spots):
+            style: dict[str, Any] = {
+                "marker": marker,
+                "mfc": "white",
+                "mec": "black",
+                "mew": 0.7,
+                "ms": 4.5,
+                "lw": 0,
+            }
+            axes.plot(*spots.T, **style, zorder=5)
+            handles.append(Line2D([], [], **style, label=name))
+    _mark(axes, ends[0])
+    axes.plot(*ends[1][:2], "P", color=RX_COLOUR, mec="white", ms=9, zorder=7)
+    state = STATES.get(LinkState(int(link.link_state()[tx, rx])), ("outage", ""))[0]
+    many = "1 path" if len(link) == 1 else f"{len(link)} paths"
+    _frame(axes, building, f"{many} of one link ({state})")
+    _zoom(axes, np.vstack([ends[0][:2], ends[1][:2], *lines]))
+    _legend(axes, handles)
+
+
+def _overview(building: Building, draw: list[Callable[[Axes], None]]) -> Figure:
+    figure, axes = plt.subplots(2, 2, figsize=_size(building, 2), layout="constrained")
+    for one, part in zip(draw, axes.ravel(), strict=True):
+        one(part)
+    return figure
+
+
+def _extent(building: Building) -> tuple[float, float]:
+    west, south, east, north = building.free.bounds
+    return east - west, north - south
+
+
+def _size(building: Building, across: int) -> tuple[float, float]:
+    """Width and height of a figure [inches] of so many plans beside each other, each with bar and legend."""
+    width, height = _extent(building)
+    scale = (7.0 if across == 1 else 5.0) / max(width, height)
+    return across * (max(width * scale, 3.2) + 1.5), across * (max(height * scale, 2.4) + 1.2)
+
+
+def _shade_free(axes: Axes, building: Building) -> None:
+    """Free floor as it looks where no path arrives."""
+    outlines = [
+        PathOutline.make_compound_path(
+            *(PathOutline(shapely.get_coordinates(ring), closed=True) for ring in shapely.get_rings(part))
+        )
+        for part in building.free.geoms
+    ]
+    axes.add_collection(PathCollection(outlines, zorder=0, **_NO_PATH))
+
+
+def _cells(axes: Axes, grid: ReceiverGrid, values: Float[np.ndarray, " n"], **style: Any) -> QuadMesh:
+    """Colour the cells of the receivers that have a value."""
+    full = np.full(grid.shape, np.nan)
+    full[tuple(grid.cell.T)] = values
+    return axes.pcolormesh(grid.edges[..., 0], grid.edges[..., 1], full, rasterized=True, zorder=2, **style)
+
+
+def _bar(axes: Axes, values: ScalarMappable, label: str, **style: Any) -> Colorbar:
+    """Colour bar as high as the axes."""
+    beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
+    return axes.figure.colorbar(values, cax=beside, label=label, **style)
+
+
+def _frame(axes: Axes, building: Building, title: str) -> None:
+    """Walls, axes in metres, and a title."""
+    west, south, east, north = building.free.bounds
+    margin = 0.03 * max(east - west, north - south)
+    axes.set_aspect("equal")
+    axes.set(xlim=(west - margin, east + margin), ylim=(south - margin, north + margin))
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.set_title(f"{building.plan.name}: {title}", fontsize=10, parse_math=False)
+    axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9, zorder=3))
+
+
+def _zoom(axes: Axes, points: Float[np.ndarray, "n 2"]) -> None:
+    """Show no more than some points need, and not less than a third of the plan."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    whole = np.array([axes.get_xlim(), axes.get_ylim()])
+    half = np.ptp(points, axis=0) / 2 + 1.0
+    share = max((half / (np.ptp(whole, axis=1) / 2)).max(), 1 / 3)
+    if share < 1:
+        half = share * np.ptp(whole, axis=1) / 2
+        middle = np.clip(middle, whole[:, 0] + half, whole[:, 1] - half)
+        axes.set(
+            xlim=(middle[0] - half[0], middle[0] + half[0]), ylim=(middle[1] - half[1], middle[1] + half[1])
+        )
+
+
+def _mark(axes: Axes, tx_position: Float[np.ndarray, "3"]) -> None:
+    axes.plot(*tx_position[:2], "*", color=TX_COLOUR, mec="white", mew=0.8, ms=15, zorder=7)
+
+
+def _tx_handle() -> Line2D:
+    return Line2D([], [], marker="*", color=TX_COLOUR, mec="white", ms=13, lw=0, label="transmitter")
+
+
+def _nothing_handle(label: str) -> Patch:
+    return Patch(label=label, **_NO_PATH)
+
+
+def _legend(axes: Axes, handles: list) -> None:
+    """Legend below the axes, where it hides nothing."""
+    axes.legend(
+        handles=handles,
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.11),
+        ncols=3,
+        fontsize=8,
+        frameon=False,
+        handletextpad=0.5,
+        columnspacing=1.2,
+    )

@@ -1,1 +1,0 @@
-"""Readers of floor plans, one file format each; `robosim.planfiles` picks among them."""

@@ -1,0 +1,232 @@
+"""Invented buildings: a floor plan from a seed.
+
+Size and number of rooms are drawn from distributions fitted to scanned homes, rooms are laid out and
+furnished, the whole is turned by an angle and put on a grid. What no robot can enter is closed at the end,
+so that the free space is one piece, and one piece for the centre of the robot's hull too.
+
+The same seed and configuration give the same plan, bit for bit. With ``navigable=True`` the same building
+comes as the published grids of scanned homes do: free where an agent of 0.1 m radius may stand, with walls
+through the outermost free cells. Left out: storeys, windows, what furniture looks like from above 0.2 m.
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from robosim.generator.building_style import STYLES
+from robosim.generator.canvas import Canvas
+from robosim.generator.furnish import furnish
+from robosim.generator.layout import Layout, lay_out
+from robosim.generator.rect import Rect
+from robosim.generator.rooms import hull_places, largest_piece
+from robosim.plans.files import write_ros
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.support.checks import SEED, check_choice, check_number, check_numbers
+
+#: Radius of the agent that the published navigable areas were made for [m].
+AGENT_RADIUS_M = 0.1
+#: Rim of wall around the building; beyond it all is unknown [m].
+OUTER_WALL_M = 0.25
+#: What the raster may take from each side of a door [m].
+RASTER_M = 0.06
+
+
+@dataclass(frozen=True, kw_only=True)
+class GeneratorConfig:
+    """What kind of building is invented. What is left at none is drawn from the seed."""
+
+    style: Literal["home", "office"] = "home"
+    """Home, or office: larger, with wide corridors and desks."""
+    area_m2: float | None = None
+    """Floor area of all rooms together, before furniture [m2]."""
+    rooms: int | None = None
+    """Number of rooms, corridors included."""
+    furniture: float | None = None
+    """Share of the usual furniture: 0 for an empty building, 1 for the usual, 2 for a crowded one."""
+    rotation_deg: float | None = None
+    """Angle from the grid's x axis to the building's [deg]."""
+    door_width_m: tuple[float, float] = (0.7, 1.0)
+    """Clear width of doors, narrowest and widest [m]."""
+    hull_radius_m: float = 0.18
+    """Radius of the robot that must get everywhere [m]."""
+    resolution_m: float = 0.05
+    """Side of a cell [m]."""
+    navigable: bool = False
+    """Free is where an agent of 0.1 m radius may stand, as in the published grids, rather than all floor."""
+
+    def __post_init__(self) -> None:
+        check_choice("style", self.style, STYLES)
+        check_numbers(
+            self,
+            area_m2=(4, 2000, "m2"),
+            rooms=(1, 100),
+            furniture=(0, 5),
+            rotation_deg=(-360, 360, "degrees"),
+            door_width_m=(0, 2, "m"),
+            hull_radius_m=(0.02, 1, "m"),
+            resolution_m=(0.01, 0.1, "m"),
+        )
+        narrowest, widest = self.door_width_m
+        least = self.passage_m + 2 * RASTER_M
+        if not least - 1e-9 <= narrowest <= widest:
+            raise ValueError(
+                f"door_width_m is {self.door_width_m}, expected a narrowest and a widest from {least:.2f} m "
+                f"(for a hull of {self.hull_radius_m:g} m radius) to 2 m. Widen the doors, or take "
+                "a smaller hull."
+            )
+
+    @property
+    def passage_m(self) -> float:
+        """Width that is kept free for the hull, even where an agent's radius is taken off all walls."""
+        return 2 * (self.hull_radius_m + AGENT_RADIUS_M) + 0.02
+
+
+def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> FloorPlan:
+    """Invent a building.
+
+    Args:
+        seed: Which one; equal seeds give equal plans.
+        config: What kind of building.
+
+    Returns:
+        A plan whose free cells are 4-connected, and so are the places of the hull's centre in it. Cells well
+        outside of the building are unknown.
+    """
+    check_number("seed", seed, *SEED, whole=True)
+    rng = np.random.default_rng(seed)
+    draft = _draft(rng, config)
+    style = STYLES[config.style]
+    layout = lay_out(rng, area_m2=draft.area_m2, rooms=draft.rooms, door_m=config.door_width_m, style=style)
+    canvas = Canvas(layout.bounds(), draft.yaw, config.resolution_m)
+    _paint(canvas, layout)
+    floor = canvas.free.copy()
+    density = draft.furniture * style.crowding
+    furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
+    return _plan(canvas.free, floor, f"{config.style}-{seed}", config)
+
+
+#: Seeds and kinds of the plans that come with the package; `write_shipped` makes them anew.
+SHIPPED = {
+    "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
+    "flat": (4, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "townhouse": (9, GeneratorConfig(area_m2=75, rooms=7, furniture=0.9)),
+    "villa": (13, GeneratorConfig(area_m2=150, rooms=12, furniture=0.9)),
+    "office": (22, GeneratorConfig(style="office")),
+}
+
+
+def write_shipped(folder: Path) -> None:
+    """Write the plans that come with the package, as ROS maps."""
+    for name, (seed, config) in SHIPPED.items():
+        write_ros(replace(generate_plan(seed, config=config), name=name), folder / f"{name}.yaml")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Draft:
+    """What is settled before rooms are laid out."""
+
+    area_m2: float
+    rooms: int
+    furniture: float
+    yaw: float
+
+
+def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
+    """Draw what the configuration leaves open; fixing one thing leaves the draws of the others alone."""
+    size, room_size, crowd, turn, empty = (
+        rng.random(),
+        rng.standard_normal(),
+        rng.random(),
+        rng.random(),
+        rng.random(),
+    )
+    if config.style == "office":
+        area_m2, typical_m2 = 120 + 280 * size, 18.0
+    else:
+        area_m2, typical_m2 = 76 * (-np.log1p(-np.clip(size, 0.01, 0.98))) ** (1 / 2.3), 12.0
+    area_m2 = config.area_m2 or max(14.0, float(area_m2))
+    typical_m2 *= (area_m2 / 70) ** 0.3
+    rooms = config.rooms or max(1, round(area_m2 / (typical_m2 * np.exp(0.4 * room_size))))
+    furniture = 0.2 * crowd if empty < 0.2 else 0.7 + 1.1 * crowd
+    if config.furniture is not None:
+        furniture = config.furniture
+    yaw = 2 * np.pi * turn if config.rotation_deg is None else np.radians(config.rotation_deg)
+    return _Draft(area_m2=area_m2, rooms=rooms, furniture=furniture, yaw=float(yaw))
+
+
+def _paint(canvas: Canvas, layout: Layout) -> None:
+    """Floor, bays and alcoves, slanted walls, and the holes of doors."""
+    for room in layout.rooms:
+        canvas.paint(room.floor.polygon(), free=True)
+    for _, floor in layout.recesses:
+        canvas.paint(floor, free=True)
+    for _, wedge in layout.wedges:
+        canvas.paint(wedge, free=False)
+    # Cells belong to a polygon by their centres: at worst half a diagonal is lost on either side.
+    rim = np.sqrt(0.5) * canvas.resolution_m
+    for opening in layout.openings:
+        x0, y0, x1, y1 = opening.hole
+        dx, dy = (rim, 0.0) if opening.along_x else (0.0, rim)
+        canvas.paint(Rect(x0 - dx, y0 - dy, x1 + dx, y1 + dy).polygon(), free=True)
+
+
+def _plan(free: np.ndarray, floor: np.ndarray, name: str, config: GeneratorConfig) -> FloorPlan:
+    """Turn painted cells into a plan in one piece.
+
+    Args:
+        free: Cells without walls and furniture.
+        floor: Cells without walls.
+        name: The plan's name.
+        config: Form of the plan.
+    """
+    if config.navigable:
+        from_wall_m = config.resolution_m * (_distance(free) - 0.5)
+        plan = FloorPlan(
+            occupancy=np.where(from_wall_m >= AGENT_RADIUS_M, FREE, OCCUPIED).astype(np.uint8),
+            resolution_m=config.resolution_m,
+            name=name,
+            wall_line="cell_centre",
+            eroded_m=AGENT_RADIUS_M,
+        )
+    else:
+        near = _distance(~floor) * config.resolution_m <= OUTER_WALL_M
+        plan = FloorPlan(
+            occupancy=np.where(free, FREE, np.where(near, OCCUPIED, UNKNOWN)).astype(np.uint8),
+            resolution_m=config.resolution_m,
+            name=name,
+        )
+    return in_one_piece(plan, config.hull_radius_m)
+
+
+def _distance(mask: np.ndarray) -> np.ndarray:
+    """Cells from each cell of a mask to the nearest one that is not of it, centre to centre; 0 elsewhere."""
+    return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+
+
+def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
+    """Close what a hull cannot reach from the largest piece of a plan.
+
+    Narrow places in which no hull fits stay open where they hang together with the rest.
+
+    Raises:
+        ValueError: If the hull fits nowhere.
+    """
+    occupancy = plan.occupancy.copy()
+    while True:
+        plan = replace(plan, occupancy=occupancy.copy())
+        places = hull_places(plan, hull_radius_m)
+        main = largest_piece(places)
+        pockets = places & ~main
+        _, pieces = cv2.connectedComponents(plan.free.astype(np.uint8), connectivity=4)
+        lost = plan.free & (pieces != pieces[main][0])
+        if pockets.any():
+            radius = hull_radius_m / plan.resolution_m
+            lost |= plan.free & (_distance(~pockets) <= radius) & (_distance(~main) > radius)
+            lost |= pockets
+        if not lost.any():
+            return plan
+        occupancy[lost] = OCCUPIED

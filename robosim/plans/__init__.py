@@ -1,0 +1,1 @@
+"""Floor plans: what one is, and reading and writing it in the formats that others use."""

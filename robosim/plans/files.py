@@ -1,0 +1,208 @@
+"""Floor plans to and from files: one door for all formats.
+
+`read_plan` picks the reader by the file's ending:
+
+- ``.yaml``, ``.yml``: ROS map_server map and the image it names (`robosim.plans.formats.ros_map`);
+- ``.pgm``, ``.png`` and other images: light is free; needs the resolution (`robosim.plans.formats.plan_image`);
+- ``.out``: top-down grid of mmwRobotNav (`robosim.plans.formats.mmwrobotnav`);
+- ``.json``: HouseExpo (`robosim.plans.formats.houseexpo`);
+- ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
+- ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`).
+
+A bare name is a plan that comes with the package (`robosim.support.assets`). `write_ros` and `write_png` write.
+"""
+
+import stat
+from collections.abc import Sequence
+from contextlib import suppress
+from difflib import get_close_matches
+from itertools import islice
+from pathlib import Path
+
+from robosim.plans.floorplan import FloorPlan, MapError, check_resolution
+from robosim.plans.formats import mesh_slice
+from robosim.plans.formats.houseexpo import read_houseexpo
+from robosim.plans.formats.mesh_slice import UpAxis, read_mesh
+from robosim.plans.formats.mmwrobotnav import read_mmwrobotnav
+from robosim.plans.formats.plan_array import plan_from_array, read_npy
+from robosim.plans.formats.plan_image import read_image_plan, write_png
+from robosim.plans.formats.ros_map import read_ros, write_ros
+from robosim.support.assets import shipped_plans
+from robosim.support.reading import FileError, expanded, reading, reason_of, shown
+from robosim.support.text_in import MOST_JSON
+
+__all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros"]
+
+IMAGES = (".pgm", ".png", ".bmp", ".tif", ".tiff", ".gif", ".jpg", ".jpeg", ".webp", ".pbm", ".ppm", ".pnm")
+MESHES = (".glb", ".gltf", ".ply", ".obj", ".stl", ".off")
+_ROS = (".yaml", ".yml")
+_FILES_OF_A_HINT = 1000
+_KNOWN = (*_ROS, *IMAGES, ".out", ".json", ".npy", *MESHES)
+
+
+def read_plan(
+    path: str | Path,
+    *,
+    resolution_m: float | None = None,
+    floor_height_m: float | None = None,
+    slice_m: tuple[float, float] | None = None,
+    up: UpAxis = "auto",
+    unit_m: float = 1.0,
+) -> FloorPlan:
+    """Read a floor plan from a file of any known format, or a shipped one by its name.
+
+    Args:
+        path: The file, or the name of a shipped plan.
+        resolution_m: Side of a cell [m]. Needed for images and arrays, which do not say; otherwise 0.05 for
+            grids, HouseExpo and meshes. A ROS map says itself.
+        floor_height_m: For meshes: height of the storey's floor [m]; the lowest storey if not given.
+        slice_m: For meshes: heights above the floor between which nothing may stand in free cells [m];
+            0.2 to 1.5 if not given.
+        up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
+        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres.
+
+    Returns:
+        The plan; rows of images, which grow downwards, are turned so that y grows upwards.
+
+    Raises:
+        MapError: If there is no such file, its kind is unknown, an option does not apply to it, or its
+            content is damaged or senseless. The message names the file, the value and the fix.
+    """
+    path = _resolve(path)
+    suffix = path.suffix.lower()
+    if resolution_m is not None and suffix in _ROS:
+        raise MapError(
+            f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
+        )
+    mesh_options = {
+        "floor height": floor_height_m,
+        "slice": slice_m,
+        "up axis": None if up == "auto" else up,
+        "unit": None if unit_m == 1.0 else unit_m,
+    }
+    for name, value in mesh_options.items():
+        if value is not None and suffix not in MESHES:
+            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
+    try:
+        if resolution_m is not None:
+            check_resolution(resolution_m)
+        if suffix in _ROS:
+            return read_ros(path)
+        if suffix in IMAGES:
+            return read_image_plan(path, resolution_m)
+        if suffix == ".npy":
+            return read_npy(path, resolution_m)
+        if suffix == ".out":
+            return read_mmwrobotnav(path, resolution_m or 0.05)
+        if suffix == ".json":
+            return read_houseexpo(path, resolution_m or 0.05)
+        return read_mesh(
+            path,
+            resolution_m=resolution_m or mesh_slice.RESOLUTION_M,
+            floor_height_m=floor_height_m,
+            slice_m=slice_m or mesh_slice.SLICE_M,
+            up=up,
+            unit_m=unit_m,
+        )
+    except MapError as error:
+        # What is wrong with the plan as such is said by its name; the user knows it by its file.
+        if shown(path) in str(error):
+            raise
+        raise MapError(f"{shown(path)}: {error}") from error
+
+
+def _resolve(path: str | Path) -> Path:
+    """The file that is meant, of a known kind."""
+    file = expanded(path)
+    if _is_folder(file):
+        raise MapError(f"{shown(file)}: is a folder, expected one floor plan.{_plans_inside(file)}")
+    if not file.exists():
+        shipped = shipped_plans()
+        if str(path) in shipped:
+            return shipped[str(path)]
+        raise MapError(
+            f"{shown(file)}: no such file, and no shipped plan of that name.{_did_you_mean(file, shipped)}"
+        )
+    if file.suffix.lower() not in _KNOWN:
+        raise MapError(
+            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(_KNOWN)}. "
+            "Rename or convert the file."
+        )
+    return file
+
+
+def _is_folder(path: Path) -> bool:
+    """Whether a path, which may be no path at all, is a folder."""
+    try:
+        return stat.S_ISDIR(path.stat().st_mode)
+    except FileNotFoundError:
+        return False
+    except (OSError, ValueError) as error:
+        raise MapError(f"{shown(path)}: cannot be opened ({reason_of(error)}).") from error
+
+
+def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
+    """A hint at files and shipped plans with a similar name."""
+    names = {name: name for name in shipped}
+    with suppress(OSError):
+        beside = [p for p in file.parent.iterdir() if p.suffix.lower() in _KNOWN]
+        names.update({p.name: str(p) for p in beside})
+        names.update({Path(name).stem: full for name, full in list(names.items()) if full not in shipped})
+    near = get_close_matches(file.name, names, 2, cutoff=0.7)
+    if near:
+        return f" Did you mean {' or '.join(dict.fromkeys(repr(shown(names[name])) for name in near))}?"
+    return f" Shipped plans: {', '.join(shipped)}." if shipped else ""
+
+
+def _plans_inside(folder: Path) -> str:
+    # A hint is not worth a walk through a whole disk.
+    inside = _plans_in(folder, most=_FILES_OF_A_HINT)
+    if not inside:
+        return ""
+    more = f" and {len(inside) - 5} more" if len(inside) > 5 else ""
+    return f" Inside are {', '.join(shown(p.relative_to(folder)) for p in inside[:5])}{more}."
+
+
+def find_plans(plans: Sequence[str | Path]) -> list[Path]:
+    """Files of floor plans: those given, shipped ones by name, and all that lie in given folders, in order.
+
+    In folders, ROS maps, mmwRobotNav grids and HouseExpo files count; images, arrays and meshes do not, since
+    they need options or belong to a map.
+
+    Raises:
+        MapError: If a file or name does not exist or is of an unknown kind, or a folder has no plan.
+    """
+    found: list[Path] = []
+    for plan in plans:
+        folder = expanded(plan)
+        if not _is_folder(folder):
+            found.append(_resolve(plan))
+            continue
+        inside = _plans_in(folder)
+        if not inside:
+            raise MapError(
+                f"{shown(folder)}: no floor plan in this folder, expected ROS .yaml, .out or HouseExpo .json files."
+            )
+        found += inside
+    return found
+
+
+def _plans_in(folder: Path, most: int | None = None) -> list[Path]:
+    """Floor plans in a folder and those below, by name, among so many files at most."""
+    marks = {".yaml": b"image:", ".yml": b"image:", ".json": b'"verts"', ".out": b""}
+    return sorted(
+        p
+        for p in islice(folder.rglob("*"), most)
+        if p.suffix in marks and p.is_file() and _holds(p, marks[p.suffix])
+    )
+
+
+def _holds(path: Path, mark: bytes) -> bool:
+    """Whether a file has a mark in it, so that other files of the same ending are passed over."""
+    if not mark:
+        return True
+    try:
+        with reading(path, "a floor plan", most_bytes=MOST_JSON) as file:
+            return mark in file.read()
+    except FileError:
+        return False

@@ -1,0 +1,1 @@
+"""Readers of floor plans, one file format each; `robosim.plans.files` picks among them."""

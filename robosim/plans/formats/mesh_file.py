@@ -1,0 +1,209 @@
+"""Triangles of a mesh file, whatever its format.
+
+trimesh reads them, but believes what a file declares. glTF can declare far more than it holds: accessors over the same
+bytes again and again, or over none; nodes that repeat a mesh, in chains; buffers in other files of any kind. All of
+that is counted first. Numbers that no building has are refused.
+
+Reference: glTF 2.0 specification, 3.5 to 3.7 (scenes, buffers, meshes).
+"""
+
+import importlib.util
+import io
+import re
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from robosim.plans.floorplan import FARTHEST_M, MapError
+from robosim.support.reading import read_bytes, shown
+from robosim.support.text_in import MOST_JSON, check_object, parse_json
+
+Triangles = Float[np.ndarray, "n 3 3"]
+
+#: Larger files are not meshes of buildings; reading them whole would only exhaust the memory [bytes].
+MOST_BYTES = 300_000_000
+#: Triangles that any file may have; those of a larger one may be as many as fit in it, 16 bytes each.
+_MOST_TRIANGLES = 1_000_000
+#: Parts of meshes in a scene, each counted where it is shown; entries of a list; nodes within each other.
+_MOST_PARTS, _MOST_ENTRIES, _MOST_DEEP = 10_000, 100_000, 100
+_BYTES_OF = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
+_NUMBERS_OF = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
+#: Lines of an OBJ file that are vertices and faces, and what stands beside a vertex in a face or behind it all.
+_SHAPES, _BESIDE_CORNERS = (
+    re.compile(rb"^[ \t]*([vf][ \t][^\n]*)", re.MULTILINE),
+    re.compile(rb"/[^\s]*|#[^\n]*"),
+)
+_LONGEST_LINE = 20_000
+_DRACO = "KHR_draco_mesh_compression"
+
+
+def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles:
+    """All triangles of a mesh file [m] in its own axes, its scene graph applied.
+
+    Args:
+        content: What the file holds.
+        path: The file, by whose ending its format is known, and beside which lie others that it names.
+        unit_m: Its unit of length [m].
+
+    Raises:
+        ValueError: In a few words, of triangles that are none, too many or too far away.
+        Exception: Whatever a damaged file makes its loader raise.
+    """
+    suffix, resolver = path.suffix.lower(), None
+    if suffix == ".obj":
+        content = _corners_and_faces(content)
+    if suffix == ".off":  # text in any encoding; only its comments can be of another one
+        content = content.decode("utf-8", errors="replace").encode()
+    if suffix in (".gltf", ".glb"):
+        buffers = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
+        resolver = _Beside(path, buffers)
+    scene = trimesh.load_scene(
+        io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
+    )
+    _check_count(scene, len(content))
+    parts = [_placed(scene.geometry[name], T) for T, name in map(scene.graph.get, scene.graph.nodes_geometry)]
+    triangles = np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
+    if triangles.size == 0:
+        raise ValueError("no triangles in space; a point cloud must be meshed before it can be sliced")
+    triangles *= unit_m
+    if not np.isfinite(triangles).all():
+        n_wrong = np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2)))
+        raise ValueError(f"{n_wrong} of {len(triangles)} triangles have a vertex that is not finite")
+    if (farthest := float(np.abs(triangles).max())) > FARTHEST_M:
+        raise ValueError(f"a vertex lies {farthest:.3g} m away, expected at most {FARTHEST_M:g} m")
+    return triangles
+
+
+class _Beside(Mapping[str, bytes]):
+    """Files that a glTF file names: plain ones in its folder or below, each read when asked for."""
+
+    def __init__(self, file: Path, lengths: Mapping[str, int]):
+        """Those beside a file, which have so many bytes at least."""
+        self._file, self._lengths, self._left = file, lengths, MOST_BYTES
+
+    def __len__(self) -> int:
+        return 0
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(())
+
+    def __getitem__(self, name: str) -> bytes:
+        inside = PurePosixPath(unquote(name))
+        if inside.is_absolute() or ".." in inside.parts:
+            raise ValueError(f"it names {name[:80]!r}, expected a file in its own folder")
+        path, what = self._file.parent / inside, f"data of {self._file.name}"
+        content = read_bytes(path, what, most_bytes=self._left, kind=MapError)
+        if len(content) < (length := self._lengths.get(name, 0)):
+            raise MapError(
+                f"{shown(path)}: {len(content)} bytes, but {self._file.name} says {length}. Copy it again."
+            )
+        self._left -= len(content)
+        return content
+
+
+def _corners_and_faces(content: bytes) -> bytes:
+    """An OBJ file without all that is no shape, such as materials: there may be thousands, each taken for a mesh."""
+    lines = _SHAPES.findall(content.replace(b"\r", b"").replace(b"\\\n", b" "))
+    if max(map(len, lines), default=0) > _LONGEST_LINE:
+        raise ValueError(f"a face has more corners than fit in {_LONGEST_LINE} bytes")
+    return _BESIDE_CORNERS.sub(b"", b"\n".join(lines))
+
+
+def _json_of_glb(content: bytes) -> bytes:
+    """The first chunk."""
+    length, kind = struct.unpack_from("<L4s", content, 12)
+    if content[:4] != b"glTF" or kind != b"JSON":
+        raise ValueError("no GLB file, which begins with glTF and a chunk of JSON")
+    return content[20 : 20 + length]
+
+
+def _check_gltf(text: bytes, n_bytes: int) -> dict[str, int]:
+    """Refuse a scene that declares far more than the file and those beside it can hold.
+
+    Returns:
+        The names of files beside it, and how many bytes they must have.
+    """
+    if len(text) > MOST_JSON and b"base64," not in text:
+        raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
+    tree = check_object(parse_json(text))
+    required = tree.get("extensionsRequired", ())
+    if _DRACO in required and importlib.util.find_spec("DracoPy") is None:
+        raise ValueError("its triangles are compressed by Draco; export it without, or install DracoPy")
+    for kind in ("accessors", "bufferViews", "buffers", "nodes"):
+        if len(_listed(tree, kind)) > _MOST_ENTRIES:
+            raise ValueError(f"it lists {len(tree[kind])} {kind}, expected at most {_MOST_ENTRIES}")
+    views = sum(_count(view, "byteLength") for view in _listed(tree, "bufferViews"))
+    accessors = sum(
+        _count(one, "count")
+        * _NUMBERS_OF.get(str(one.get("type")), 16)
+        * _BYTES_OF.get(one.get("componentType", 0), 4)
+        for one in _listed(tree, "accessors")
+    )
+    # Bytes may be shared, but hardly by more than a few accessors; compressed they may be 50 times fewer.
+    times = 50 if _DRACO in required else 4
+    most = times * (n_bytes + sum(_count(one, "byteLength") for one in _listed(tree, "buffers"))) + 1_000_000
+    if max(views, accessors) > min(most, 2 * MOST_BYTES):
+        raise ValueError(f"it declares {max(views, accessors)} bytes of data, far more than there can be")
+    _check_nodes(_listed(tree, "nodes"), _listed(tree, "meshes"))
+    return {
+        one["uri"]: one["byteLength"] for one in _listed(tree, "buffers") if isinstance(one.get("uri"), str)
+    }
+
+
+def _check_nodes(nodes: list[dict[str, Any]], meshes: list[dict[str, Any]]) -> None:
+    parts = [len(mesh.get("primitives", ())) for mesh in meshes]
+    count = max(sum(parts), sum(parts[node["mesh"]] for node in nodes if "mesh" in node))
+    if count > _MOST_PARTS:
+        raise ValueError(f"{count} parts of meshes, expected at most {_MOST_PARTS}")
+    children = [node.get("children", ()) for node in nodes]
+    if sum(map(len, children)) > len(nodes):
+        raise ValueError("a node has several parents")
+    level = set(range(len(nodes))) - {child for each in children for child in each}
+    for _ in range(_MOST_DEEP):
+        level = {child for node in level for child in children[node]}
+        if not level:
+            return
+    raise ValueError(f"nodes lie more than {_MOST_DEEP} deep within each other")
+
+
+def _listed(tree: dict[str, Any], key: str) -> list[dict[str, Any]]:
+    found = tree.get(key, [])
+    if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        raise ValueError(f"{key!r} is no list of objects")
+    return found
+
+
+def _count(entry: dict[str, Any], key: str) -> int:
+    count = entry.get(key)
+    if not isinstance(count, int) or count < 0:
+        raise ValueError(f"{key} is {str(count)[:40]}, expected a whole number of 0 or more")
+    return count
+
+
+def _placed(mesh: Any, T_scene_mesh: Float[np.ndarray, "4 4"]) -> Triangles:
+    """Triangles of a mesh where the scene has it; none of what is no mesh."""
+    if len(faces := getattr(mesh, "faces", ())) == 0 or np.shape(faces)[1:] != (3,):
+        return np.empty((0, 3, 3))
+    corners = trimesh.transform_points(np.asarray(mesh.vertices, np.float64), T_scene_mesh)
+    if corners.shape[1:] != (3,):
+        return np.empty((0, 3, 3))
+    # A mirrored mesh would face inside out.
+    mirrored = np.linalg.det(T_scene_mesh[:3, :3]) < 0
+    return corners[np.asarray(faces, np.int64)[:, ::-1] if mirrored else np.asarray(faces, np.int64)]
+
+
+def _check_count(scene: trimesh.Scene, n_bytes: int) -> None:
+    """Refuse a scene whose repeated meshes come to more triangles than memory should be spent on."""
+    count = 0
+    for node in scene.graph.nodes_geometry:
+        count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))
+        if count > max(_MOST_TRIANGLES, n_bytes // 16):
+            raise ValueError(
+                f"more than {count} triangles, far more than a file of {n_bytes} bytes should have"
+            )

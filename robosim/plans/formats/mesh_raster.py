@@ -1,0 +1,138 @@
+"""Which cells of a grid the surfaces of a mesh reach into, between two heights. Exact, not sampled.
+
+A triangle cut by two horizontal planes is a convex polygon; seen from above it is still convex, at worst a
+line. Within one row of cells it then covers one interval of x, so that the cells it touches are the run from
+the interval's start to its end. Walls seen on edge, slivers and single points all touch at least one cell.
+
+Walls of buildings often lie exactly on lines of the grid. Such a wall belongs to the cells behind it: its
+surface is moved by a hundredth of a cell against its normal, and intervals are shortened by as much at both
+ends, so that touching a border does not count.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from robosim.plans.formats.scanline import Work, pairs
+
+#: How far surfaces are moved to their back, and intervals shortened [cells].
+MARGIN = 0.01
+#: Triangles that are worked on at once.
+_AT_ONCE = 100_000
+
+
+def cells_touched(
+    triangles: Float[np.ndarray, "n 3 3"], low: float, high: float, shape: tuple[int, int]
+) -> Bool[np.ndarray, "ny nx"]:
+    """Cells that a triangle reaches into between two heights.
+
+    Args:
+        triangles: Corners; x and y in cells (cell (iy, ix) goes from (ix, iy) to (ix + 1, iy + 1)), z in any
+            unit. Counter-clockwise seen from the front.
+        low: Lower height, in the unit of z.
+        high: Upper height; a surface at either height counts.
+        shape: Rows and columns; what lies outside is left out.
+    """
+    # Runs of cells as +1 where one starts and -1 after its end: summed along a row, the number of runs.
+    edges, work = np.zeros((shape[0], shape[1] + 1), np.int32), Work()
+    for block in blocks(triangles):
+        lower, upper = block.min(axis=1), block.max(axis=1)
+        near = (upper >= (0, 0, low)).all(axis=1) & (lower <= (shape[1], shape[0], high)).all(axis=1)
+        polygons = cut(block[near], low, high)[:, :, :2] - MARGIN * unit_normals(block[near])[:, None, :2]
+        first, last = _whole(polygons[:, :, 1].min(axis=1), polygons[:, :, 1].max(axis=1), shape[0])
+        for part in work.parts(last - first + 1):
+            polygon, row = pairs(first[part], last[part] - first[part] + 1)
+            begin, end = _whole(*_x_in_rows(polygons[part][polygon], row), shape[1])
+            some = end >= begin
+            np.add.at(edges, (row[some], begin[some]), 1)
+            np.add.at(edges, (row[some], end[some] + 1), -1)
+    return np.cumsum(edges[:, :-1], axis=1, dtype=np.int32) > 0
+
+
+def blocks(triangles: Float[np.ndarray, "n 3 3"]) -> Iterator[Float[np.ndarray, "m 3 3"]]:
+    """All triangles, some at a time: what is worked out of one takes ten times its room."""
+    for first in range(0, len(triangles), _AT_ONCE):
+        yield triangles[first : first + _AT_ONCE]
+
+
+def unit_normals(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:
+    """Unit normals to the front; zero for triangles without area."""
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0)
+
+
+def cut(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Float[np.ndarray, "n 6 3"]:
+    """Polygons that two horizontal planes leave of triangles, all of which must reach between the planes.
+
+    The start and end of each of the three edges, cut, are the six corners in order; where an edge is cut away
+    whole, the corner before it stands there twice.
+    """
+    start, end = triangles, np.roll(triangles, -1, axis=1)
+    z0, z1 = start[:, :, 2], end[:, :, 2]
+    level = z0 == z1
+    dz = np.where(level, 1.0, z1 - z0)
+    with np.errstate(over="ignore"):  # almost level edges
+        at_low, at_high = np.clip((low - z0) / dz, 0, 1), np.clip((high - z0) / dz, 0, 1)
+    enter = np.where(level, 0.0, np.minimum(at_low, at_high))
+    leave = np.where(level, 1.0, np.maximum(at_low, at_high))
+    corners = np.empty((len(triangles), 6, 3))
+    corners[:, 0::2] = start + enter[..., None] * (end - start)
+    corners[:, 1::2] = start + leave[..., None] * (end - start)
+    away = (np.maximum(z0, z1) < low) | (np.minimum(z0, z1) > high)
+    for edge in range(3):  # at most one of the three is away
+        corners[away[:, edge], 2 * edge : 2 * edge + 2] = corners[away[:, edge], 2 * edge - 1, None]
+    return corners
+
+
+def section(
+    triangles: Float[np.ndarray, "n 3 3"], height: float
+) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
+    """Starts and ends of the lines in which triangles cross a height, the back of the surface on the left.
+
+    Around the inside of closed surfaces they go counter-clockwise.
+    """
+    above = triangles[:, :, 2] >= height
+    crossing = above.any(axis=1) & ~above.all(axis=1)
+    start, above = triangles[crossing], above[crossing]
+    end, end_above = np.roll(start, -1, axis=1), np.roll(above, -1, axis=1)
+    dz = np.where(above == end_above, 1.0, end[:, :, 2] - start[:, :, 2])
+    share = np.clip((height - start[:, :, 2]) / dz, 0, 1)[..., None]
+    points = (start + share * (end - start))[:, :, :2]
+    each = np.arange(len(points))
+    return points[each, np.argmax(above & ~end_above, axis=1)], points[
+        each, np.argmax(~above & end_above, axis=1)
+    ]
+
+
+def _whole(
+    low: Float[np.ndarray, " n"], high: Float[np.ndarray, " n"], size: int
+) -> tuple[Int[np.ndarray, " n"], Int[np.ndarray, " n"]]:
+    """First and last cell of intervals shortened by the margin, within 0 to size - 1.
+
+    The last lies before the first for intervals outside of the grid.
+    """
+    middle = (low + high) / 2
+    first = np.floor(np.minimum(low + MARGIN, middle))
+    last = np.floor(np.maximum(high - MARGIN, middle))
+    return np.clip(first, 0, size).astype(np.int64), np.clip(last, -1, size - 1).astype(np.int64)
+
+
+def _x_in_rows(
+    polygons: Float[np.ndarray, "n 6 2"], row: Int[np.ndarray, " n"]
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Least and largest x of each polygon within a row of cells that it reaches into."""
+    start, end = polygons, np.roll(polygons, -1, axis=1)
+    low, high = row[:, None].astype(float), row[:, None] + 1.0
+    x0, y0 = start[:, :, 0], start[:, :, 1]
+    dx, y1 = end[:, :, 0] - x0, end[:, :, 1]
+    level = y0 == y1
+    dy = np.where(level, 1.0, y1 - y0)
+    with np.errstate(over="ignore", invalid="ignore"):  # almost level edges of other rows
+        enter = x0 + (np.clip(y0, low, high) - y0) / dy * dx
+        leave = x0 + np.where(level, 1.0, (np.clip(y1, low, high) - y0) / dy) * dx
+    away = (np.maximum(y0, y1) < low) | (np.minimum(y0, y1) > high)
+    least = np.where(away, np.inf, np.minimum(enter, leave)).min(axis=1)
+    largest = np.where(away, -np.inf, np.maximum(enter, leave)).max(axis=1)
+    return least, largest

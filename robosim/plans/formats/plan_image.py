@@ -1,0 +1,175 @@
+"""Images of floor plans: decoding to exact grey levels, and occupancy from how dark a pixel is.
+
+A pixel is as dark as the mean of its red, green and blue; the darker, the surer it is occupied. Values stay
+integers (the sum of the colour channels) until they meet the thresholds, so that 16-bit images keep their
+depth and no rounding decides a cell. Decoded are portable graymaps and whatever Pillow reads: PNG of every
+kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it.
+Left out: colour profiles, orientation tags, all frames but the first.
+"""
+
+import io
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt, UInt8, UInt16
+from PIL import Image
+
+from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.formats.pgm import decode_pgm, encode_pgm, is_pgm
+from robosim.support.files import whole_file
+from robosim.support.images_in import opened_image, silenced
+from robosim.support.reading import reading
+
+#: Grey levels that ROS's map_saver writes for FREE, OCCUPIED and UNKNOWN.
+GREY = np.array([254, 0, 205], np.uint8)
+#: map_server's usual thresholds of the probability of being occupied. The grey 205 lies just between them.
+FREE_THRESH, OCCUPIED_THRESH = 0.196, 0.65
+_WHAT = "a floor plan image (PNG, PGM, BMP, TIFF, GIF, JPEG or WebP)"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlanImage:
+    """Brightness and transparency of each pixel, row 0 at the top."""
+
+    light: UInt[np.ndarray, "h w"]
+    """Sum of the colour channels: 0 is black."""
+    white: int
+    """The same sum for a white pixel."""
+    alpha: UInt16[np.ndarray, "h w"] | None = None
+    """How opaque, or None for images without an alpha channel."""
+    opaque: int = 255
+    """Value of `alpha` for a fully opaque pixel."""
+
+    @property
+    def see_through(self) -> Bool[np.ndarray, "h w"]:
+        """Pixels that are not fully opaque."""
+        if self.alpha is None:
+            return np.zeros(self.light.shape, bool)
+        return self.alpha < self.opaque
+
+
+def read_image(path: Path) -> PlanImage:
+    """Decode an image of a floor plan.
+
+    Raises:
+        MapError: If the file is missing, no image, damaged, or absurdly large by its header (before
+            anything is unpacked).
+    """
+    with reading(path, _WHAT, "Export it again.", kind=MapError) as file:
+        return decode_image(file.read())
+
+
+def decode_image(content: bytes) -> PlanImage:
+    """Decode the bytes of an image.
+
+    Raises:
+        ValueError: If they are none, or too large.
+        Exception: Whatever damaged content makes its decoder raise.
+    """
+    if is_pgm(content):
+        samples, white = decode_pgm(content)
+        return PlanImage(light=samples, white=white)
+    with opened_image(content, MAX_CELLS) as image:
+        return _levels(image, content)
+
+
+def _levels(image: Image.Image, content: bytes) -> PlanImage:
+    """Grey levels of a loaded image, whatever its mode."""
+    see_through = "transparency" in image.info or image.mode in ("LA", "PA", "La", "RGBa", "RGBA")
+    if image.format == "PNG" and image.mode in ("RGB", "RGBA") and content[24] == 16:
+        # Pillow keeps 8 of the 16 bits of a colour PNG.
+        with silenced():
+            deep = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+        if deep is None:
+            raise ValueError("its pixels are damaged")
+        return _from_channels(np.asarray(deep), 65535)
+    if image.mode.startswith("I;16"):
+        samples = np.asarray(image).astype(np.uint16)
+        key = image.info.get("transparency")
+        alpha = np.where(samples == key, 0, 65535).astype(np.uint16) if isinstance(key, int) else None
+        return PlanImage(light=samples, white=65535, alpha=alpha, opaque=65535)
+    if image.mode in ("I", "F"):
+        raise ValueError(f"pixels are {'32-bit integers' if image.mode == 'I' else 'floating-point numbers'}")
+    if image.mode in ("1", "L") and not see_through:
+        return PlanImage(light=np.asarray(image.convert("L")), white=255)
+    return _from_channels(np.asarray(image.convert("RGBA" if see_through else "RGB")), 255)
+
+
+def _from_channels(pixels: np.ndarray, full: int) -> PlanImage:
+    """From (h, w, 3 or 4) channels, alpha last."""
+    light = np.zeros(pixels.shape[:2], np.uint16 if 3 * full < 1 << 16 else np.uint32)
+    for channel in range(3):
+        light += pixels[..., channel]
+    alpha = pixels[..., 3].astype(np.uint16) if pixels.shape[-1] == 4 else None
+    return PlanImage(light=light, white=3 * full, alpha=alpha, opaque=full)
+
+
+def three_states(
+    light: UInt[np.ndarray, "h w"], white: int, negate: bool, free_thresh: float, occupied_thresh: float
+) -> UInt8[np.ndarray, "h w"]:
+    """FREE, OCCUPIED or UNKNOWN by map_server's rule.
+
+    The probability of being occupied is one minus the brightness (the brightness itself if `negate`). Below
+    `free_thresh` a cell is free, above `occupied_thresh` occupied, and unknown at both or between.
+    """
+    level = np.arange(white + 1)
+    occupied = (level if negate else white - level) / white
+    state = np.full(white + 1, UNKNOWN, np.uint8)
+    state[occupied < free_thresh] = FREE
+    state[occupied > occupied_thresh] = OCCUPIED
+    return looked_up(state, light)
+
+
+def looked_up(state: UInt8[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+    """The state of each pixel by its brightness; a few rows at a time, since NumPy's indices take 8 bytes each."""
+    found = np.empty(light.shape, np.uint8)
+    rows = max(1, 1_000_000 // light.shape[1])
+    for first in range(0, len(light), rows):
+        found[first : first + rows] = state[light[first : first + rows]]
+    return found
+
+
+def read_image_plan(path: Path, resolution_m: float | None) -> FloorPlan:
+    """Floor plan from an image alone: light is free, dark occupied, grey and transparent unknown.
+
+    Args:
+        path: The image. Its lower left corner becomes the origin of `map`.
+        resolution_m: Metres per pixel.
+
+    Raises:
+        MapError: If the scale is not given, or the image cannot be read or has no free pixel.
+    """
+    if resolution_m is None:
+        beside = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]
+        hint = f"Read {beside[0]} instead, or pass" if beside else "Pass"
+        raise MapError(
+            f"{path}: an image does not say how large a pixel is. {hint} the resolution, for example 0.05 "
+            "for 5 cm (resolution_m=0.05, or --resolution 0.05)."
+        )
+    image = read_image(path)
+    states = three_states(image.light, image.white, False, FREE_THRESH, OCCUPIED_THRESH)
+    states[image.see_through] = UNKNOWN
+    return FloorPlan(occupancy=states[::-1].copy(), resolution_m=resolution_m, name=path.stem)
+
+
+def write_png(plan: FloorPlan, path: str | Path) -> None:
+    """Write the occupancy as a grey PNG (free 254, occupied 0, unknown 205), whole or not at all.
+
+    Reads back the same by `read_image_plan` with the plan's resolution; origin and names are not kept.
+    """
+    buffer = io.BytesIO()
+    Image.fromarray(GREY[plan.occupancy[::-1]]).save(buffer, "PNG", optimize=True)
+    write_whole(Path(path), buffer.getvalue())
+
+
+def write_pgm(plan: FloorPlan, path: str | Path) -> None:
+    """Write the occupancy as a P5 graymap (free 254, occupied 0, unknown 205), whole or not at all."""
+    write_whole(Path(path), encode_pgm(GREY[plan.occupancy[::-1]]))
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write bytes to a file that appears whole or not at all; its folder is made if need be."""
+    with whole_file(path) as partial:
+        partial.write_bytes(content)

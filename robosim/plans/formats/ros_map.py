@@ -1,0 +1,172 @@
+"""Maps of ROS's map_server: a YAML file that names an image and says how to read it.
+
+The image's lower left corner lies at `origin` (x, y, yaw in radians) and a pixel measures `resolution`. The
+probability p of a cell being occupied is (255 - value) / 255, or value / 255 if `negate`, of the mean colour.
+
+- `trinary` (default): occupied above `occupied_thresh`, free below `free_thresh`, else unknown. An alpha
+  channel counts as a fourth colour.
+- `scale`: the same, but what is not fully opaque is unknown. ROS grades what lies between the thresholds from
+  1 to 99; a floor plan has three states, so it is unknown, as AMCL takes it.
+- `raw`: the value itself is the percentage, above 100 unknown; `negate` does not matter. Percentages become
+  states by map_saver's rule: free up to `free_thresh`, occupied from `occupied_thresh` on, both rounded.
+
+One departure: Nav2's map_saver writes unknown as 205 together with `free_thresh: 0.25`, by which map_server
+takes it for free. In images of map_saver's three greys only, 205 is unknown here, and a warning says so.
+`name`, `wall_line` and `eroded_m` are keys of our own, which map_server ignores.
+
+References: nav2_map_server `map_io.cpp` (up to Jazzy), ROS 1 map_server `image_loader.cpp` and wiki page.
+"""
+
+import logging
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+import yaml
+from jaxtyping import UInt8, UInt16
+
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.plans.formats.plan_image import (
+    FREE_THRESH,
+    GREY,
+    OCCUPIED_THRESH,
+    PlanImage,
+    looked_up,
+    read_image,
+    three_states,
+    write_pgm,
+    write_png,
+    write_whole,
+)
+from robosim.plans.formats.ros_header import RosHeader, read_header
+
+logger = logging.getLogger(__name__)
+
+
+def read_ros(path: Path) -> FloorPlan:
+    """Floor plan from a map_server YAML file and the image that it names.
+
+    Raises:
+        MapError: If either file is missing or damaged, a key is missing or has a senseless value, or no cell
+            is free.
+    """
+    header = read_header(path)
+    image = read_image(header.image)
+    return FloorPlan(
+        occupancy=occupancy_of(image, header, path)[::-1].copy(),
+        resolution_m=header.resolution_m,
+        origin=header.origin,
+        name=header.name,
+        wall_line=header.wall_line,
+        eroded_m=header.eroded_m,
+    )
+
+
+def occupancy_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.ndarray, "h w"]:
+    """States of the pixels, row 0 at the top, by the mode of the header; `path` is for messages."""
+    thresholds = header.free_thresh, header.occupied_thresh
+    if header.mode == "raw":
+        return _raw_states(image, *thresholds)
+    if header.mode == "scale":
+        states = three_states(image.light, image.white, header.negate, *thresholds)
+        states[image.see_through] = UNKNOWN
+        return states
+    if image.alpha is not None:
+        return _with_alpha(image, image.alpha, header, path)
+    states = three_states(image.light, image.white, header.negate, *thresholds)
+    unknown = _map_saver_unknown(image, header, states)
+    if unknown is not None:
+        logger.warning(
+            "%s: %d cells of grey 205 are taken for unknown, as map_saver meant them, though free_thresh %g "
+            "makes them free by the letter. Set 'free_thresh: 0.196' to settle it.",
+            path,
+            np.count_nonzero(unknown),
+            header.free_thresh,
+        )
+        states[unknown] = UNKNOWN
+    return states
+
+
+def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) -> UInt8[np.ndarray, "h w"]:
+    level = np.arange(image.white + 1)
+    percent = np.floor(level * 255 / image.white + 0.5)
+    state = np.full(image.white + 1, UNKNOWN, np.uint8)
+    state[(percent >= np.rint(100 * occupied_thresh)) & (percent <= 100)] = OCCUPIED
+    state[percent <= np.rint(100 * free_thresh)] = FREE
+    return looked_up(state, image.light)
+
+
+def _with_alpha(
+    image: PlanImage, alpha: UInt16[np.ndarray, "h w"], header: RosHeader, path: Path
+) -> UInt8[np.ndarray, "h w"]:
+    """Trinary, alpha averaged with the colours; says so where that makes a difference."""
+    thresholds = header.free_thresh, header.occupied_thresh
+    # A grey channel stands for three.
+    share = 3 * image.opaque // image.white
+    states = three_states(
+        share * image.light.astype(np.uint32) + alpha, 4 * image.opaque, header.negate, *thresholds
+    )
+    plain = three_states(image.light, image.white, header.negate, *thresholds)
+    if (n_changed := np.count_nonzero(states != plain)) > 0:
+        logger.warning(
+            "%s: the alpha channel of %s changes the state of %d cells, since map_server averages it with "
+            "the colours in mode trinary. Remove it, or set 'mode: scale', by which transparent is unknown.",
+            path,
+            header.image.name,
+            n_changed,
+        )
+    return states
+
+
+def _map_saver_unknown(image: PlanImage, header: RosHeader, states: np.ndarray) -> np.ndarray | None:
+    """Cells that map_saver wrote as unknown and the thresholds make free, or None."""
+    if header.negate or image.white not in (255, 765):
+        return None
+    share = image.white // 255
+    unknown = image.light == share * int(GREY[UNKNOWN])
+    if not (unknown.any() and states[unknown][0] == FREE):
+        return None
+    of_saver = np.zeros(image.white + 1, bool)
+    of_saver[share * GREY.astype(int)] = True
+    return unknown if looked_up(of_saver.view(np.uint8), image.light).all() else None
+
+
+def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:
+    """Write a plan as map_server YAML, and its image beside it under the same name.
+
+    Reads back the same bit for bit. Each of the two files appears whole or not at all, the image first.
+
+    Args:
+        plan: What to write.
+        path: The YAML file; its folder is made if need be.
+        image: Format of the image: P5 graymap or PNG.
+
+    Raises:
+        ValueError: If `path` does not end in .yaml or .yml, or the image format is another one.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        raise ValueError(
+            f"path is {str(path)!r}, expected a name that ends in .yaml, for example {plan.name}.yaml."
+        )
+    if image not in ("pgm", "png"):
+        raise ValueError(f"image is {image!r}, expected 'pgm' or 'png'.")
+    image_path = path.with_name(f"{path.stem}.{image}")
+    (write_pgm if image == "pgm" else write_png)(plan, image_path)
+    keys: dict[str, Any] = {
+        "image": image_path.name,
+        "mode": "trinary",
+        "resolution": float(plan.resolution_m),
+        "origin": [float(value) for value in plan.origin],
+        "negate": 0,
+        "occupied_thresh": OCCUPIED_THRESH,
+        "free_thresh": FREE_THRESH,
+    }
+    if plan.name != path.stem:
+        keys["name"] = plan.name
+    if plan.wall_line != "cell_edge":
+        keys["wall_line"] = plan.wall_line
+    if plan.eroded_m != 0:
+        keys["eroded_m"] = float(plan.eroded_m)
+    text = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None, width=1_000_000)
+    write_whole(path, text.encode("utf-8"))

@@ -1,0 +1,156 @@
+"""Radio, camera and map used jointly: a belief over the target's place decides where to go.
+
+A target seen by the camera is gone to at once. In line of sight the robot follows the arrival: its direction is known
+to a degree, where the belief knows the distance to a third only. Else, where the belief has gathered, it goes there;
+and where it has not, it goes where it will learn most in the least time: of all frontiers, to the one from which most
+of the belief may come in sight for each decision that the way takes.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
+from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.moment import Moment
+from robosim.policies.sightlines import in_sight, knowledge
+from robosim.support.checks import check_numbers
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.cost_map import CostConfig, cut_box, known_box
+from slam.exploration import FrontierExplorer
+from slam.frontiers import Frontier, find_frontiers
+from slam.grid import MapEstimate
+from slam.poses import to_map, wrap
+from slam.ways import ways_from_robot
+from wireless.paths import LinkState
+
+
+@dataclass(frozen=True, kw_only=True)
+class FusedConfig:
+    """When a belief is acted on, and what a look is worth."""
+
+    belief: BeliefConfig = field(default_factory=BeliefConfig)
+    """How the belief is formed."""
+    looks: bool = True
+    """Whether the target is looked for in pictures."""
+    cost: CostConfig = field(default_factory=CostConfig)
+    """What a metre costs."""
+    in_sight: FollowConfig = field(default_factory=lambda: FollowConfig(every=5))
+    """How the arrival is followed in line of sight."""
+    sure: float = 0.3
+    """Probability within half a metre of a place from which on the robot goes there."""
+    view_m: float = 5.0
+    """Range around a frontier in which the belief counts [m]."""
+    head_start: float = 10.0
+    """Decisions added to each way, so that the nearest frontier is not always the best."""
+    keep: float = 1.3
+    """How much better another frontier must be before the goal is changed."""
+    every: int = 5
+    """Decisions for which a goal is kept, if it is not reached before."""
+    candidates: int = 12
+    """Frontiers that are looked at closely."""
+    dwell_steps: int = 40
+    """Decisions within `dwell_m` of one place after which a goal is given up."""
+    dwell_m: float = 0.5
+    """See above [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            sure=(0, 1),
+            view_m=(0.1, 100, "m"),
+            head_start=(0, 1e6, "decisions"),
+            keep=(0, 1000),
+            every=(1, 1_000_000, "decisions"),
+            candidates=(1, 10_000, "frontiers"),
+            dwell_steps=(1, 1_000_000, "decisions"),
+            dwell_m=(0, 100, "m"),
+        )
+
+
+class Fused:
+    """Goes where the target is believed to be, or where most is learnt about it."""
+
+    seeks_target, listens = True, True
+
+    def __init__(self, explorer: FrontierExplorer, config: FusedConfig | None = None) -> None:
+        self.config = config or FusedConfig()
+        self.looks = self.config.looks
+        self._explorer = explorer
+        self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
+        self.belief: TargetBelief | None = None
+        self._goal: np.ndarray | None = None
+        self._age = 0
+        self._dwelling = Dwelling(self.config.dwell_steps, self.config.dwell_m)
+        self._given_up: list[np.ndarray] = []
+        self._seen: np.ndarray | None = None
+
+    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+        """Where the target is, or is believed to be, or where most is learnt about it."""
+        estimate, here = moment.estimate, moment.estimate.pose[:2]
+        if self.belief is None:
+            self.belief = TargetBelief(here, self.config.belief)
+        self.belief.hear(moment.listened(), estimate)
+        if moment.target is not None:
+            self._seen = to_map(estimate.pose, moment.target)
+        if self._seen is not None:
+            return self._seen
+        straight = self._in_sight.goal(moment.listened(), estimate.pose)
+        if straight is not None:
+            self._goal = None
+            return straight
+        self._age += 1
+        if self._dwelling.at(here):
+            self._give_up()
+        reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
+        if self._goal is None or reached or self._age >= self.config.every:
+            self._goal, self._age = self._choose(estimate, self.belief), 0
+        return self._goal
+
+    def _choose(self, estimate: MapEstimate, belief: TargetBelief) -> Float[np.ndarray, "2"] | None:
+        place, mass = belief.peak()
+        if mass >= self.config.sure:
+            if math.hypot(*(place - estimate.pose[:2])) > 0.2:
+                return place
+            belief.rule_out(place, 0.3)
+        rated = self._rate(estimate, belief)
+        if rated:
+            return max(rated, key=lambda r: r[0])[1]
+        onward = self._explorer.goal(estimate)
+        return place if onward is None else onward
+
+    def _rate(
+        self, estimate: MapEstimate, belief: TargetBelief
+    ) -> list[tuple[float, Float[np.ndarray, "2"]]]:
+        """Frontiers with the probability that may come in sight there for each decision on the way."""
+        low, high = known_box(estimate)
+        margin = 2 * estimate.frame.resolution_m
+        box = cut_box(estimate, low - margin, high + margin)
+        way = ways_from_robot(box, self.config.cost)
+        frontiers = find_frontiers(
+            box, way, min_cells=3, piece_m=1.6, given_up=np.array(self._given_up).reshape(-1, 2)
+        )
+        known, p = knowledge(estimate, beside_m=0.2), belief.probability()
+        nearest = sorted(frontiers, key=lambda f: f.cost_m)[: self.config.candidates]
+        rated = []
+        for frontier in nearest:
+            _, possibly = in_sight(known, frontier.near_xy, belief.frame, self.config.view_m)
+            value = float(p[possibly].sum()) / (self._decisions(frontier, estimate) + self.config.head_start)
+            if self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5:
+                value *= self.config.keep
+            rated.append((value, frontier.goal_xy))
+        return rated
+
+    def _decisions(self, frontier: Frontier, estimate: MapEstimate) -> float:
+        x, y = frontier.near_xy - estimate.pose[:2]
+        return frontier.cost_m / FORWARD_M + abs(wrap(math.atan2(y, x) - float(estimate.pose[2]))) / TURN_RAD
+
+    def _give_up(self) -> None:
+        """What was expected at the goal is not there, or the way is barred."""
+        if self._goal is not None and self.belief is not None:
+            self.belief.rule_out(self._goal, 0.6)
+            self._given_up.append(self._goal)
+        self._goal = None
+        self._dwelling.forget()

@@ -1,0 +1,1 @@
+"""What only the comparison with published data needs: its buildings, links and labels."""

@@ -1,0 +1,1 @@
+"""The radio link of an episode: scene, transmitters, receivers, measurement, link state."""

@@ -1,0 +1,88 @@
+"""What a robot makes of what its radio has measured: directions in its own map, and how the target is reached.
+
+Azimuths of arrival come in the robot's frame and are turned by the heading that it believes, so that an error of
+its pose becomes one of direction. The link state is a classifier's, as calibrated probabilities; or the true one,
+by name, to see what a perfect classifier would bring.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.radio.link import RadioLink
+from robosim.radio.link_state import read_classifier
+from wireless.estimates import PathEstimates
+from wireless.paths import LinkState
+
+#: Asks for true link states in place of a classifier's.
+TRUE_STATES = "true"
+
+
+@dataclass(frozen=True, eq=False)
+class Heard:
+    """One measurement as the robot understands it; the strongest path first."""
+
+    pose: Float[np.ndarray, "3"]
+    """Where the robot believed to be: x [m], y [m], yaw [rad] in `map`."""
+    aoa_rad: Float[np.ndarray, " n"]
+    """Azimuth of arrival in `map`: the direction that a path comes from."""
+    aod_rad: Float[np.ndarray, " n"]
+    """Azimuth of departure in `map`: the direction in which a path left the target."""
+    snr_db: Float[np.ndarray, " n"]
+    """Signal-to-noise ratio, as `wireless.estimates` defines it."""
+    gain_db: Float[np.ndarray, " n"]
+    """Power gain between isotropic antennas: less than 0 by the path's loss."""
+    delay_s: Float[np.ndarray, " n"]
+    """Delay after the strongest path."""
+    probability: Float[np.ndarray, "4"]
+    """Of each `LinkState`."""
+
+    @property
+    def state(self) -> LinkState:
+        """The most probable link state."""
+        return LinkState(int(np.argmax(self.probability)))
+
+
+class Listener:
+    """Understands measurements."""
+
+    def __init__(self, radio: RadioLink, classifier: str) -> None:
+        """Load a classifier.
+
+        Args:
+            radio: What measures; gives the antennas' gains, and the truth if that is asked for.
+            classifier: A shipped one by name, a .safetensors file, or `TRUE_STATES`.
+
+        Raises:
+            ValueError: If there is no such classifier.
+        """
+        self._radio = radio
+        self._classifier = None if classifier == TRUE_STATES else read_classifier(classifier)
+
+    def hear(self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"]) -> Heard:
+        """Directions in `map` and link state of a measurement.
+
+        Args:
+            paths: Estimates of one link, arrivals in the robot's frame.
+            pose: Where the robot believes to be.
+        """
+        if paths is None:
+            raise ValueError("There is no measurement to understand: the simulator was made without a radio.")
+        n = int(paths.count[0])
+        turned = paths.turned(rx_heading_rad=float(pose[2]))
+        if self._classifier is None:
+            probability = np.eye(len(LinkState))[self._radio.state]
+        else:
+            probability = self._classifier.predict(
+                turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
+            )[0]
+        return Heard(
+            pose=np.array(pose),
+            aoa_rad=turned.aoa_rad[0, :n],
+            aod_rad=turned.aod_rad[0, :n],
+            snr_db=turned.snr_db[0, :n],
+            gain_db=self._radio.sounder.gain_db(paths)[0, :n],
+            delay_s=turned.delay_s[0, :n],
+            probability=probability,
+        )

@@ -1,0 +1,130 @@
+"""Receivers on a regular grid over a floor plan, wherever there is room for one.
+
+On most plans the grid starts half a step from the plan's lower-left corner, turned with the plan, and a
+receiver exists where its point lies in free space. In the published radio data of mmwRobotNav a receiver
+stands for a block of 3 x 3 cells of 0.05 m, counted from the top left. It exists where the middle cell of its
+block is navigable, and its y is one cell lower than that cell's centre: such a plan with such a step gets
+exactly those receivers, so that results compare link by link. Some of them are on a wall or beyond it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from jaxtyping import Float, Int
+
+from robosim.building.building import Building
+from robosim.plans.floorplan import FloorPlan
+from robosim.support.checks import check_number
+
+#: Cells across a block of the published grids.
+BLOCK = 3
+#: A receiver is at least this far from a wall [m], on plans that are free to choose.
+CLEARANCE_M = 1e-3
+#: Finer grids are taken for a mistake.
+MAX_RECEIVERS = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ReceiverGrid:
+    """Receivers of a building."""
+
+    position: Float[np.ndarray, "n 3"]
+    """Where they are [m], in `map`."""
+    cell: Int[np.ndarray, "n 2"]
+    """Row from the bottom and column of each, from 0."""
+    shape: tuple[int, int]
+    """Rows and columns of the whole grid."""
+    edges: Float[np.ndarray, "ny1 nx1 2"]
+    """Corners (x, y) [m] of the grid's cells, whose centres receivers are."""
+
+
+def receiver_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
+    """Receivers in free space, row by row from the bottom.
+
+    Args:
+        building: Where.
+        step_m: Distance between neighbours [m].
+        height_m: Above the floor [m].
+
+    Raises:
+        ValueError: If step or height do not fit the building.
+    """
+    plan = building.plan
+    width, height = plan.shape[1] * plan.resolution_m, plan.shape[0] * plan.resolution_m
+    check_step(step_m)
+    if width * height / step_m**2 > MAX_RECEIVERS:
+        raise ValueError(
+            f"grid is {step_m:g} m, which makes more than {MAX_RECEIVERS} places on a plan of {width:g} x "
+            f"{height:g} m; take a wider one, such as 0.15."
+        )
+    check_height(building, height_m, "height")
+    if plan.wall_line == "cell_centre" and abs(step_m - BLOCK * plan.resolution_m) < 1e-9:
+        grid = _published(plan, height_m)
+    else:
+        grid = _regular(building, step_m, height_m)
+    if not len(grid.position):
+        raise ValueError(f"grid is {step_m:g} m, and no receiver fits into {plan.name}; take a finer one.")
+    return grid
+
+
+def check_step(step_m: float) -> None:
+    """Complain of a step between receivers that makes no grid.
+
+    Raises:
+        ValueError: If it does not.
+    """
+    check_number("grid", step_m, 0.01, 100, "m between receivers, such as 0.15")
+
+
+def check_height(building: Building, height_m: float, name: str) -> None:
+    """Complain of a height that is not between floor and ceiling.
+
+    Raises:
+        ValueError: If it is not.
+    """
+    if not 0 <= height_m <= building.height_m:
+        raise ValueError(
+            f"{name} is {height_m} m, expected 0 to {building.height_m:g} m, between floor and ceiling."
+        )
+
+
+def _published(plan: FloorPlan, height_m: float) -> ReceiverGrid:
+    """The grid of the published data."""
+    shape = plan.shape[0] // BLOCK, plan.shape[1] // BLOCK
+    left_over = plan.shape[0] - BLOCK * shape[0]  # blocks count from the top
+    middle = plan.free[left_over + 1 :: BLOCK, 1::BLOCK][: shape[0], : shape[1]]
+    return _grid(plan, np.argwhere(middle), shape, BLOCK, np.array([0.0, left_over - 1]), height_m)
+
+
+def _regular(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
+    """A grid of all free points."""
+    plan = building.plan
+    step = step_m / plan.resolution_m
+    ny, nx = (max(1, int(np.floor(n / step + 1e-9))) for n in plan.shape)
+    everywhere = np.argwhere(np.ones((ny, nx), bool))
+    grid = _grid(plan, everywhere, (ny, nx), step, np.zeros(2), height_m)
+    room = building.free.buffer(-CLEARANCE_M)
+    shapely.prepare(room)
+    inside = shapely.contains_xy(room, grid.position[:, :2])
+    return _grid(plan, everywhere[inside], (ny, nx), step, np.zeros(2), height_m)
+
+
+def _grid(
+    plan: FloorPlan,
+    cell: Int[np.ndarray, "n 2"],
+    shape: tuple[int, int],
+    step: float,
+    start: Float[np.ndarray, "2"],
+    height_m: float,
+) -> ReceiverGrid:
+    """Receivers at some places of a grid whose lower-left corner and step are given in cells of the plan."""
+    at = plan.to_map(step * (cell[:, ::-1] + 0.5) + start)
+    corner = np.stack(np.meshgrid(np.arange(shape[1] + 1), np.arange(shape[0] + 1)), axis=-1)
+    return ReceiverGrid(
+        # Rounded to picometres: a grid of 0.15 m holds 0.3, not 0.30000000000000004.
+        position=np.column_stack([np.round(at, 12), np.full(len(at), height_m)]),
+        cell=cell,
+        shape=shape,
+        edges=plan.to_map(step * corner + start),
+    )

@@ -1,0 +1,1 @@
+"""Logs of decisions, and what is drawn from them afterwards."""

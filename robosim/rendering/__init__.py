@@ -1,1 +1,0 @@
-"""Drawing RGB-D frames: the two backends of `robosim.camera`, and the light baked into what they draw."""

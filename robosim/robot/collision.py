@@ -1,0 +1,172 @@
+"""Walls as few convex solids: what the robot's hull collides with.
+
+A wall is a line, the boundary of free space; behind it anything may be solid. So the solid beside the
+walls is covered by convex pieces whose faces lie on the wall lines exactly, that reach into no free
+space, and that may overlap, since walls do not collide with each other. Time per physics step grows with
+the number of pieces.
+
+Outlines of cells are solved on their lattice (see `lattice`). Any other outline gets one rectangle behind
+each wall, as thick as there is room for, and where the solid is too narrow for one, at sharp corners, the
+triangle that the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo
+knows the distance of a sphere from a box in closed form.
+
+Left out: the solid further inside, which nothing can reach, and walls lower than the robot.
+"""
+
+import logging
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+
+from robosim.plans.floorplan import FloorPlan
+from robosim.plans.rectangles import lattice_solids
+
+logger = logging.getLogger(__name__)
+
+#: Thickness of the walls around the outline of cells [m].
+OUTER_M = 0.3
+#: How much a hull may stand in a wall at first [m]: walls are offset by polygons in place of circles.
+FIT_M = 1e-3
+#: Depths tried for a rectangle behind a wall that follows no lattice [m].
+DEPTHS_M = (0.3, 0.1, 0.03, 0.01)
+#: How far vertices may be off the lattice [cells], and pieces from the wall lines [m].
+_EXACT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class WallSolids:
+    """Convex pieces of wall, all upright prisms, in `map`."""
+
+    boxes: Float[np.ndarray, "n 5"]
+    """Rectangles: centre x, y [m], half length along and across [m], yaw of the length [rad]."""
+    prisms: list[Float[np.ndarray, "_ 2"]] = field(default_factory=list)
+    """Other convex polygons: corners x, y [m], counter-clockwise."""
+
+    def __len__(self) -> int:
+        return len(self.boxes) + len(self.prisms)
+
+    def polygons(self) -> list[shapely.Polygon]:
+        """All pieces, seen from above."""
+        return [*shapely.polygons(_corners(self.boxes)), *map(shapely.Polygon, self.prisms)]
+
+
+def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
+    """Straight pieces of the boundary of free space: both ends x, y [m], with free space on the left."""
+    rings = shapely.get_rings(shapely.get_parts(shapely.orient_polygons(free)))
+    points, ring = shapely.get_coordinates(rings, return_index=True)
+    starts = np.flatnonzero(ring[1:] == ring[:-1])
+    return np.stack([points[starts], points[starts + 1]], axis=1)
+
+
+def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
+    """Convex pieces of solid along the boundary of free space.
+
+    Args:
+        free: Free space in `map` [m], valid.
+        plan: Where the outline comes from: its cells are the lattice, if the outline still follows them.
+
+    Returns:
+        Pieces that cover the solid side of each wall line, and no free space.
+    """
+    segments = wall_segments(free)
+    solids = _along_lattice(segments, plan) or _behind_walls(free, segments)
+    logger.info("%s: walls made of %d boxes and %d prisms", plan.name, len(solids.boxes), len(solids.prisms))
+    return solids
+
+
+def check_pose(free: shapely.MultiPolygon, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
+    """Complain of a pose where a hull would be in a wall.
+
+    Args:
+        free: Free space in `map` [m].
+        pose: x [m], y [m], yaw [rad].
+        radius_m: Radius of the hull [m].
+
+    Raises:
+        ValueError: If walls are nearer than the radius, by more than `FIT_M`, or the pose is not finite.
+    """
+    if not np.isfinite(pose).all():
+        raise ValueError(f"pose = {pose}, expected finite x [m], y [m], yaw [rad].")
+    centre = shapely.Point(pose[0], pose[1])
+    gap_m = (
+        shapely.distance(centre, shapely.boundary(free)) if shapely.intersects_xy(free, *pose[:2]) else 0.0
+    )
+    if gap_m < radius_m - FIT_M:
+        where = f"{gap_m:.3f} m from the nearest wall" if gap_m else "not in free space"
+        raise ValueError(
+            f"pose = ({pose[0]:.3f}, {pose[1]:.3f}) is {where}, expected at least the hull's radius, "
+            f"{radius_m:g} m. Draw poses from what the hull can reach."
+        )
+
+
+def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> WallSolids | None:
+    """Pieces for walls along the edges of cells or through their centres; None for other walls."""
+    in_cells = plan.to_cells(segments)
+    for shift in (0.0, 0.5):
+        steps = np.round(in_cells - shift)
+        way = np.abs(steps[:, 1] - steps[:, 0])
+        straight = (way.min(axis=1) == 0) | (way[:, 0] == way[:, 1])
+        if straight.all() and np.abs(in_cells - shift - steps).max() < _EXACT:
+            break
+    else:
+        return None
+    found = lattice_solids(steps.astype(int), margin=1 + int(OUTER_M / plan.resolution_m))
+    if found is None:
+        return None
+    boxes, prisms = found
+    centres = plan.to_map(boxes[:, :2] + shift)
+    sizes = boxes[:, 2:4] * plan.resolution_m
+    boxes = np.column_stack([centres, sizes, boxes[:, 4] + plan.origin[2]])
+    return WallSolids(boxes, [plan.to_map(prism + shift) for prism in prisms])
+
+
+def _behind_walls(free: shapely.MultiPolygon, segments: Float[np.ndarray, "n 2 2"]) -> WallSolids:
+    """A rectangle behind each wall, or a triangle where none fits."""
+    xmin, ymin, xmax, ymax = free.bounds
+    margin = max(DEPTHS_M) + 1
+    solid = shapely.difference(shapely.box(xmin - margin, ymin - margin, xmax + margin, ymax + margin), free)
+    shapely.prepare(solid)
+    boxes, left = [], segments[np.hypot(*(segments[:, 1] - segments[:, 0]).T) > _EXACT]
+    for depth_m in DEPTHS_M:
+        behind = _rectangles(left, depth_m)
+        fits = shapely.covers(solid, shapely.polygons(_corners(behind - [0, 0, _EXACT, _EXACT, 0])))
+        boxes.append(behind[fits])
+        left = left[~fits]
+    return WallSolids(np.vstack(boxes), _triangles(solid, left))
+
+
+def _rectangles(walls: Float[np.ndarray, "n 2 2"], depth_m: float) -> Float[np.ndarray, "n 5"]:
+    """Rectangles of some depth on the right of walls."""
+    along = walls[:, 1] - walls[:, 0]
+    length = np.hypot(*along.T)
+    right = np.column_stack([along[:, 1], -along[:, 0]]) / length[:, None]
+    centre = walls.mean(axis=1) + right * depth_m / 2
+    return np.column_stack(
+        [centre, length / 2, np.full_like(length, depth_m / 2), np.arctan2(along[:, 1], along[:, 0])]
+    )
+
+
+def _triangles(solid: shapely.Geometry, walls: Float[np.ndarray, "n 2 2"]) -> list[Float[np.ndarray, "3 2"]]:
+    """Triangles of the solid's triangulation that have a side on one of the walls."""
+    if len(walls) == 0:
+        return []
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solid))
+    corners = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    sides = {}  # the triangulation keeps the solid's vertices bit for bit
+    for triangle in corners:
+        for start, end in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
+            sides[(*start, *end)] = triangle
+    found = {id(t): t for a, b in walls if (t := sides[(*b, *a)]) is not None}
+    return list(found.values())
+
+
+def _corners(boxes: Float[np.ndarray, "n 5"]) -> Float[np.ndarray, "n 4 2"]:
+    """Corners of rectangles, counter-clockwise."""
+    c, s = np.cos(boxes[:, 4]), np.sin(boxes[:, 4])
+    along = np.column_stack([c, s]) * boxes[:, 2:3]
+    across = np.column_stack([-s, c]) * boxes[:, 3:4]
+    signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    offsets = signs[:, :1, None] * along + signs[:, 1:, None] * across  # (4, n, 2)
+    return boxes[:, None, :2] + offsets.transpose(1, 0, 2)

@@ -1,0 +1,273 @@
+"""The robot in its building, driven by its wheels.
+
+A move follows a plan of poses over time. Each control period the wheels get the speeds that cover the
+plan's next piece, ahead of time by the lag of their servos, and a correction of the pose error; what
+wheels cannot do, moving sideways, the sliding floor does. A move ends where it was sent, or when at a
+wall its time is up or nothing is gained any more; then the robot stands still.
+
+The model's frame is `map` moved to the middle of the building, so that plans far from the origin lose no
+accuracy. The same calls after a reset give the same poses, bit for bit.
+Left out: encoders (feedback is from the true pose; what odometry gets wrong is in `odometry`).
+"""
+
+import math
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.robot.collision import check_pose, wall_solids
+from robosim.robot.motion import (
+    BLOCKED_M,
+    BLOCKED_RAD,
+    Motion,
+    PlannedMove,
+    check_displacement,
+    check_drive,
+)
+from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
+from robosim.robot.robots import SERVO_LAG_S, RobotConfig, add_robot
+from slam.poses import wrap
+
+__all__ = ["Motion", "PhysicsConfig", "World"]
+
+#: A move has arrived when it is this close [m], [rad].
+ARRIVED_M, ARRIVED_RAD = 1e-4, 1e-4
+#: A robot at a wall gives up if it comes no closer to its goal by GAIN_M [m] within STALL_S [s].
+GAIN_M, STALL_S = 5e-4, 0.1
+#: Time to settle after the end of the plan [s], and to come to rest [s].
+SETTLE_S, REST_S = 0.5, 0.2
+#: What counts as rest [m/s], [rad/s].
+REST_MPS, REST_RADPS = 1e-3, 1e-2
+#: Feedback of pose errors [1/s].
+FEEDBACK_PER_S = 15.0
+#: Fastest slip to correct drift, and at walls [m/s]: wheels that slip fast while a wall holds the robot hop.
+DRIFT_MPS, SCRAPE_MPS = 0.01, 0.05
+#: Floor beyond the walls [m].
+MARGIN_M = 5.0
+
+_Pose = tuple[float, float, float]
+
+
+class World:
+    """A building with one robot, simulated by MuJoCo."""
+
+    def __init__(
+        self, building: Building, *, robot: RobotConfig | None = None, config: PhysicsConfig | None = None
+    ) -> None:
+        """Build the model; takes some tenths of a second on a large plan.
+
+        Args:
+            building: Its `free` area gives the walls.
+            robot: The robot's body; by default a small one.
+            config: Physics settings.
+        """
+        self.building = building
+        self.robot = robot or RobotConfig()
+        self.config = config or PhysicsConfig()
+        xmin, ymin, xmax, ymax = building.free.bounds
+        self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
+        half_m = np.array([xmax - xmin, ymax - ymin]) / 2 + MARGIN_M
+        walls = wall_solids(building.free, building.plan)
+        spec = new_spec(self.config)
+        add_floor(spec, half_m)
+        add_walls(spec, walls, self.config, origin=self._origin, height_m=building.height_m)
+        add_robot(spec, self.robot, self.config)
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+
+        robot_at, floor_at = self.model.joint("robot"), self.model.joint("floor_x")
+        self._body = self.data.qpos[robot_at.qposadr[0] :][:7]  # views: position and quaternion,
+        self._rates = self.data.qvel[robot_at.dofadr[0] :][:6]  # velocity and turn rates,
+        self._floor = self.data.qpos[floor_at.qposadr[0] :][:2]  # and of the floor likewise
+        self._slide = self.data.qvel[floor_at.dofadr[0] :][:2]
+        self._touch = self.data.sensordata[self.model.sensor("touch").adr[0] :][:2]
+        self._told = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] that the wheels were last told
+        self._steps, self._deepest_m = 0, 0.0
+        self._touched = self._at_wall = False  # during this motion, in its last control period
+        self._height_m = 0.0
+        self._place(half_m[0] - 1.0, half_m[1] - 1.0, 0.0)  # outside of all walls
+        mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
+        self._height_m = float(self._body[2])  # where it rests on its wheels
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`, at rest.
+
+        Raises:
+            ValueError: If the hull does not fit there.
+        """
+        check_pose(self.building.free, pose, self.robot.radius_m)
+        self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
+
+    @property
+    def pose(self) -> Float[np.ndarray, "3"]:
+        """Pose x [m], y [m], yaw [rad] in `map`."""
+        x, y, yaw = self._pose()
+        return np.array([x + self._origin[0], y + self._origin[1], wrap(yaw)])
+
+    def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
+        """Go to a pose near by, and stop there or where walls stop the robot.
+
+        Args:
+            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad] in [-pi, pi]. The
+                wheels do what wheels can, the rest is slip.
+
+        Returns:
+            How it went; collided if a wall left it off its goal by more than `BLOCKED_M` or `BLOCKED_RAD`.
+        """
+        check_displacement(displacement)
+        self._begin()
+        self._halt()
+        plan = PlannedMove(self._pose(), displacement, self.robot.profile(displacement))
+        self._follow(plan)
+        self._halt()
+        off_m, off_rad = plan.left(self._pose())
+        return self._motion(self._touched and (off_m > BLOCKED_M or off_rad > BLOCKED_RAD))
+
+    def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
+        """Drive with a speed and a turn rate, and roll on: the next `drive` takes over at full speed.
+
+        Args:
+            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
+            w_radps: Turn rate, counter-clockwise [rad/s].
+            duration_s: For how long [s], rounded to physics steps. Speeds change within the robot's bounds.
+
+        Returns:
+            How it went; collided if the hull touched a wall.
+        """
+        check_drive(v_mps, w_radps, duration_s)
+        self._begin()
+        steps = round(duration_s / self.config.timestep_s)
+        wanted = self.robot.within_reach(v_mps, w_radps)
+        while self._steps < steps:
+            self._tell(*self._towards(*wanted))
+            self._advance(min(self.config.control_steps, steps - self._steps))
+        return self._motion(self._touched)
+
+    def _place(self, x: float, y: float, yaw: float) -> None:
+        """Start anew with the robot at a pose in the model's frame; nothing of the past remains."""
+        mujoco.mj_resetData(self.model, self.data)
+        self._body[:] = (x, y, self._height_m, math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2))
+        self._told, self._at_wall = (0.0, 0.0), False
+        mujoco.mj_forward(self.model, self.data)
+
+    def _pose(self) -> _Pose:
+        """Pose in the model's frame."""
+        x, y, _, qw, qx, qy, qz = self._body.tolist()
+        return x, y, math.atan2(2 * (qw * qz + qx * qy), 1 - 2 * (qy * qy + qz * qz))
+
+    def _follow(self, plan: PlannedMove) -> None:
+        """Drive along a plan until it is done or a wall makes it useless."""
+        end_s, begin = plan.profile.duration_s, self._steps
+        best_m, best_s = math.inf, 0.0
+        while True:
+            time_s, pose = (self._steps - begin) * self.config.timestep_s, self._pose()
+            off_m, off_rad = plan.left(pose)
+            late, turned = time_s >= end_s, off_rad < ARRIVED_RAD
+            if late and ((turned and (self._touched or off_m < ARRIVED_M)) or time_s >= end_s + SETTLE_S):
+                return
+            left_m = off_m + self.robot.radius_m * off_rad
+            if left_m < best_m - GAIN_M:
+                best_m, best_s = left_m, time_s
+            elif self._at_wall and time_s - best_s > STALL_S:
+                return
+            # A wall decides how far the robot gets: pushing harder would only make it slide on.
+            self._steer(plan, time_s, pose, closing=not (self._at_wall or (late and self._touched)))
+            self._advance(self.config.control_steps)
+
+    def _steer(self, plan: PlannedMove, time_s: float, pose: _Pose, *, closing: bool) -> None:
+        """Tell wheels and floor the speeds for the next control period.
+
+        Args:
+            plan: Where to be.
+            time_s: Time since its start [s].
+            pose: Where the robot is.
+            closing: Whether to correct the position too, not only the heading.
+        """
+        period_s = self.config.control_steps * self.config.timestep_s
+        lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
+        now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
+        vx, vy, w = ((b - a) / period_s for a, b in zip(ahead, then, strict=True))
+        gain = FEEDBACK_PER_S if closing else 0.0
+        ex, ey = gain * (now[0] - pose[0]), gain * (now[1] - pose[1])
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        v, w = c * (vx + ex) + s * (vy + ey), w + FEEDBACK_PER_S * wrap(now[2] - pose[2])
+        slip = c * vy - s * vx
+        if self._at_wall:
+            slip = max(-SCRAPE_MPS, min(SCRAPE_MPS, slip))
+        else:
+            slip += max(-DRIFT_MPS, min(DRIFT_MPS, c * ey - s * ex))
+        self._tell(v, w, slip)
+
+    def _tell(self, v_mps: float, w_radps: float, sideways_mps: float = 0.0) -> None:
+        """Set the speeds of the wheels, and slide the floor to the left of the robot.
+
+        Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres
+        give way sideways: their grip would hold it, where real robots scrape along.
+        """
+        robot, yaw = self.robot, self._pose()[2]
+        c, s = math.cos(yaw), math.sin(yaw)
+        vx, vy, _, _, _, w_now = self._rates.tolist()
+        v_now, half_track = c * vx + s * vy, robot.track_m / 2
+        if self._at_wall:  # the floor goes along at the robot's own pace, and never speeds it up
+            aside = c * vy - s * vx
+            pace = max(abs(aside), abs(sideways_mps))
+            sideways_mps = max(-pace, min(pace, aside + sideways_mps))
+        top = robot.max_speed_mps
+        rim = max(-top, min(top, w_radps * half_track))
+        spare = max(robot.stall_slip_mps - abs(rim - w_now * half_track), robot.stall_slip_mps / 2)
+        v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
+        self._told = v, rim / half_track
+        self.data.ctrl[0] = (v - rim) / robot.wheel_radius_m
+        self.data.ctrl[1] = (v + rim) / robot.wheel_radius_m
+        self._slide[0], self._slide[1] = -sideways_mps * s, sideways_mps * c
+
+    def _towards(self, v_mps: float, w_radps: float) -> tuple[float, float]:
+        """Speeds on the way to wanted ones, as far as a wheel's acceleration allows in one control period."""
+        v, w = self._told
+        dv, dw = v_mps - v, w_radps - w
+        change = abs(dv) + abs(dw) * self.robot.track_m / 2
+        most = self.robot.max_accel_mps2 * self.config.control_steps * self.config.timestep_s
+        part = min(1.0, most / change) if change > 0 else 1.0
+        return v + part * dv, w + part * dw
+
+    def _halt(self) -> None:
+        """Stop the wheels, and wait for the robot to come to rest."""
+        while self._told != (0.0, 0.0):
+            self._tell(*self._towards(0.0, 0.0))
+            self._advance(self.config.control_steps)
+        self._slide[:] = 0.0
+        last = self._steps + round(REST_S / self.config.timestep_s)
+        while self._steps < last:
+            vx, vy, _, _, _, w = self._rates.tolist()
+            if math.hypot(vx, vy) < REST_MPS and abs(w) < REST_RADPS:
+                return
+            self._advance(1)
+
+    def _begin(self) -> None:
+        """Start counting for a new motion."""
+        self._steps, self._deepest_m, self._touched = 0, 0.0, False
+        # The floor looks the same everywhere; back to the middle, so that it never runs out.
+        self._floor[:] = 0.0
+
+    def _advance(self, steps: int) -> None:
+        """Let physics go on, and watch the hull's contacts at each step."""
+        model, data, touch = self.model, self.data, self._touch
+        self._at_wall = False
+        for _ in range(steps):
+            mujoco.mj_step(model, data)
+            if touch[0] > 0:
+                self._at_wall = True
+                self._deepest_m = min(self._deepest_m, float(touch[1]))
+        self._touched |= self._at_wall
+        self._steps += steps
+
+    def _motion(self, collided: bool) -> Motion:
+        return Motion(
+            pose=self.pose,
+            collided=collided,
+            duration_s=self._steps * self.config.timestep_s,
+            penetration_m=max(0.0, -self._deepest_m),
+            physics_steps=self._steps,
+        )

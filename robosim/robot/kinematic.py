@@ -1,0 +1,233 @@
+"""The kinematic twin of `world`: a disk that goes where it is sent, and stops at walls.
+
+No masses, no wheels: the disk's centre goes along straight lines (arcs are cut into short ones), and
+stops where it comes to lie one radius from a wall. That place is exact: a disk meets a wall where its
+centre meets the lines one radius beside the wall, or the circles around the wall's ends. Turning is free,
+since a disk looks alike from all sides. Walls are kept in tiles, each with all walls near enough to
+matter, so that a move costs some tens of microseconds on any plan.
+
+It stands in for `World` where speed matters more than forces, such as training. With `slide` a blocked
+disk goes on along the wall, as in Habitat's default; without, it stays where it met the wall.
+Left out: acceleration, friction, slip other than what is commanded.
+"""
+
+import math
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.robot.collision import check_pose, wall_segments
+from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
+from robosim.robot.robots import RobotConfig
+from slam.poses import wrap
+
+#: Side of the tiles that walls are sorted into [m].
+TILE_M = 0.5
+#: Longest way that is tested against walls at once [m].
+PIECE_M = 0.3
+#: Largest turn within one straight piece of an arc [rad].
+ARC_RAD = math.radians(5.0)
+#: The disk is stopped this far before a wall [m], so that rounding never puts it inside.
+GAP_M = 1e-9
+#: Walls that a sliding disk may meet in one piece of its way.
+MAX_SLIDES = 4
+#: Moving along a wall this exactly is not moving into it (sine of the angle).
+_PARALLEL = 1e-12
+
+
+class KinematicWorld:
+    """A building with one robot, moved without forces."""
+
+    def __init__(self, building: Building, *, robot: RobotConfig | None = None, slide: bool = False) -> None:
+        """Sort the walls of a building.
+
+        Args:
+            building: Its `free` area gives the walls.
+            robot: The robot's body, of which size and speed matter here.
+            slide: Whether a blocked robot goes on along the wall.
+        """
+        self.building = building
+        self.robot = robot or RobotConfig()
+        self.slide = slide
+        xmin, ymin, xmax, ymax = building.free.bounds
+        self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
+        self._walls = _Tiles(wall_segments(building.free) - self._origin, self.robot.radius_m + GAP_M)
+        self._x, self._y, self._yaw = 0.0, 0.0, 0.0
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Put the robot at a pose x [m], y [m], yaw [rad] in `map`.
+
+        Raises:
+            ValueError: If the hull does not fit there.
+        """
+        check_pose(self.building.free, pose, self.robot.radius_m)
+        self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
+        self._yaw = wrap(float(pose[2]))
+
+    @property
+    def pose(self) -> Float[np.ndarray, "3"]:
+        """Pose x [m], y [m], yaw [rad] in `map`."""
+        return np.array([self._x + self._origin[0], self._y + self._origin[1], self._yaw])
+
+    def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
+        """Go to a pose near by, or to where walls stop the disk.
+
+        The way leads forward first, then sideways, so that slip into a wall does not keep a robot from
+        driving along it.
+
+        Args:
+            displacement: Where to go in the robot's frame: dx [m], dy [m], dyaw [rad].
+
+        Returns:
+            How it went; collided if a wall left the robot off its goal by more than `BLOCKED_M`.
+        """
+        check_displacement(displacement)
+        dx, dy, turn = (float(part) for part in displacement)
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        goal_x, goal_y = self._x + c * dx - s * dy, self._y + s * dx + c * dy
+        self._go(c * dx, s * dx)
+        self._go(-s * dy, c * dy)
+        self._yaw = wrap(self._yaw + turn)
+        blocked = math.hypot(goal_x - self._x, goal_y - self._y) > BLOCKED_M
+        return Motion(self.pose, blocked, self.robot.profile(displacement).duration_s)
+
+    def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
+        """Drive along an arc for a while, at once at full speed.
+
+        Args:
+            v_mps: Speed forward [m/s]. Speeds that a wheel cannot have are reduced, along the same arc.
+            w_radps: Turn rate, counter-clockwise [rad/s].
+            duration_s: For how long [s].
+
+        Returns:
+            How it went; collided if a wall shortened the way.
+        """
+        check_drive(v_mps, w_radps, duration_s)
+        v, w = self.robot.within_reach(v_mps, w_radps)
+        pieces = max(1, math.ceil(abs(w) * duration_s / ARC_RAD))
+        turn = w * duration_s / pieces
+        half = turn / 2
+        chord = v * duration_s / pieces * (math.sin(half) / half if half else 1.0)
+        blocked = False
+        for _ in range(pieces):
+            way = self._yaw + half
+            blocked |= self._go(chord * math.cos(way), chord * math.sin(way))
+            self._yaw = wrap(self._yaw + turn)
+        return Motion(self.pose, blocked, duration_s)
+
+    def _go(self, dx: float, dy: float) -> bool:
+        """Move the disk straight on as far as walls allow; whether one was in the way."""
+        pieces = max(1, math.ceil(math.hypot(dx, dy) / PIECE_M))
+        blocked = False
+        for _ in range(pieces):
+            blocked |= self._go_piece(dx / pieces, dy / pieces)
+            if blocked and not self.slide:
+                break
+        return blocked
+
+    def _go_piece(self, dx: float, dy: float) -> bool:
+        blocked = False
+        first: tuple[float, float] | None = None
+        for _ in range(MAX_SLIDES):
+            walls = self._walls.near(self._x, self._y)
+            met = None if walls is None else walls.meet(self._x, self._y, dx, dy)
+            if met is None:
+                self._x, self._y = self._x + dx, self._y + dy
+                return blocked
+            blocked, (part, nx, ny) = True, met
+            self._x, self._y = self._x + part * dx, self._y + part * dy
+            if not self.slide:
+                return True
+            into = (1 - part) * (dx * nx + dy * ny)
+            dx, dy = (1 - part) * dx - into * nx, (1 - part) * dy - into * ny
+            if first is not None and dx * first[0] + dy * first[1] < 0:
+                return True  # back into the wall met before: a corner
+            first = (nx, ny)
+        return True
+
+
+class _Tiles:
+    """Walls, found by place."""
+
+    def __init__(self, walls: Float[np.ndarray, "n 2 2"], radius_m: float) -> None:
+        """Sort walls into tiles, each with the walls that a disk starting there may meet within a piece."""
+        self._corner = walls.min(axis=(0, 1))
+        self._shape = np.floor((walls.max(axis=(0, 1)) - self._corner) / TILE_M).astype(int) + 1
+        ix, iy = (index.ravel() for index in np.indices(self._shape))
+        low = self._corner + np.column_stack([ix, iy]) * TILE_M
+        tiles = shapely.box(low[:, 0], low[:, 1], low[:, 0] + TILE_M, low[:, 1] + TILE_M)
+        tree = shapely.STRtree(shapely.linestrings(walls))
+        reach_m = radius_m + PIECE_M
+        tile, wall = tree.query(tiles, predicate="dwithin", distance=reach_m)
+        self._walls, self._radius_m = walls, radius_m
+        self._found: list[_Walls | None] = [None] * len(tiles)
+        ends = np.flatnonzero(np.diff(tile, append=-1)) + 1
+        for start, end in zip(np.append(0, ends[:-1]), ends, strict=True):
+            self._found[tile[start]] = _Walls(walls[np.sort(wall[start:end])], radius_m)
+
+    def near(self, x: float, y: float) -> "_Walls | None":
+        """The walls near a place [m], if any."""
+        ix, iy = int((x - self._corner[0]) // TILE_M), int((y - self._corner[1]) // TILE_M)
+        return self._found[ix * self._shape[1] + iy]
+
+
+class _Walls:
+    """A few walls, ready to be met by a disk."""
+
+    def __init__(self, walls: Float[np.ndarray, "n 2 2"], radius_m: float) -> None:
+        self._start = walls[:, 0]
+        along = walls[:, 1] - walls[:, 0]
+        self._length = np.hypot(*along.T)
+        self._along = along / self._length[:, None]
+        self._radius_m = radius_m
+
+    def meet(self, x: float, y: float, dx: float, dy: float) -> tuple[float, float, float] | None:
+        """Where a disk that moves on a straight line first meets a wall.
+
+        Args:
+            x: Its centre [m].
+            y: Its centre [m].
+            dx: Its way along x [m].
+            dy: Its way along y [m].
+
+        Returns:
+            Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None
+            if it can go all the way.
+        """
+        length = math.hypot(dx, dy)
+        if length == 0:
+            return None
+        ux, uy, radius = dx / length, dy / length, self._radius_m
+        ax, ay = self._along.T
+        wx, wy = x - self._start[:, 0], y - self._start[:, 1]
+        best, nx, ny = length, 0.0, 0.0
+
+        # Straight sides: the height of the centre above the wall's line comes down to the radius.
+        height, climb = ax * wy - ay * wx, ax * uy - ay * ux
+        side = np.sign(height)
+        sinking = -side * climb
+        i = np.flatnonzero((sinking > _PARALLEL) & (side * height - radius < length * sinking))
+        if len(i):
+            way = np.maximum((side[i] * height[i] - radius) / sinking[i], 0.0)
+            foot = ax[i] * (wx[i] + way * ux) + ay[i] * (wy[i] + way * uy)
+            way[(foot < 0) | (foot > self._length[i])] = math.inf
+            first = int(np.argmin(way))
+            if way[first] < best:
+                best, j = float(way[first]), i[first]
+                nx, ny = float(-side[j] * ay[j]), float(side[j] * ax[j])
+
+        # Round ends: each corner is the start of one wall.
+        nearing, outside = wx * ux + wy * uy, wx * wx + wy * wy - radius * radius
+        square = nearing * nearing - outside
+        i = np.flatnonzero((nearing < -_PARALLEL) & (square >= 0))
+        if len(i):
+            way = np.maximum(-nearing[i] - np.sqrt(square[i]), 0.0)
+            first = int(np.argmin(way))
+            if way[first] < best:
+                best, j = float(way[first]), i[first]
+                nx, ny = float(wx[j] + best * ux), float(wy[j] + best * uy)
+                norm = math.hypot(nx, ny)
+                nx, ny = nx / norm, ny / norm
+        return (best / length, nx, ny) if best < length else None

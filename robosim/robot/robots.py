@@ -1,0 +1,221 @@
+"""The robot's body in MuJoCo: a round differential drive with a camera on a mast.
+
+Two driven wheels on the axle through the centre, a caster before and one behind it, the centre of mass
+low between them. Wheels touch the floor as spheres: one point each, where cylinders scrub on an edge and
+turn up to 14 degrees short in a full turn. Each wheel has a velocity servo; the rotor's inertia, as felt
+through the gear, is what keeps a stiff servo stable at steps of 5 ms, since MuJoCo solves contacts
+without the servo's damping.
+
+Walls see the hull as a sphere of the hull's radius at the height of the centre of mass: against upright
+walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
+centre of mass, and there is no edge to climb on. (An upright capsule leans out when the
+body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
+Left out: suspension, motor electronics, the mast's mass.
+"""
+
+import math
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from robosim.robot.motion import SpeedProfile
+from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
+from robosim.support.checks import RADIUS_M, check_numbers
+
+#: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
+SERVO_LAG_S = 0.015
+#: Push of the wheels at which the motors stall, as a part of the robot's weight.
+STALL_GRIP = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """Size and abilities of the robot; by default like a small TurtleBot."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    mass_kg: float = 2.0
+    """Mass of all but the wheels [kg]."""
+    wheel_radius_m: float = 0.033
+    """Radius of the driven wheels [m]."""
+    track_m: float = 0.16
+    """Distance between the wheels [m]."""
+    rotor_inertia_kgm2: float = 0.0005
+    """Inertia of a motor's rotor as felt at the wheel [kg m^2]."""
+    mast_m: float = 1.25
+    """Height of the camera [m], as drawn; pictures follow the camera's own settings."""
+    max_speed_mps: float = 0.5
+    """Highest speed of a wheel [m/s]."""
+    max_accel_mps2: float = 2.0
+    """Highest acceleration of a wheel [m/s^2]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            radius_m=RADIUS_M,
+            mass_kg=(0.01, 10_000, "kg"),
+            wheel_radius_m=(0.001, 1, "m"),
+            track_m=(0.001, 10, "m"),
+            rotor_inertia_kgm2=(1e-9, 100, "kg m2"),
+            mast_m=(0.01, 10, "m"),
+            max_speed_mps=(0.001, 10, "m/s"),
+            max_accel_mps2=(0.001, 1000, "m/s2"),
+        )
+        if self.track_m > 2 * self.radius_m:
+            raise ValueError(
+                f"track_m is {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "
+                "wheels outside of the hull would pass through walls."
+            )
+
+    @property
+    def servo_gain(self) -> float:
+        """Torque of a wheel's servo per error of its speed [N m s/rad], for the lag `SERVO_LAG_S`."""
+        rolling = self.mass_kg / 2 * self.wheel_radius_m**2
+        return (self.rotor_inertia_kgm2 + rolling) / SERVO_LAG_S
+
+    @property
+    def stall_torque_nm(self) -> float:
+        """Torque at which a wheel's motor stalls [N m], before the wheel slips: MuJoCo's would hop."""
+        return STALL_GRIP * self.mass_kg * 9.81 * self.wheel_radius_m / 2
+
+    @property
+    def stall_slip_mps(self) -> float:
+        """How much faster [m/s] than it moves a wheel must be told to go for its motor to stall."""
+        return self.stall_torque_nm / self.servo_gain * self.wheel_radius_m
+
+    def within_reach(self, v_mps: float, w_radps: float) -> tuple[float, float]:
+        """The fastest speed and turn rate along the same arc that neither wheel is too slow for."""
+        rim = abs(v_mps) + abs(w_radps) * self.track_m / 2
+        part = min(1.0, self.max_speed_mps / rim) if rim > 0 else 1.0
+        return part * v_mps, part * w_radps
+
+    def profile(self, displacement: Float[np.ndarray, "3"]) -> SpeedProfile:
+        """Fastest way along a displacement dx [m], dy [m], dyaw [rad] that is within reach of the wheels."""
+        dx, dy, turn = displacement
+        length_m = math.hypot(dx, dy) + abs(turn) * self.track_m / 2
+        return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
+
+
+#: The robots that have a name: the radius of the published agent, and of a LoCoBot.
+ROBOTS = {
+    "turtlebot": RobotConfig(),
+    "locobot": RobotConfig(
+        radius_m=0.18, mass_kg=6.5, wheel_radius_m=0.035, track_m=0.23, rotor_inertia_kgm2=0.002
+    ),
+}
+
+
+def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -> None:
+    """Add the robot to a model, standing at the origin and looking along +x.
+
+    Its joints are `robot` (free), `left` and `right`; the latter are also actuators: wheel speeds [rad/s].
+    The sensor `touch` says how many contacts the hull has with walls, and the distance [m] of the deepest.
+    """
+    geom, com_m = mujoco.mjtGeom, 0.5 * robot.radius_m
+    body = spec.worldbody.add_body(name="robot")
+    body.add_freejoint(name="robot")
+    body.explicitinertial = True
+    body.mass, body.ipos = robot.mass_kg, (0, 0, com_m)
+    body.inertia = (0.4 * robot.mass_kg * robot.radius_m**2,) * 3
+    body.add_geom(
+        name="hull",
+        type=geom.mjGEOM_SPHERE,
+        pos=(0, 0, com_m),
+        size=(robot.radius_m, 0, 0),
+        contype=0,
+        conaffinity=WALL,
+        condim=3 if physics.wall_friction > 0 else 1,
+        friction=(physics.wall_friction, 0, 0),
+        priority=1,
+        group=3,
+        **physics.hard,
+    )
+    caster_m = 0.15 * robot.radius_m
+    for name, side in (("front", 1), ("back", -1)):
+        body.add_geom(
+            name=name,
+            type=geom.mjGEOM_SPHERE,
+            pos=(side * 0.75 * robot.radius_m, 0, caster_m),
+            size=(caster_m, 0, 0),
+            rgba=(0.8, 0.8, 0.8, 1),
+            contype=0,
+            conaffinity=FLOOR,
+            condim=1,
+            priority=1,
+            # Softer than the wheels, which are to carry most of the weight.
+            solref=(2 * physics.timestep_s, 1.0),
+            solimp=(0.9, 0.95, 0.001, 0.5, 2.0),
+        )
+    for name, side in (("left", 1), ("right", -1)):
+        _add_wheel(spec, body, name, side, robot, physics)
+    _add_looks(body, robot)
+    touch = spec.add_sensor(
+        name="touch", type=mujoco.mjtSensor.mjSENS_CONTACT, objtype=mujoco.mjtObj.mjOBJ_GEOM, objname="hull"
+    )
+    data = mujoco.mjtConDataField
+    touch.intprm[:3] = (
+        1 << int(data.mjCONDATA_FOUND) | 1 << int(data.mjCONDATA_DIST),
+        1,
+        1,
+    )  # least distance
+
+
+def _add_wheel(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    name: str,
+    side: int,
+    robot: RobotConfig,
+    physics: PhysicsConfig,
+) -> None:
+    r = robot.wheel_radius_m
+    wheel = body.add_body(name=name, pos=(0, side * robot.track_m / 2, r))
+    wheel.explicitinertial = True
+    wheel.ipos = (0, 0, 0)  # else MuJoCo takes the position of the body, and the wheel is unbalanced
+    wheel.mass = 0.025 * robot.mass_kg
+    wheel.inertia = (0.5 * wheel.mass * r**2,) * 3
+    wheel.add_joint(
+        name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=(0, 1, 0), armature=robot.rotor_inertia_kgm2
+    )
+    wheel.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_SPHERE,
+        size=(r, 0, 0),
+        contype=0,
+        conaffinity=FLOOR,
+        condim=3,
+        friction=(physics.floor_friction, 0, 0),
+        priority=1,
+        group=3,
+        **physics.hard,
+    )
+    wheel.add_geom(
+        name=f"{name}_tyre",
+        type=mujoco.mjtGeom.mjGEOM_CYLINDER,
+        size=(r, 0.12 * robot.radius_m, 0),
+        quat=(math.sqrt(0.5), math.sqrt(0.5), 0, 0),
+        rgba=(0.1, 0.1, 0.1, 1),
+        contype=0,
+        conaffinity=0,
+        mass=0,
+    )
+    servo = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    servo.set_to_velocity(kv=robot.servo_gain)
+    servo.forcelimited, servo.forcerange = True, (-robot.stall_torque_nm, robot.stall_torque_nm)
+
+
+def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
+    """What is drawn of the body, and collides with nothing."""
+    R, top = robot.radius_m, robot.mast_m
+    cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
+    looks = (
+        ("base", cylinder, (0, 0, 0.65 * R), (R, 0.25 * R, 0), (0.3, 0.3, 0.33, 1)),
+        ("deck", cylinder, (0, 0, 1.15 * R), (0.85 * R, 0.15 * R, 0), (0.25, 0.45, 0.7, 1)),
+        ("mast", cylinder, (0, 0, (top + R) / 2), (0.1 * R, 0, (top - R) / 2), (0.7, 0.7, 0.7, 1)),
+        ("camera", box, (0, 0, top), (0.15 * R, 0.4 * R, 0.15 * R), (0.9, 0.35, 0.1, 1)),
+    )
+    for name, kind, pos, size, rgba in looks:
+        size = (size[0], size[2], 0) if name == "mast" else size
+        body.add_geom(name=name, type=kind, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)

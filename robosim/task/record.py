@@ -1,0 +1,158 @@
+"""What happened in an episode, and the files that tell it.
+
+Metrics go by their usual names: success weighted by path length (SPL) and its soft form (Anderson et al.
+2018; Datta et al. 2020), coverage, and the distance between estimated and true position. Trajectories are
+TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo reads them.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.radio.link import RadioLink
+from robosim.radio.measurement import Heard
+from robosim.robot.dynamic import Motion
+from robosim.support.files import whole_file
+from robosim.task.tasks import ARRIVAL_M, Task
+from slam.poses import wrap
+from wireless.paths import LinkState
+
+
+class Link(NamedTuple):
+    """One measurement of the radio, for judging."""
+
+    state: LinkState
+    """True link state."""
+    believed: LinkState
+    """The state taken to be most probable."""
+    snr_db: float
+    """Of the strongest estimated path; -inf if none was found."""
+    aoa_error_rad: float
+    """Between the strongest estimated and the strongest true path in `map`; NaN if either is missing."""
+
+
+@dataclass(eq=False)
+class EpisodeLog:
+    """Everything of an episode that is worth keeping, one entry a decision."""
+
+    task: Task
+    poses: list[np.ndarray] = field(default_factory=list)
+    """True poses; the first is the start."""
+    estimates: list[np.ndarray] = field(default_factory=list)
+    """Poses as estimated when the robot was at the true pose of the same index."""
+    motions: list[Motion] = field(default_factory=list)
+    """What each action did."""
+    coverage: list[float] = field(default_factory=list)
+    """Part of the reachable floor seen, at each pose."""
+    links: list[Link] = field(default_factory=list)
+    """What the radio heard at each decision, if there is one."""
+    seconds: dict[str, float] = field(default_factory=dict)
+    """Wall-clock time by stage [s]."""
+    ended: str = "running"
+    """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
+
+    def see(self, pose: Float[np.ndarray, "3"], estimate: Float[np.ndarray, "3"], coverage: float) -> None:
+        """Add a moment: the true and the estimated pose, and the coverage so far."""
+        self.poses.append(np.array(pose))
+        self.estimates.append(np.array(estimate))
+        self.coverage.append(coverage)
+
+    def hear(self, heard: Heard | None, radio: RadioLink | None) -> None:
+        """Add what the radio heard, beside the truth; nothing without a radio."""
+        if heard is None or radio is None:
+            return
+        found = len(heard.snr_db) > 0
+        self.links.append(
+            Link(
+                state=radio.state,
+                believed=heard.state,
+                snr_db=float(heard.snr_db[0]) if found else -np.inf,
+                aoa_error_rad=abs(wrap(float(heard.aoa_rad[0]) - radio.bearing)) if found else np.nan,
+            )
+        )
+
+    @property
+    def steps(self) -> int:
+        """Actions done."""
+        return len(self.motions)
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the robot truly is within the arrival radius now."""
+        return bool(np.hypot(*(self.poses[-1][:2] - self.task.target)) <= ARRIVAL_M)
+
+    @property
+    def arrived_at(self) -> int | None:
+        """The first step after which the robot truly was within the arrival radius, or None."""
+        gap = np.hypot(*(np.array(self.poses)[:, :2] - self.task.target).T) if self.poses else np.array([])
+        inside = np.flatnonzero(gap <= ARRIVAL_M)
+        return int(inside[0]) if len(inside) else None
+
+    def result(self) -> dict[str, Any]:
+        """Scores of the episode, all but the times the same for the same seed."""
+        poses, estimates = np.array(self.poses), np.array(self.estimates)
+        error = np.hypot(*(estimates - poses)[:, :2].T)
+        arrived_at = self.arrived_at
+        legs = np.hypot(*np.diff(poses[:, :2], axis=0).T)
+        path = float(legs[:arrived_at].sum())
+        gap = float(np.hypot(*(poses[-1, :2] - self.task.target)))
+        ratio = 1.0 if max(path, self.task.shortest_m) == 0 else None
+        ratio = self.task.shortest_m / max(path, self.task.shortest_m) if ratio is None else ratio
+        progress = 1.0 if arrived_at is not None else max(1 - gap / (self.task.shortest_m + ARRIVAL_M), 0.0)
+        return {
+            "ended": self.ended,
+            "arrived": arrived_at is not None,
+            "arrived_at_step": arrived_at,
+            "steps": self.steps,
+            "path_length_m": path,
+            "shortest_m": self.task.shortest_m,
+            "spl": ratio if arrived_at is not None else 0.0,
+            "soft_spl": progress * ratio,
+            "final_distance_m": gap,
+            "collisions": sum(motion.collided for motion in self.motions),
+            "deepest_penetration_m": max((motion.penetration_m for motion in self.motions), default=0.0),
+            "coverage": self.coverage[-1],
+            "position_error_rms_m": float(np.sqrt(np.mean(error**2))),
+            "position_error_last_m": float(error[-1]),
+            "start": self.task.start,
+            "target": self.task.target,
+            "simulated_s": float(self._times()[-1]),
+            **self._radio_result(),
+        }
+
+    def _radio_result(self) -> dict[str, Any]:
+        """How well link states and directions were known on the way."""
+        if not self.links:
+            return {}
+        result: dict[str, Any] = {
+            "link_state_accuracy": np.mean([link.state == link.believed for link in self.links])
+        }
+        for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
+            name = state.name.lower()
+            mine = [link for link in self.links if link.state == state]
+            result[f"{name}_share"] = len(mine) / len(self.links)
+            near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
+            result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
+        return result
+
+    def save_trajectories(self, folder: Path) -> None:
+        """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""
+        for name, poses in (("trajectory", self.poses), ("estimate", self.estimates)):
+            with whole_file(Path(folder) / f"{name}.tum") as partial:
+                _write_tum(partial, self._times(), np.array(poses))
+
+    def _times(self) -> Float[np.ndarray, " n"]:
+        """Simulated time at each pose [s]."""
+        # evo asks for increasing times, also where a blocked robot gave up at once.
+        steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n 3"]) -> None:
+    zero = np.zeros(len(poses))
+    half = poses[:, 2] / 2
+    rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])
+    np.savetxt(path, rows, fmt="%.9f")

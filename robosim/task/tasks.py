@@ -1,0 +1,155 @@
+"""Tasks of a target search: where the robot starts, and where the target stands.
+
+Both are places that the robot's hull can reach, one from the other. The shortest drive between them is kept
+with the task, since success weighted by path length (SPL, Anderson et al. 2018) is measured against it.
+"""
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+
+from robosim.building.reach import Reach
+from robosim.plans.floorplan import MapError
+from robosim.support.checks import FARTHEST, check_number
+
+_log = logging.getLogger(__name__)
+
+#: The robot has arrived once its true position is this near to the target [m].
+ARRIVAL_M = 0.3
+
+#: A target this far from free space still counts as on its edge [m].
+ON_EDGE_M = 1e-6
+
+#: Targets tried before a building is taken to be too small for the distance asked for.
+_TRIES = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """One search in one building."""
+
+    start: Float[np.ndarray, "3"]
+    """Pose of the robot at first: x [m], y [m], yaw [rad] in `map`."""
+    target: Float[np.ndarray, "2"]
+    """Where the target stands in `map` [m]."""
+    shortest_m: float
+    """Length of the shortest drive that ends within the arrival radius [m]."""
+
+
+def make_task(
+    reach: Reach,
+    rng: np.random.Generator,
+    *,
+    start: Float[np.ndarray, "3"] | None = None,
+    target: Float[np.ndarray, "2"] | None = None,
+    min_path_m: float = 3.0,
+) -> Task:
+    """A task with what is given, the rest drawn evenly over the floor.
+
+    What is drawn lies at least `min_path_m` of driving from the other end. In a building without two such
+    places the farthest pair found is taken, and a warning logged.
+
+    Raises:
+        MapError: If the hull fits nowhere or not at the start, cannot drive from there to the target, or that is
+            in a wall.
+        ValueError: If start or target are no places, whatever the plan.
+    """
+    if not reach.n_parts:
+        raise MapError(
+            f"{reach.plan.name}: a hull of radius {reach.radius_m} m fits nowhere. Check the resolution, or "
+            "choose a smaller robot."
+        )
+    _check_places(reach, start, target)
+    given = target if target is not None else start[:2] if start is not None else None
+    if given is not None and start is not None and target is not None:
+        return Task(start, target, _shortest_m(reach, start, target))
+    anchor, other, distance = _draw_pair(reach, rng, given, min_path_m)
+    if distance < min_path_m:
+        _log.warning(
+            "%s: no two places %.1f m of path apart were found; the task is %.1f m long.",
+            reach.plan.name,
+            min_path_m,
+            distance,
+        )
+    if start is None:
+        start = np.array([*other, rng.uniform(-np.pi, np.pi)])
+        target = anchor
+    else:
+        target = other
+    return Task(start, target, max(distance - ARRIVAL_M, 0.0))
+
+
+def _draw_pair(
+    reach: Reach, rng: np.random.Generator, given: np.ndarray | None, min_path_m: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Two points of one part and the drive between them [m]; the first is the given one, if there is one."""
+    cells = np.argwhere(reach.parts > 0)
+    best: tuple[float, np.ndarray, np.ndarray] | None = None
+    for _ in range(1 if given is not None else _TRIES):
+        anchor = given if given is not None else _centre(reach, cells[rng.integers(len(cells))])
+        travel = reach.travel_m(anchor)
+        far_enough = np.argwhere(np.isfinite(travel) & (travel >= min_path_m))
+        if len(far_enough):
+            cell = far_enough[rng.integers(len(far_enough))]
+            return anchor, _centre(reach, cell), float(travel[tuple(cell)])
+        reached = np.where(np.isfinite(travel), travel, -1.0)
+        cell = np.array(np.unravel_index(np.argmax(reached), travel.shape))
+        if best is None or reached.max() > best[0]:
+            best = float(reached.max()), anchor, _centre(reach, cell)
+    assert best is not None  # the loop runs at least once
+    return best[1], best[2], best[0]
+
+
+def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:
+    """Length of the shortest drive from a start to within the arrival radius of a target [m]."""
+    travel = reach.travel_m(start[:2])
+    reached = np.isfinite(travel)
+    gap = np.hypot(*(reach.plan.centres(reached) - target).T)
+    near = gap <= ARRIVAL_M
+    if not near.any():
+        raise MapError(
+            f"{reach.plan.name}: no way for a hull of radius {reach.radius_m} m from the start "
+            f"({start[0]:g}, {start[1]:g}) m to the target ({target[0]:g}, {target[1]:g}) m. Choose both in "
+            "one part of the floor (`robosim plan` draws the parts), or a smaller robot."
+        )
+    return float(travel[reached][near].min())
+
+
+def _check_places(reach: Reach, start: np.ndarray | None, target: np.ndarray | None) -> None:
+    """Raise an error that suggests a better place if start or target cannot be where they are asked to be."""
+    for what, place, count in (("start", start, 3), ("target", target, 2)):
+        if place is not None and not (np.shape(place) == (count,) and (np.abs(place[:2]) <= FARTHEST).all()):
+            raise ValueError(
+                f"{what} is {place}, expected {count} numbers, the first two up to {FARTHEST:g} m."
+            )
+    if start is not None:
+        check_number("yaw of the start", float(start[2]), -2 * np.pi, 2 * np.pi, "rad: a turn to either side")
+    hull = f"the robot's hull (radius {reach.radius_m} m)"
+    if start is not None and not reach.part_at(start[:2]):
+        raise _better(reach, f"{hull} does not fit at the start {_at(start)}", start[:2])
+    if target is not None and reach.free.distance(shapely.Point(target)) > ON_EDGE_M:
+        raise _better(reach, f"the target {_at(target)} is in a wall, or outside of the building", target)
+    if target is not None and not reach.part_near(target, ARRIVAL_M):
+        raise _better(reach, f"{hull} cannot come within {ARRIVAL_M} m of the target {_at(target)}", target)
+
+
+def _better(reach: Reach, problem: str, point: Float[np.ndarray, "2"]) -> MapError:
+    """An error that names the nearest point that would do."""
+    centres = reach.plan.centres(reach.parts > 0)
+    nearest = centres[np.argmin(np.hypot(*(centres - point).T))]
+    return MapError(
+        f"{reach.plan.name}: {problem}. The nearest place where the hull can be is ({nearest[0]:.2f}, "
+        f"{nearest[1]:.2f}) m."
+    )
+
+
+def _at(point: np.ndarray) -> str:
+    return f"({point[0]:g}, {point[1]:g}) m"
+
+
+def _centre(reach: Reach, cell: np.ndarray) -> np.ndarray:
+    """Point of `map` at the centre of a cell (row, column)."""
+    return reach.plan.to_map(np.array([cell[1] + 0.5, cell[0] + 0.5]))

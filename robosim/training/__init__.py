@@ -1,0 +1,1 @@
+"""Training of all that is learnt: link states, mapper, pose, explorer, steering."""

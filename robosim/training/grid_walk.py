@@ -1,0 +1,165 @@
+"""A robot that explores a building without physics, noise or pictures: thousands of decisions a second, to learn from.
+
+The explorer and the planner are the real ones. The map is made by rays over the plan's cells, as a perfect camera and
+mapper would make it; the robot turns by 10 degrees and then goes straight along the planned way. What is left out is
+what costs time: rendering, odometry, scan matching, bumps, the controller's choice among ways.
+"""
+
+import math
+
+import numpy as np
+import shapely
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.building.reach import Reach
+from robosim.task.coverage import VISION_RANGE_M
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.exploration import FrontierExplorer
+from slam.grid import GridFrame, MapEstimate
+from slam.planning import Plan, Planner
+from slam.poses import wrap
+from wireless.compiled import compiled
+
+#: Range to which floor is seen to be free [m], as the classical mapper has it.
+_FREE_RANGE_M = 5.0
+_FREE, _WALL = np.float32(0.05), np.float32(0.95)
+#: The way is planned anew after so many decisions.
+_REPLAN = 8
+#: Headings nearer to the way than this are good enough to go [rad].
+_AIM_RAD = 0.51 * TURN_RAD
+
+
+class GridWalk:
+    """One robot on its way through one building."""
+
+    def __init__(self, building: Building, places: Reach, rng: np.random.Generator, hfov_rad: float) -> None:
+        """Put the robot somewhere on the largest part of the floor.
+
+        Args:
+            building: Where.
+            places: Where its hull can be.
+            rng: Draws place and heading.
+            hfov_rad: The camera's horizontal field of view [rad].
+        """
+        plan = building.plan
+        cell = plan.resolution_m
+        centres = plan.to_map(np.indices(plan.shape)[::-1].reshape(2, -1).T + 0.5)
+        shapely.prepare(building.free)
+        free = shapely.contains_xy(building.free, centres).reshape(plan.shape)
+        # A rim of walls around the plan's own grid, whose axes are those of the walk.
+        self._wall = np.pad(~free, 1, constant_values=True)
+        self._region = np.pad(places.swept(1), 1)
+        self._frame = GridFrame(origin_xy=(-cell, -cell), resolution_m=cell, shape=self._wall.shape)
+        self._n_region = int(self._region.sum())
+        self._probability = np.full(self._wall.shape, 0.5, np.float32)
+        self._explored = np.zeros(self._wall.shape, bool)
+        self._nothing = np.zeros(self._wall.shape, bool)
+        self._half_rad = hfov_rad / 2
+        home = np.argwhere(np.pad(places.parts, 1) == 1)
+        row, column = home[rng.integers(len(home))] + 0.5
+        self.pose = np.array([*self._frame.to_points(np.array([column, row])), rng.uniform(-np.pi, np.pi)])
+        self._planner = Planner()
+        self._plan: Plan | None = None
+        self._corners: list[Float[np.ndarray, 2]] = []
+        self._age = 0
+        self._look()
+
+    @property
+    def coverage(self) -> float:
+        """Part of the floor in the robot's reach that was seen."""
+        return np.count_nonzero(self._explored & self._region) / self._n_region
+
+    def decide(self, explorer: FrontierExplorer) -> bool:
+        """Do what takes one decision; False if the explorer finds nothing left to see."""
+        estimate = MapEstimate(
+            frame=self._frame,
+            obstacle_probability=self._probability,
+            explored=self._explored,
+            blocked=self._nothing,
+            pose=self.pose,
+        )
+        goal = explorer.goal(estimate)
+        if goal is None:
+            return False
+        self._move(self._way(estimate, goal))
+        self._look()
+        return True
+
+    def _way(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> Plan:
+        """The way to a goal, kept for some decisions."""
+        self._age += 1
+        if self._plan is None or self._age >= _REPLAN or math.hypot(*(goal - self._plan.asked_xy)) > 0.02:
+            self._plan, self._age = self._planner.plan(estimate, goal), 0
+            self._corners = [*self._plan.path[1:]]
+        return self._plan
+
+    def _move(self, plan: Plan) -> None:
+        """Turn by 10 degrees, or go straight on."""
+        x, y, yaw = self.pose
+        while self._corners and math.hypot(*(self._corners[0] - (x, y))) < 0.02:
+            self._corners.pop(0)
+        ahead = (self._corners[0] if self._corners else plan.asked_xy) - (x, y)
+        distance = math.hypot(*ahead)
+        # At the end of the way it turns to what was asked for, and on, to look around.
+        off = wrap(math.atan2(ahead[1], ahead[0]) - yaw) if distance > 0.02 else math.pi
+        if abs(off) > _AIM_RAD or not self._corners:
+            self.pose = np.array([x, y, wrap(yaw + math.copysign(TURN_RAD, off))])
+            return
+        step = min(1.0, FORWARD_M / distance)
+        self.pose = np.array([x + step * ahead[0], y + step * ahead[1], yaw])
+
+    def _look(self) -> None:
+        """Mark what the camera sees."""
+        column, row = self._frame.to_cells(self.pose[:2])
+        _mark(
+            self._wall,
+            self._probability,
+            self._explored,
+            float(column),
+            float(row),
+            float(self.pose[2]),
+            self._half_rad,
+            _FREE_RANGE_M / self._frame.resolution_m,
+            VISION_RANGE_M / self._frame.resolution_m,
+            _FREE,
+            _WALL,
+        )
+
+
+@compiled
+def _mark(
+    wall: np.ndarray,
+    probability: np.ndarray,
+    explored: np.ndarray,
+    column: float,
+    row: float,
+    yaw: float,
+    half_rad: float,
+    reach: float,
+    sight: float,
+    free: np.float32,
+    solid: np.float32,
+) -> None:
+    """Rays over the field of view, and a little floor around the robot itself; lengths in cells."""
+    ny, nx = wall.shape
+    rays = 2 * math.ceil(half_rad * reach / 0.8) + 1
+    for r in range(rays):
+        angle = yaw + half_rad * (2.0 * r / (rays - 1) - 1.0)
+        dx, dy = math.cos(angle), math.sin(angle)
+        for i in range(int(2.0 * reach)):
+            t = 0.5 * i
+            ix, iy = math.floor(column + t * dx), math.floor(row + t * dy)
+            if ix < 0 or iy < 0 or ix >= nx or iy >= ny:
+                break
+            if t <= sight:
+                explored[iy, ix] = True
+            if wall[iy, ix]:
+                probability[iy, ix] = solid
+                break
+            probability[iy, ix] = free
+    # What lies at the robot's feet it has driven over.
+    for iy in range(max(int(row) - 3, 0), min(int(row) + 4, ny)):
+        for ix in range(max(int(column) - 3, 0), min(int(column) + 4, nx)):
+            if not wall[iy, ix]:
+                probability[iy, ix] = free

@@ -1,0 +1,247 @@
+"""Train classifiers of link states on public measurements: folds of held-out buildings, then all of them.
+
+Every network of every fold is one job, and so is every network of the shipped classifier, which sees all
+buildings (`robosim.training.link_jobs`). Held-out buildings give the scores and the temperature;
+the scores take each building's temperature from other buildings.
+"""
+
+import time
+from dataclasses import asdict, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+from rich.text import Text
+
+from robosim.support.files import write_files, write_json
+from robosim.support.run_folder import run_folder
+from robosim.training.link_jobs import Job, links_of, run_jobs
+from robosim.training.link_state_plots import plot_curves, plot_scores
+from robosim.training.link_ways import score_ways, train_ways
+from robosim.training.made_links import make_homes
+from wireless.linkstate.calibration import fit_temperature, scaled
+from wireless.linkstate.classifier import LinkStateClassifier
+from wireless.linkstate.data import Links, read_links
+from wireless.linkstate.scores import calibrated_across, scores
+from wireless.linkstate.tokens import reached
+from wireless.linkstate.training import Recipe
+
+#: States that a link with paths can be told to be in.
+_NAMES = ("outage", "LOS", "first-order", "higher-order")
+
+
+def train_link_state(
+    data: Path,
+    out: Path,
+    recipe: Recipe,
+    *,
+    test: Path | None,
+    folds: int,
+    of: int,
+    members: int,
+    homes: int,
+    workers: int,
+    cluster: str | None = None,
+    command: str,
+    console: Console,
+) -> dict[str, Any]:
+    """Train, score and write a classifier.
+
+    Args:
+        data: Folder of public measurements.
+        out: Folder for everything, and to go on from.
+        recipe: How each network is trained; member i takes the seed plus i. Inputs that were not measured are
+            left out.
+        test: Folder of measurements to score the classifier on in the end.
+        folds: How many folds to hold out, one after the other.
+        of: How many folds the buildings are dealt into.
+        members: Networks of a classifier.
+        homes: Generated homes that every network sees besides, see `robosim.training.made_links`.
+        workers: Processes.
+        cluster: Address of a dask scheduler that is used instead; its processes have to see the folders.
+        command: What was asked for, for the card.
+        console: Where to print.
+
+    Returns:
+        The card.
+
+    Raises:
+        ValueError: If there are too few buildings, or neither held-out nor test buildings.
+        FolderError: If the folder holds networks of another recipe or of other data.
+        WorkerLost: If a process was killed, when what could be done without it is.
+    """
+    start = time.perf_counter()
+    links = links_of(data)
+    recipe = replace(recipe, inputs=tuple(name for name in recipe.inputs if name in links.measured))
+    parts = deal(len(links.names), of)[:folds]
+    if not parts and test is None:
+        raise ValueError(
+            "folds is 0 and there are no test buildings: nothing would be scored. Give one of them."
+        )
+    if any(len(part) == len(links.names) for part in parts):
+        raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
+    console.print(Text(f"{len(links.state)} links of {len(links.names)} buildings in {data}"))
+    # More folds, members and tests may be asked for of the same networks.
+    settings = {
+        "data": f"{data.name}: {', '.join(links.names)}",
+        "links": len(links.state),
+        "of": of,
+        "homes": homes,
+        "recipe": asdict(recipe),
+    }
+    with run_folder(out, "train link-state", settings):
+        held = {f"fold{i}": part for i, part in enumerate(parts)} | {"all": ()}
+        jobs = {
+            name: [
+                Job(
+                    name=f"{name}-{i}",
+                    data=data,
+                    held_out=part,
+                    homes=homes,
+                    recipe=replace(recipe, seed=recipe.seed + i),
+                    out=out,
+                )
+                for i in range(members)
+            ]
+            for name, part in held.items()
+        }
+        fresh = not any(out.glob("jobs/*"))
+        make_homes(homes, out / "homes", workers=workers, cluster=cluster, console=console)
+        every = [job for group in jobs.values() for job in group]
+        trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
+        made = {
+            name: LinkStateClassifier(
+                [trained[job.name][0] for job in group],
+                model=recipe.model,
+                inputs=recipe.inputs,
+                options=recipe.options,
+                states=tuple(int(s) for s in np.unique(links.state[reached(links.tokens)])),
+            )
+            for name, group in jobs.items()
+        }
+        plot_curves({name: epochs for name, (_, epochs) in trained.items()}, out / "curves.png")
+        final = made["all"]
+        told = _told({f"fold{i}": made[f"fold{i}"] for i in range(len(parts))}, parts, links)
+        validation = _validate(told, parts, links, out, console)
+        known = ~np.isnan(told[:, 0]) & reached(links.tokens)
+        final.temperature = fit_temperature(told[known], links.state[known].astype(int))
+        if len(parts) > 1:
+            fitted = np.where(np.isnan(told), np.nan, scaled(np.nan_to_num(told, nan=1.0), final.temperature))
+            way, validation["ways"] = train_ways(
+                links, fitted, parts, recipe.inputs, final.states, recipe.seed
+            )
+            if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
+                final.way = way
+            for name in ("alone", "fused"):
+                _print(
+                    validation["ways"][name], f"places along ways through held-out buildings, {name}", console
+                )
+        card: dict[str, Any] = {
+            "command": command,
+            "data": f"{data.name}: {', '.join(links.names)}",
+            "links": len(links.state),
+            "homes": homes,
+            "recipe": asdict(recipe),
+            "members": members,
+            "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
+            "validation": validation,
+            "single_call_ms": _call_ms(final, links),
+            # A run that goes on does not know how long the first part took.
+            "seconds": round(time.perf_counter() - start, 1) if fresh else None,
+            "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
+        }
+        if test is not None:
+            there = read_links(test)
+            card["test"] = _score(final.predict_tokens(there.tokens), there, out / "test.png")
+            card["test"]["ways"] = score_ways(final, there)
+            for name, found in card["test"]["ways"].items():
+                rates = [f"{how} {found[how]['accuracy']:.4f}" for how in ("alone", "fused") if how in found]
+                console.print(f"ways {name} in test buildings, {found['places']} places: {', '.join(rates)}")
+            _print(card["test"], f"test buildings: {', '.join(there.names)}", console)
+        final.card = card
+        write_files(out, final.files("link-state"))
+        write_json(out / "result.json", card)
+    return card
+
+
+def deal(buildings: int, of: int) -> list[tuple[int, ...]]:
+    """Buildings in random folds, the same for everybody.
+
+    Raises:
+        ValueError: If there are fewer buildings than folds.
+    """
+    if not 1 <= of <= buildings:
+        raise ValueError(f"{of} folds asked for, expected 1 to the {buildings} buildings that there are.")
+    order = np.random.default_rng(0).permutation(buildings)
+    return [tuple(sorted(int(i) for i in part)) for part in np.array_split(order, of)]
+
+
+def _told(
+    made: dict[str, LinkStateClassifier], parts: list[tuple[int, ...]], links: Links
+) -> Float[np.ndarray, "n 4"]:
+    """Probabilities of each held-out link by the fold that did not see it; NaN of others."""
+    told = np.full((len(links.state), 4), np.nan)
+    for classifier, part in zip(made.values(), parts, strict=True):
+        rows = links.within(part)
+        told[rows] = classifier.predict_tokens(links.tokens[rows])
+    return told
+
+
+def _validate(
+    told: Float[np.ndarray, "n 4"],
+    parts: list[tuple[int, ...]],
+    links: Links,
+    out: Path,
+    console: Console,
+) -> dict[str, Any]:
+    """Scores of each fold."""
+    result: dict[str, Any] = {}
+    for i, part in enumerate(parts):
+        rows = links.within(part)
+        held = links[rows]
+        judged = calibrated_across(told[rows], held.state, reached(held.tokens), held.building)
+        result[f"fold{i}"] = _score(judged, held, out / f"fold{i}.png")
+        _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
+    if result:
+        result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
+        console.print(f"mean validation accuracy of {len(parts)} folds: {result['mean_accuracy']:.4f}")
+    return result
+
+
+def _score(probability: Float[np.ndarray, "n 4"], links: Links, picture: Path) -> dict[str, Any]:
+    """Scores of links, drawn too."""
+    with_paths = reached(links.tokens)
+    plot_scores(probability[with_paths], links.state[with_paths], picture)
+    return scores(probability, links.state, with_paths, links.building, links.names)
+
+
+def _print(score: dict[str, Any], title: str, console: Console) -> None:
+    """Confusion matrix and a line of scores."""
+    matrix = np.array(score["confusion"], float)
+    shares = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)
+    console.print(title)
+    console.print(f"{'true / told':>14}" + "".join(f"{name:>14}" for name in _NAMES) + f"{'links':>10}")
+    for name, row, count in zip(_NAMES, shares, matrix.sum(1), strict=True):
+        console.print(
+            f"{name:>14}" + "".join(f"{share:14.3f}" for share in row) + f"{count:10.0f}", highlight=False
+        )
+    console.print(
+        f"accuracy {score['accuracy']:.4f}, of links with paths {score['accuracy_with_paths']:.4f}; "
+        f"calibration error {score['calibration_error']:.4f}, of links with paths "
+        f"{score['calibration_error_with_paths']:.4f}",
+        highlight=False,
+    )
+
+
+def _call_ms(classifier: LinkStateClassifier, links: Links) -> float:
+    """Median time of a call for one link [ms]."""
+    one = links.tokens[np.flatnonzero(reached(links.tokens))[:1]]
+    taken = []
+    for _ in range(300):
+        before = time.perf_counter()
+        classifier.predict_tokens(one)
+        taken.append(time.perf_counter() - before)
+    return round(1e3 * float(np.median(taken[100:])), 3)

@@ -1,0 +1,126 @@
+"""Links of generated homes, traced and received as the public ones were: more buildings to learn from.
+
+A classifier that saw a dozen buildings knows these too well. Generated homes cost nothing: each gets a few
+transmitters and some receivers of the published grid at random places. Paths are those that the published ray tracer
+would have found, as strong as it says (`robosim.published.label_links`), received by the published receiver
+(`wireless.estimation_public`).
+
+A home is one file, written whole; its seed alone decides what is in it.
+"""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import shapely
+from jaxtyping import Float32, UInt8
+from rich.console import Console
+
+from robosim.building.building import make_building
+from robosim.generator.generate import GeneratorConfig, generate_plan
+from robosim.published.label_links import TRACER, published_paths
+from robosim.published.label_walls import published_mesh
+from robosim.radio.receivers import receiver_grid
+from robosim.support.arrays_in import Array, read_npz
+from robosim.support.files import npz_bytes, write_whole
+from robosim.support.progress import told_units
+from robosim.support.reading import reading
+from robosim.support.workers import Workers
+from wireless.estimation_public import PublicReceiver
+from wireless.linkstate.tokens import make_tokens
+from wireless.mmwrobotnav import link_states
+from wireless.paths import LinkState
+from wireless.raytrace import Tracer
+from wireless.sounding import Rays
+
+#: Transmitters of a home, receivers of each, grid [m] and height of both [m].
+TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5
+#: Least distance of a transmitter from walls [m], as published ones have it; some receivers are behind a wall.
+TX_CLEARANCE_M = 0.04
+#: Seed of the first home, far from those that people take.
+FIRST_SEED = 1_000_220
+
+_MADE = {"tokens": Array("f4", "n 5 5"), "state": Array("u1", "n")}
+#: Estimated paths and states of links.
+Made = tuple[Float32[np.ndarray, "n 5 5"], UInt8[np.ndarray, " n"]]
+
+
+def make_homes(
+    count: int, folder: Path, *, workers: int, cluster: str | None = None, console: Console
+) -> None:
+    """Write what is missing of so many homes.
+
+    Args:
+        count: Number of homes.
+        folder: Where to.
+        workers: Processes; the files do not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown.
+
+    Raises:
+        WorkerLost: If a process was killed, when the other homes are made.
+    """
+    missing = [seed for seed in _seeds(count) if not _file(folder, seed).exists()]
+    if not missing:
+        return
+    with (
+        Workers(min(workers, len(missing)), cluster, what="homes") as pool,
+        told_units(console, "made homes", count, count - len(missing)) as tell,
+    ):
+        for number, content in pool.run(_home_file, [(seed,) for seed in missing]):
+            write_whole(_file(folder, missing[number]), content)
+            tell("")
+
+
+def read_homes(count: int, folder: Path) -> Made:
+    """The links of so many homes, in the order of their seeds."""
+    tokens, states = [], []
+    for seed in _seeds(count):
+        with reading(_file(folder, seed), "links of a generated home", "Delete it to make it again.") as file:
+            made = read_npz(file, _MADE)
+            if not np.isin(made["state"], list(LinkState)).all():
+                raise ValueError("a link state is none")
+        tokens.append(made["tokens"])
+        states.append(made["state"])
+    return np.concatenate(tokens), np.concatenate(states)
+
+
+def make_home(seed: int) -> Made:
+    """Links of one home that have paths."""
+    rng = np.random.default_rng(seed)
+    building = make_building(generate_plan(seed, config=GeneratorConfig(navigable=True)))
+    tracer = Tracer(published_mesh(building.plan, building.height_m), config=TRACER)
+    grid = receiver_grid(building, GRID_M, HEIGHT_M)
+    roomy = building.free.buffer(-TX_CLEARANCE_M)
+    places = grid.position[shapely.contains_xy(roomy, grid.position[:, 0], grid.position[:, 1])]
+    tokens, states = [], []
+    for _ in range(TRANSMITTERS):
+        tx = places[rng.integers(len(places))]
+        some = np.sort(rng.permutation(len(grid.position))[:RECEIVERS])
+        # Published rows count from 1 at the top.
+        cell = np.array([grid.shape[0], 1]) + grid.cell[some] * (-1, 1)
+        paths = published_paths(tx, grid.position[some], cell, tracer)
+        state = link_states(paths)[0]
+        aoa, aod, snr, peak = _receiver().receive(Rays.from_paths(paths), rng)
+        reached = state != LinkState.OUTAGE
+        tokens.append(make_tokens(aoa, snr, aod_rad=aod, peak=peak)[reached])
+        states.append(state[reached])
+    return np.concatenate(tokens), np.concatenate(states)
+
+
+def _home_file(seed: int) -> bytes:
+    tokens, state = make_home(seed)
+    return npz_bytes({"tokens": tokens, "state": state}, compressed=False)
+
+
+@cache
+def _receiver() -> PublicReceiver:
+    return PublicReceiver()
+
+
+def _seeds(count: int) -> range:
+    return range(FIRST_SEED, FIRST_SEED + count)
+
+
+def _file(folder: Path, seed: int) -> Path:
+    return folder / f"home-{seed}.npz"

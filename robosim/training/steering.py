@@ -1,0 +1,269 @@
+"""Train the learned local policy by imitation: it drives, the deterministic controller says what it would have done.
+
+In the first round the deterministic controller drives through invented homes, to targets that the planner is told;
+in later ones the network does so more and more often, so that it learns from where it gets to by itself (DAgger). After
+each round it is trained anew on all that was seen. In the end both drive to the same targets in homes held out. A run
+that was interrupted goes on with the round it was in.
+
+Reference: Ross, Gordon and Bagnell, A reduction of imitation learning to no-regret online learning, AISTATS 2011.
+"""
+
+import time
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, Int
+from rich.console import Console
+from safetensors.numpy import save
+
+from robosim.building.reach import reach
+from robosim.datasets.collect import CollectConfig, home_building
+from robosim.navigation import make_navigator
+from robosim.robot.odometry import NoiseModel
+from robosim.simulator import Simulator, SimulatorConfig
+from robosim.support.arrays_in import FAR, Array, read_npz
+from robosim.support.checks import SEED, STEPS, check_numbers
+from robosim.support.files import npz_bytes, write_json, write_whole
+from robosim.support.progress import tracked
+from robosim.support.reading import reading
+from robosim.support.run_folder import run_folder
+from robosim.support.workers import Workers
+from robosim.task.tasks import ARRIVAL_M, make_task
+from slam.actions import Action
+from slam.control import ControlConfig, Controller
+from slam.planning import Plan
+from slam.steering import HIDDEN, INPUTS, LearnedController, initial_weights
+from slam.weights import Weights
+
+#: Number of the first home to compare in; homes to learn from begin at 0.
+_TEST = 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class SteeringRecipe:
+    """How the local policy is trained."""
+
+    rounds: int = 5
+    """Rounds of driving and learning."""
+    homes: int = 60
+    """Homes of a round, a drive to one target in each."""
+    epochs: int = 30
+    """Passes over all that was seen, after each round."""
+    held_out: int = 60
+    """Homes for the comparison in the end."""
+    max_steps: int = 300
+    """Actions of a drive."""
+    rate: float = 2e-3
+    """Highest learning rate."""
+    batch: int = 256
+    """Decisions of a step of learning."""
+    noise: NoiseModel = field(default_factory=NoiseModel)
+    """Noise of motion and odometry."""
+    seed: int = 0
+    """Seed of homes, targets, noise and weights."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            rounds=(1, 1000),
+            homes=(1, _TEST),
+            epochs=(1, 10_000),
+            held_out=(1, 100_000, "homes"),
+            max_steps=STEPS,
+            rate=(1e-8, 1),
+            batch=(1, 1_000_000, "decisions"),
+            seed=SEED,
+        )
+        if self.rounds * self.homes > _TEST:
+            raise ValueError(
+                f"rounds is {self.rounds} and homes {self.homes}, expected at most {_TEST} homes in all: "
+                "others are held out."
+            )
+
+
+class Watched(LearnedController):
+    """Asks the deterministic controller at every decision, keeps its answer, and follows it or the network."""
+
+    def __init__(self, weights: Weights, own: float, rng: np.random.Generator, config: ControlConfig) -> None:
+        """A pupil.
+
+        Args:
+            weights: Of the network.
+            own: Probability of following the network.
+            rng: Draws whom to follow.
+            config: How actions are chosen.
+        """
+        super().__init__(weights, config)
+        self._own, self._rng = own, rng
+        self.told: list[tuple[Float32[np.ndarray, " n"], Action]] = []
+
+    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        advised = Controller._best(self, pose, plan)
+        senses = self.senses(pose, plan)
+        self.told.append((senses, advised))
+        return Action(int(np.argmax(self.scores(senses)))) if self._rng.random() < self._own else advised
+
+
+def drive(home: int, recipe: SteeringRecipe, controller: Controller) -> dict[str, float]:
+    """Drive to a target in one invented home; whether the robot arrived, decisions, and forward steps stopped short."""
+    building = home_building(CollectConfig(seed=recipe.seed), home)
+    config = SimulatorConfig(physics="kinematic", noise=recipe.noise)
+    rng = np.random.default_rng([recipe.seed, home, 6])
+    task = make_task(reach(building, config.robot.radius_m), rng, min_path_m=2.0)
+    mapper, planner, _, _ = make_navigator(config)
+    simulator = Simulator(building, config)
+    bumps, steps, arrived = 0, 0, False
+    try:
+        controller.reset()
+        view = simulator.reset(task, rng)
+        mapper.reset(task.start)
+        action: Action | None = None
+        while steps < recipe.max_steps:
+            estimate = mapper.update(view.depth, action, view.odometry)
+            action = controller.act(estimate.pose, planner.plan(estimate, task.target))
+            view, motion = simulator.step(action)
+            steps += 1
+            bumps += int(motion.collided)
+            arrived = bool(np.hypot(*(simulator.pose[:2] - task.target)) <= ARRIVAL_M)
+            if arrived:
+                break
+    finally:
+        simulator.close()
+    return {"arrived": float(arrived), "steps": float(steps), "bumps": float(bumps)}
+
+
+def lesson(
+    home: int, recipe: SteeringRecipe, weights: Weights, own: float
+) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
+    """What was sensed on a drive, and what the deterministic controller advised."""
+    robot = SimulatorConfig().robot
+    rng = np.random.default_rng([recipe.seed, home, 7])
+    pupil = Watched(weights, own, rng, ControlConfig(radius_m=robot.radius_m))
+    drive(home, recipe, pupil)
+    senses = np.array([senses for senses, _ in pupil.told], np.float32).reshape(-1, INPUTS)
+    return senses, np.array([int(advised) for _, advised in pupil.told], np.int64)
+
+
+def learn(
+    senses: Float32[np.ndarray, "n k"], advised: Int[np.ndarray, " n"], recipe: SteeringRecipe, round_: int
+) -> dict[str, Float32[np.ndarray, "..."]]:
+    """Weights that do as was advised: cross entropy, Adam, a cosine from the highest rate to zero."""
+    rng = np.random.default_rng([recipe.seed, round_, 8])
+    torch.manual_seed(recipe.seed)
+    weights = {name: torch.from_numpy(value).requires_grad_() for name, value in initial_weights(rng).items()}
+    steps = max(1, round(len(senses) / recipe.batch)) * recipe.epochs
+    optimiser = torch.optim.AdamW(weights.values(), lr=recipe.rate, weight_decay=1e-3)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    for _ in range(steps):
+        part = rng.integers(len(senses), size=recipe.batch)
+        x, y = torch.from_numpy(senses[part]), torch.from_numpy(advised[part])
+        h = x
+        for k in range(2):
+            h = torch.relu(h @ weights[f"{k}.weight"] + weights[f"{k}.bias"])
+        loss = torch.nn.functional.cross_entropy(h @ weights["2.weight"] + weights["2.bias"], y)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        schedule.step()
+    return {name: value.detach().numpy() for name, value in weights.items()}
+
+
+def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
+    """What was sensed in the drives of a round, and the actions advised.
+
+    Raises:
+        FileError: If the file is damaged.
+    """
+    with reading(path, "decisions of a round", "Delete it to drive again.") as file:
+        arrays = read_npz(file, _ROUND)
+        if not np.isin(arrays["advised"], list(Action)).all():
+            raise ValueError("an advice is no action")
+        return arrays["senses"], arrays["advised"]
+
+
+_ROUND = {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")}
+
+
+def train_steering(
+    out: Path,
+    recipe: SteeringRecipe,
+    *,
+    workers: int,
+    cluster: str | None = None,
+    console: Console,
+    about: str = "",
+) -> dict[str, Any]:
+    """Train, compare and write steering.safetensors with its card.
+
+    Args:
+        out: Folder for everything.
+        recipe: How.
+        workers: Processes that drive; the result does not depend on it.
+        cluster: Address of a dask scheduler that is used instead.
+        console: Where progress is shown.
+        about: The command that does it again, for the card.
+
+    Returns:
+        The card.
+
+    Raises:
+        FolderError: If the folder holds a run of another recipe.
+        WorkerLost: If a process was killed; rounds that were finished are kept.
+    """
+    start = time.perf_counter()
+    with (
+        run_folder(out, "train steering", asdict(recipe)),
+        Workers(workers, cluster, what="drives") as pool,
+    ):
+        weights: Weights = initial_weights(np.random.default_rng(recipe.seed))
+        senses, advised, curve = np.zeros((0, INPUTS), np.float32), np.zeros(0, np.int64), []
+        with tracked(range(recipe.rounds), "rounds", console) as rounds:
+            for n in rounds:
+                new_senses, new_advised = _round(out / f"round-{n + 1}.npz", n, recipe, weights, pool)
+                if n:
+                    pupil = LearnedController(weights, ControlConfig())
+                    agreed = float(np.mean(np.argmax(pupil.scores(new_senses), axis=1) == new_advised))
+                    curve.append({"round": n + 1, "decisions": len(new_senses), "agreed": round(agreed, 4)})
+                senses, advised = np.vstack([senses, new_senses]), np.append(advised, new_advised)
+                weights = learn(senses, advised, recipe, n)
+        config = ControlConfig(radius_m=SimulatorConfig().robot.radius_m)
+        controllers = {"planned": Controller(config), "learned": LearnedController(weights, config)}
+        scores = {}
+        for name, controller in controllers.items():
+            homes = range(_TEST, _TEST + recipe.held_out)
+            drives = pool.in_order(drive, [(home, recipe, controller) for home in homes])
+            scores[name] = {key: round(float(np.mean([row[key] for row in drives])), 4) for key in drives[0]}
+        card: dict[str, Any] = {
+            "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} invented homes",
+            "command": about,
+            "recipe": asdict(recipe),
+            "hidden": HIDDEN,
+            "parameters": sum(int(np.size(value)) for value in weights.values()),
+            "agreement": curve,
+            "test_homes": recipe.held_out,
+            "mean_of_drives": scores,
+            "seconds": round(time.perf_counter() - start, 1),
+        }
+        write_whole(out / "steering.safetensors", save(dict(weights)))
+        write_json(out / "steering.json", card)
+    return card
+
+
+def _round(
+    kept: Path, n: int, recipe: SteeringRecipe, weights: Weights, pool: Workers
+) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, " n"]]:
+    """What the drives of a round showed; from its file, if it was driven before."""
+    if not kept.exists():
+        homes = range(n * recipe.homes, (n + 1) * recipe.homes)
+        own = n / max(1, recipe.rounds - 1)
+        seen = pool.in_order(lesson, [(home, recipe, weights, own) for home in homes])
+        senses, advised = (np.concatenate(part) for part in zip(*seen, strict=True))
+        write_whole(kept, npz_bytes({"senses": senses, "advised": advised}))
+    with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
+        found = read_npz(file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")})
+        if not np.isin(found["advised"], list(Action)).all():
+            raise ValueError("an advice is no action")
+        return found["senses"], found["advised"]
