@@ -28,7 +28,7 @@ test: $(VENV)/.test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
-	$(BIN)/pytest -n auto
+	$(BIN)/pytest -n auto --dist worksteal
 
 # Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.
 # An hour or so; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.

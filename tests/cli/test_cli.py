@@ -124,10 +124,10 @@ def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, 
     """One and two workers write the same table but for the times."""
     import json
 
-    kept = []
+    kept, options = [], "--goals oracle --mapper classical --explorer gain"
     for workers in (1, 2):
         out = tmp_path / f"w{workers}"
-        main(f"bench navigation {plan_file} --goals oracle --workers {workers} --out {out}".split())
+        main(f"bench navigation {plan_file} {options} --workers {workers} --out {out}".split())
         episodes = json.loads((out / "navigation.json").read_text())["episodes"]
         kept.append(
             [{k: v for k, v in row.items() if k not in ("seconds", "decisions_per_s")} for row in episodes]

@@ -309,9 +309,9 @@ INTERRUPTED = """
 
 
     def interrupted(delay, call):
-        threading.Timer(delay, os.kill, (os.getpid(), SIGNAL)).start()
         begin = time.perf_counter()
         try:
+            threading.Timer(delay, os.kill, (os.getpid(), SIGNAL)).start()
             call()
         except Stop:
             return time.perf_counter() - begin
@@ -370,8 +370,8 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
         tx, rx = np.zeros((1, 3)), np.random.default_rng(0).uniform(-1, 1, (400, 3))
         tracer.trace(tx, rx[:1], workers=1)
         for i in range(4):
-            threading.Timer(0.02 + 0.03 * i, os.kill, (os.getpid(), signal.SIGINT)).start()
             try:
+                threading.Timer(0.02 + 0.03 * i, os.kill, (os.getpid(), signal.SIGINT)).start()
                 while True:
                     tracer.trace(tx, rx, workers=1)
             except KeyboardInterrupt:
