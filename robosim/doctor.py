@@ -138,7 +138,8 @@ def tell_camera(system: GLSystem) -> None:
 
 
 def _measure_camera(system: GLSystem) -> str:
-    from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+    from robosim.camera.cameras import make_camera
+    from robosim.camera.model import CameraConfig, camera_pose
     from robosim.camera.rendering.shading import shaded_mesh
 
     config = CameraConfig()

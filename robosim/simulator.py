@@ -12,8 +12,9 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
-from robosim.camera.camera import RGBD, Backend, Camera, CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import Backend, make_camera
 from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
 from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_binding import complete_egl, keep_x_out
 from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, GLSystem
 
@@ -50,27 +50,27 @@ class Peer:
 
 
 def _pyrender_camera(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
-    from robosim.camera.camera import make_camera
+    from robosim.camera.cameras import make_camera
 
     camera = make_camera([mesh], config)
     return lambda T_map_camera: camera.render(T_map_camera).depth
 
 
 def _pyrender_depth(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
-    from robosim.camera.camera import make_camera
+    from robosim.camera.cameras import make_camera
 
     return make_camera([mesh], config).render_depth
 
 
 def _embree_camera(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
-    from robosim.camera.camera import make_camera
+    from robosim.camera.cameras import make_camera
 
     camera = make_camera([mesh], config, backend="embree")
     return lambda T_map_camera: camera.render(T_map_camera).depth
 
 
 def _embree_depth(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
-    from robosim.camera.camera import make_camera
+    from robosim.camera.cameras import make_camera
 
     return make_camera([mesh], config, backend="embree").render_depth
 

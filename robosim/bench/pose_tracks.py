@@ -17,7 +17,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float
 
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action

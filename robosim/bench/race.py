@@ -23,7 +23,7 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.bench.peers import PEERS
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_libraries import OpenGLError, missing
 from robosim.support.workers import end_with_parent
 

@@ -24,7 +24,7 @@ from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
 from robosim.bench.true_depth import DepthJudge, plain_depth
 from robosim.building.building import Building, make_building
-from robosim.camera.camera import CameraConfig, camera_pose
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.gl_libraries import missing
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.files import read_plan

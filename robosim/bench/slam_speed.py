@@ -20,8 +20,9 @@ from rich.table import Table
 from robosim.bench.slam_plan import EVERY, SlamSettings, told_ahead
 from robosim.building.building import Building, make_building
 from robosim.building.reach import reach
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.drawing.plots import save_figure

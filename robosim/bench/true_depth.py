@@ -13,7 +13,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float
 
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 
 #: How far off the centre of a pixel one looks to find silhouettes [pixels]: the step of OpenGL's sub-pixel grid
 #: is 1/256, and its corners may each be off by half of that.

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.camera.target import DICTIONARY, TargetConfig
 from slam.poses import between
 

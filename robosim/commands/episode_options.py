@@ -49,8 +49,8 @@ class EpisodeOptions:
             ValueError: If a number is out of its bounds, or a name unknown.
         """
         from robosim.building.building import BuildingConfig
-        from robosim.camera.camera import CameraConfig
         from robosim.camera.depth_noise import DepthNoise
+        from robosim.camera.model import CameraConfig
         from robosim.episode import EpisodeConfig
         from robosim.evaluation.ablations import configured
         from robosim.radio.link import RadioLinkConfig

@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
-from robosim.camera.camera import CameraConfig, camera_pose
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.drawing.picture import (
     ESTIMATE_ORANGE,
     PALETTE,

@@ -13,7 +13,7 @@ from robosim.bench.peers import PEERS
 from robosim.bench.race import Heat, Result, race
 from robosim.bench.true_depth import DepthJudge
 from robosim.building.building import Building, make_building
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_binding import default_system
 from robosim.camera.rendering.gl_libraries import OpenGLError
 from robosim.camera.rendering.shading import shaded_mesh

@@ -14,7 +14,7 @@ from robosim.bench.slam_plan import LEARNED, MATCHED, ODOMETRY, OPENCV, TELLERS,
 from robosim.bench.slam_speed import SpeedSettings
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 from robosim.plans.files import read_plan
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig

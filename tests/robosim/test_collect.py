@@ -6,8 +6,9 @@ from rich.console import Console
 from scipy.ndimage import maximum_filter
 
 from robosim.building.building import make_building
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.datasets.collect import CollectConfig, collect, collect_home, home_building
 from robosim.datasets.true_patch import TruePatches

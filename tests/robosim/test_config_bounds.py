@@ -16,7 +16,7 @@ import wireless
 from robosim.bench.exploration import ExplorationSettings
 from robosim.bench.slam_plan import SlamSettings
 from robosim.bench.slam_speed import SpeedSettings
-from robosim.camera.camera import Backend
+from robosim.camera.cameras import Backend
 from robosim.camera.recognition import Recognition
 from robosim.commands.episode import episode
 from robosim.commands.episode_options import EpisodeOptions

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from robosim.camera.camera import RGBD, CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import RGBD, CameraConfig, camera_pose
 from robosim.camera.rendering import gl_libraries
 from robosim.camera.rendering.gl_binding import bind_opengl, default_system
 from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES
@@ -176,7 +177,8 @@ def test_mujocos_renderer_works_in_the_same_process():
         ROOM_FROM_TRIMESH
         + f"""
 import os
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
 os.environ["MUJOCO_GL"] = {system!r}
 camera = make_camera([room], CameraConfig())
 T = camera_pose(np.zeros(3), CameraConfig())
@@ -209,7 +211,8 @@ def test_the_other_system_draws_the_same_picture(view, tmp_path):
     result = run_alone(
         ROOM_FROM_TRIMESH
         + f"""
-from robosim.camera.camera import CameraConfig, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig
 saved = np.load({str(tmp_path / "room.npz")!r})
 room.visual.vertex_colors = saved["colours"]
 first, second = (make_camera([room], CameraConfig(), platform={other!r}) for _ in range(2))

@@ -46,7 +46,8 @@ def test_the_other_system_passes_the_rendering_tests_too(name, tmp_path):
 ALL_THAT_DRAWS = """
 import sys
 import numpy as np, trimesh
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
 room = trimesh.creation.box((4.0, 3.0, 2.5)); room.invert()
 room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 with make_camera([room]) as camera:

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from robosim.building.building import make_building
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh

@@ -6,7 +6,8 @@ import pytest
 import trimesh
 
 from robosim.building.building import make_building
-from robosim.camera.camera import CameraConfig, camera_pose, make_camera
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import DICTIONARY, TargetConfig, marker_corners, target_mesh
 from robosim.plans.floorplan import FloorPlan

@@ -1,1 +1,1 @@
-"""Drawing RGB-D frames: the two backends of `robosim.camera.camera`, and the light baked into what they draw."""
+"""Drawing RGB-D frames: the two backends of `robosim.camera.cameras`, and the light baked into what they draw."""

@@ -16,7 +16,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32
 
-from robosim.camera.camera import RGBD, CameraConfig
+from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.rendering.scenery import merge
 
 
@@ -24,7 +24,7 @@ class EmbreeCamera:
     """Casts a ray for each pixel, on one core. Needs no OpenGL; works in any process and thread."""
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig) -> None:
-        """Build the tree of triangles; see `robosim.camera.camera.make_camera`."""
+        """Build the tree of triangles; see `robosim.camera.cameras.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
         # Robust: a ray through an edge between two triangles hits one of them, it does not slip through.

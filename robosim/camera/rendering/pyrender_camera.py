@@ -1,7 +1,7 @@
 """An RGB-D camera by pyrender, on OSMesa or EGL.
 
 pyrender holds the scene, the shaders and the meshes; `robosim.camera.rendering.flat_pass` draws them. Made by
-`robosim.camera.camera.make_camera`, which binds PyOpenGL before this module imports pyrender.
+`robosim.camera.cameras.make_camera`, which binds PyOpenGL before this module imports pyrender.
 
 Things are drawn as far as infinity, and left out afterwards if they are beyond the far plane. With 0 at infinity
 and C = 2^24 - 1 at the near plane, the depth buffer's code c stands for the depth near C / c.
@@ -18,7 +18,7 @@ import trimesh
 from jaxtyping import Float, Float32, Int32, UInt8
 from OpenGL import contextdata
 
-from robosim.camera.camera import RGBD, CameraConfig
+from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.rendering import gl_calls as gl
 from robosim.camera.rendering.flat_pass import FlatPass
 from robosim.camera.rendering.gl_libraries import GLSystem
@@ -35,7 +35,7 @@ class PyrenderCamera:
     """
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig, system: GLSystem) -> None:
-        """Make a context and bring the meshes there; see `robosim.camera.camera.make_camera`."""
+        """Make a context and bring the meshes there; see `robosim.camera.cameras.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
         triangles = self._scenery.vertices[self._scenery.faces]

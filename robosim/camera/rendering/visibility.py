@@ -19,7 +19,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32, Int
 
-from robosim.camera.camera import CameraConfig
+from robosim.camera.model import CameraConfig
 
 #: Side of the squares, seen from above, that triangles are gathered to parts by [m].
 PART_M = 0.5

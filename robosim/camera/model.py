@@ -1,4 +1,4 @@
-"""An RGB-D camera on a robot: what it is, where it sits, and how to make one.
+"""An RGB-D camera on a robot: what it is, and where it sits.
 
 A pinhole without distortion. In the camera frame x points right, y down and z forward; a point (x, y, z) is seen
 at u = f x / z + w / 2 columns and v = f y / z + h / 2 rows from the upper left corner of the picture, with
@@ -6,26 +6,18 @@ f = w / (2 tan(hfov / 2)) for both axes, as pixels are square. Pixel (row i, col
 centre, u = j + 0.5 and v = i + 0.5. (OpenCV counts pixels from the centre of the first: subtract 0.5 from the
 principal point there.)
 
-Depth is measured along z, not along the ray; 0 where nothing was hit. Two engines see the same: pyrender draws
-triangles with OpenGL, Embree casts a ray for each pixel. Both work in single precision about a centre of their
-own, so that a building may lie kilometres from the origin of `map`.
+Depth is measured along z, not along the ray; 0 where nothing was hit.
 
 Left out: lens distortion, noise, motion blur, exposure.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, Protocol, runtime_checkable
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
-import trimesh
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.camera.rendering.gl_binding import bind_opengl
-from robosim.camera.rendering.gl_libraries import GLSystem
 from robosim.support.checks import SIZE_PX, check_numbers
-
-Backend = Literal["pyrender", "embree"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,37 +109,3 @@ def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Flo
     return np.array(
         [[s, 0.0, c, x], [-c, 0.0, s, y], [0.0, -1.0, 0.0, config.height_m], [0.0, 0.0, 0.0, 1.0]]
     )
-
-
-def make_camera(
-    meshes: Sequence[trimesh.Trimesh],
-    config: CameraConfig = CameraConfig(),
-    *,
-    backend: Backend = "pyrender",
-    platform: GLSystem | None = None,
-) -> Camera:
-    """A camera that sees some meshes in the colours of their vertices.
-
-    Args:
-        meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
-            further light. pyrender shows faces from the side only that their normals point to.
-        config: Size and optics.
-        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL.
-        platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
-            A process can use one of them only.
-
-    Raises:
-        ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
-        OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
-        RuntimeError: If OpenGL serves another platform in this process already.
-    """
-    if backend == "embree":
-        from robosim.camera.rendering.embree_camera import EmbreeCamera
-
-        return EmbreeCamera(meshes, config)
-    if backend == "pyrender":
-        system = bind_opengl(platform)  # has to come before pyrender is imported
-        from robosim.camera.rendering.pyrender_camera import PyrenderCamera
-
-        return PyrenderCamera(meshes, config, system)
-    raise ValueError(f"backend is {backend!r}, expected 'pyrender' or 'embree'.")

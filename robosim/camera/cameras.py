@@ -1,0 +1,50 @@
+"""Cameras by the engine that takes their pictures.
+
+Two engines see the same: pyrender draws triangles with OpenGL, Embree casts a ray for each pixel. Both work in single
+precision about a centre of their own, so that a building may lie kilometres from the origin of `map`.
+"""
+
+from collections.abc import Sequence
+from typing import Literal
+
+import trimesh
+
+from robosim.camera.model import Camera, CameraConfig
+from robosim.camera.rendering.gl_binding import bind_opengl
+from robosim.camera.rendering.gl_libraries import GLSystem
+
+Backend = Literal["pyrender", "embree"]
+
+
+def make_camera(
+    meshes: Sequence[trimesh.Trimesh],
+    config: CameraConfig = CameraConfig(),
+    *,
+    backend: Backend = "pyrender",
+    platform: GLSystem | None = None,
+) -> Camera:
+    """A camera that sees some meshes in the colours of their vertices.
+
+    Args:
+        meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
+            further light. pyrender shows faces from the side only that their normals point to.
+        config: Size and optics.
+        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL.
+        platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
+            A process can use one of them only.
+
+    Raises:
+        ValueError: If there is nothing to see, a vertex is not finite, or the backend is unknown.
+        OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
+        RuntimeError: If OpenGL serves another platform in this process already.
+    """
+    if backend == "embree":
+        from robosim.camera.rendering.embree_camera import EmbreeCamera
+
+        return EmbreeCamera(meshes, config)
+    if backend == "pyrender":
+        system = bind_opengl(platform)  # has to come before pyrender is imported
+        from robosim.camera.rendering.pyrender_camera import PyrenderCamera
+
+        return PyrenderCamera(meshes, config, system)
+    raise ValueError(f"backend is {backend!r}, expected 'pyrender' or 'embree'.")
