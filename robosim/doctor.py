@@ -200,7 +200,7 @@ def _version(name: str) -> str:
 def _compiled_loops() -> Finding:
     import numba
 
-    from slam import marching
+    from slam.planning import marching
 
     function = marching._march
     folder = function.stats.cache_path if isinstance(function, numba.core.dispatcher.Dispatcher) else None
@@ -211,7 +211,7 @@ def _compiled_loops() -> Finding:
 
 
 def _fast_marching() -> str:
-    from slam.marching import march
+    from slam.planning.marching import march
 
     speed = np.ones((240, 240))
     rate = _rate(lambda: march(speed, (120, 120), 1.0))
@@ -266,10 +266,10 @@ def _mapper() -> str:
     import torch
 
     from robosim.support.assets import shipped_network
-    from slam.egocentric import AHEAD
-    from slam.mapper.prediction import MapPredictor
-    from slam.mapper.weights import load_mapper
-    from slam.projection import CameraModel, scan_from_depth
+    from slam.networks.files import load_mapper
+    from slam.networks.prediction import MapPredictor
+    from slam.sensing.egocentric import AHEAD
+    from slam.sensing.projection import CameraModel, scan_from_depth
 
     predictor = MapPredictor(load_mapper(shipped_network("mapper"))[0])
     scan = scan_from_depth(np.full((128, 128), 2.0, np.float32), CameraModel())

@@ -31,9 +31,9 @@ from robosim.task.coverage import Coverage
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.actions import Action
-from slam.exploration import ExplorerName
+from slam.exploration.explorer import ExplorerName
 from slam.grid import MapEstimate
-from slam.planning import Plan
+from slam.planning.planner import Plan
 from wireless.paths import Paths
 
 

@@ -11,15 +11,15 @@ from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
 from robosim.support.checks import check_choice, check_network
 from slam.actions import Action
-from slam.choosing import load_chooser
-from slam.control import ControlConfig, Controller
-from slam.cost_map import CostConfig
-from slam.exploration import ExplorerConfig, ExplorerName, FrontierExplorer
-from slam.mapping import ClassicalMapper, Mapper, MapperConfig
-from slam.odometry import OdometryConfig
-from slam.planning import Planner, PlannerConfig
-from slam.projection import Band, CameraModel
-from slam.steering import load_steering
+from slam.control.controller import ControlConfig, Controller
+from slam.control.learned import load_steering
+from slam.exploration.choosing import load_chooser
+from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
+from slam.mapping.odometry import OdometryConfig
+from slam.planning.cost_map import CostConfig
+from slam.planning.planner import Planner, PlannerConfig
+from slam.sensing.projection import Band, CameraModel
 
 ControllerName = Literal["planned", "learned"]
 
@@ -88,9 +88,9 @@ def _mapper(name: str, config: MapperConfig) -> Mapper:
     check_network("mapper", name, MAPPERS)
     if name == "classical":
         return ClassicalMapper(config)
-    from slam.learned_matching import LearnedMatcher  # brings torch, which takes seconds
-    from slam.mapper.weights import load_mapper, load_pose
-    from slam.neural_mapping import NeuralMapper
+    from slam.mapping.learned_matching import LearnedMatcher  # brings torch, which takes seconds
+    from slam.mapping.neural import NeuralMapper
+    from slam.networks.files import load_mapper, load_pose
 
     if name == "learned-pose":
         return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))

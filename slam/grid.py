@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 
-from slam.checks import shown
+from slam.support.checks import shown
 
 
 @dataclass(frozen=True, kw_only=True)

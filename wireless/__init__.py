@@ -17,12 +17,12 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
     PathEstimates    these paths
 """
 
-from wireless.codebook import terminal_named
+from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates
-from wireless.estimation import estimator_named
+from wireless.estimation.estimators import estimator_named
 from wireless.paths import Interaction, LinkState, Paths
-from wireless.raytrace import SceneError, Tracer, TracerConfig
-from wireless.sounding import Rays, Sounder, SoundingConfig
+from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
+from wireless.tracing.tracer import SceneError, Tracer, TracerConfig
 
 __all__ = [
     "Interaction",

@@ -3,7 +3,7 @@
 Angles are radians in the frame of the scene: azimuth counter-clockwise from +x, elevation up from the
 horizon. Departure directions leave the transmitter; arrival directions point from the receiver back along
 the path. Gains are between isotropic antennas, [theta, phi at the receiver, theta, phi at the transmitter]
-(`wireless.fields`).
+(`wireless.em.fields`).
 
 Link states are those of the reference data: of the paths above a power threshold, line of sight if the
 strongest has no interaction, first order if any has exactly one, higher order if all have more, outage if
@@ -21,8 +21,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.columns import FAR, check_within, lists, numbers, parquet_table
-from wireless.reading import reading
+from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
+from wireless.support.reading import reading
 
 #: What the metadata of a table of paths say.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")

@@ -1,12 +1,12 @@
 """Sounding and path estimation: speed against error.
 
-Three measurements, all with the reference's base station sending to its robot. Speed: traced links are sounded
-by full waveforms and by the closed form, and estimated by each estimator, on one worker and on all; rates are
-medians of warm rounds. Lone paths: error of the azimuth of arrival over SNR, beside the Cramér-Rao bound
-(`wireless.bounds`), azimuths at random. Traced plans: how far the strongest estimated path is from the strongest
-true one (between isotropic antennas), for each link state, beside the published shares; and from the nearest of
-those true ones that are nearly as strong; and how well a perfect receiver would do that cannot tell apart paths that
-look alike (`robosim.bench.resolution`).
+Three measurements, all with the reference's base station sending to its robot. Speed: traced links are sounded by
+full waveforms and by the closed form, and estimated by each estimator, on one worker and on all; rates are medians of
+warm rounds. Lone paths: error of the azimuth of arrival over SNR, beside the Cramér-Rao bound
+(`wireless.sounding.bounds`), azimuths at random. Traced plans: how far the strongest estimated path is from the
+strongest true one (between isotropic antennas), for each link state, beside the published shares; and from the
+nearest of those true ones that are nearly as strong; and how well a perfect receiver would do that cannot tell apart
+paths that look alike (`robosim.bench.resolution`).
 
 A link for which no path is found counts as wrong by half a turn. On plans links count whose strongest path has an SNR
 (`wireless.estimates`) of 10 dB or more. Over lone paths, SNR is the energy of the path in the whole measurement
@@ -36,15 +36,15 @@ from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
-from wireless.blocks import available_cores
-from wireless.bounds import arrival_bound_rad, window_share
-from wireless.codebook import terminal_named
+from wireless.antennas.codebook import terminal_named
 from wireless.estimates import wrapped
-from wireless.estimation import ESTIMATORS, PathEstimator, estimator_named
-from wireless.estimation_sage import SageEstimator
+from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
+from wireless.estimation.sage import SageEstimator
 from wireless.paths import LinkState, Paths
-from wireless.sounding import Rays, Sounder
-from wireless.waveform import measure_waveform
+from wireless.sounding.bounds import arrival_bound_rad, window_share
+from wireless.sounding.sounder import Rays, Sounder
+from wireless.sounding.waveform import measure_waveform
+from wireless.tracing.blocks import available_cores
 
 #: Energies of lone paths in the whole measurement [dB].
 SNRS_DB = (10.0, 15.0, 17.5, 20.0, 22.5, 25.0, 27.5, 30.0, 35.0, 40.0, 50.0, 60.0, 70.0, 80.0)

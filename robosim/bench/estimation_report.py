@@ -11,7 +11,7 @@ from rich.text import Text
 
 from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import STATES
-from wireless.estimation import ESTIMATORS
+from wireless.estimation.estimators import ESTIMATORS
 from wireless.paths import LinkState
 
 _STYLE = {"pca": "--", "sage": "-", "limit": ":"}

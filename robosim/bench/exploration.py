@@ -38,7 +38,7 @@ from robosim.support.stopwatch import LOOP_STAGES
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
-from slam.exploration import ExplorerName
+from slam.exploration.explorer import ExplorerName
 
 #: Decisions of an episode, and those at which coverage is told.
 DECISIONS = 1000

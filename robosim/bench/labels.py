@@ -22,7 +22,7 @@ from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from wireless.mmwrobotnav import DataError, find_measurements, read_measurements
+from wireless.formats.mmwrobotnav import DataError, find_measurements, read_measurements
 from wireless.paths import LinkState
 
 STATES = ("outage", "LOS", "first", "higher")

@@ -24,7 +24,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
 from robosim.support.run_folder import run_folder
-from slam.exploration import ExplorerName
+from slam.exploration.explorer import ExplorerName
 
 
 def run(

@@ -21,7 +21,7 @@ from robosim.camera.model import CameraConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
-from slam.mapping import Mapper
+from slam.mapping.classical import Mapper
 from slam.poses import between, compose, wrap
 
 #: Farthest that OpenCV's answer may be from odometry before it counts as lost [m, rad].

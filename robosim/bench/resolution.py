@@ -13,7 +13,7 @@ apart in front of a line of 8, a fifth of a beam.
 import numpy as np
 from jaxtyping import Float
 
-from wireless.sounding import Rays, Sounder
+from wireless.sounding.sounder import Rays, Sounder
 
 #: Paths whose signatures agree by this are not told apart.
 ALIKE = 0.95

@@ -24,9 +24,9 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int8
 
 from robosim.building.building import Building
-from wireless.links import views_of
-from wireless.occlusion import hidden_each, make_tree
-from wireless.plan import Locator, make_plan
+from wireless.geometry.occlusion import hidden_each, make_tree
+from wireless.geometry.plan import Locator, make_plan
+from wireless.tracing.plan_engine import views_of
 
 #: What comes closer to hiding or not hiding than this is not judged [m].
 NEAR_M = 1e-6

@@ -28,7 +28,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
-from slam.mapper.scores import PatchScores
+from slam.networks.scores import PatchScores
 
 
 def run(

@@ -12,7 +12,7 @@ from robosim.building.building import Building
 from robosim.drawing.plots import ESTIMATE, TRUE, draw_walls, save_figure
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.reading import reading
-from slam.mapper.scores import PatchScores
+from slam.networks.scores import PatchScores
 
 
 def plot_reliability(scores: dict[str, PatchScores], path: Path) -> None:

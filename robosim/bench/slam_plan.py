@@ -44,12 +44,12 @@ from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task, make_task
 from slam.actions import Action
-from slam.egocentric import AHEAD, belief_ahead, egocentric_map
 from slam.grid import MapEstimate
-from slam.mapper.scores import PatchScores
-from slam.neural_mapping import NeuralMapper
-from slam.occupancy import OccupancyGrid
-from slam.projection import scan_from_depth
+from slam.mapping.neural import NeuralMapper
+from slam.mapping.occupancy import OccupancyGrid
+from slam.networks.scores import PatchScores
+from slam.sensing.egocentric import AHEAD, belief_ahead, egocentric_map
+from slam.sensing.projection import scan_from_depth
 
 #: Who tells of the patch.
 TELLERS = ("frame alone", "classical map", "classical map, mixed", "network", "learned map")

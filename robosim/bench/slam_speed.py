@@ -35,12 +35,12 @@ from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from slam.actions import Action
-from slam.egocentric import belief_ahead, egocentric_map
 from slam.grid import MapEstimate
-from slam.mapper.network import parameters
-from slam.mapper.scores import PatchScores
-from slam.mapping import Mapper
-from slam.neural_mapping import NeuralMapper
+from slam.mapping.classical import Mapper
+from slam.mapping.neural import NeuralMapper
+from slam.networks.map_network import parameters
+from slam.networks.scores import PatchScores
+from slam.sensing.egocentric import belief_ahead, egocentric_map
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,9 +33,9 @@ from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.files import whole_file, write_json
 from robosim.support.progress import tracked
-from wireless.blocks import available_cores
 from wireless.paths import Paths
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.blocks import available_cores
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Outline tolerances [m], the fullest first.
 TOLERANCES_M = (0.0, 0.02, 0.05, 0.1)

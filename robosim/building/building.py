@@ -24,7 +24,7 @@ from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import check_numbers
-from wireless.materials import check_material
+from wireless.em.materials import check_material
 
 logger = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ class Building:
     face_kind: UInt8[np.ndarray, " n_faces"]
     """What each face is: index into `KINDS`."""
     materials: tuple[str, ...]
-    """Radio materials of the faces, by the names of `wireless.materials`."""
+    """Radio materials of the faces, by the names of `wireless.em.materials`."""
     face_material: UInt8[np.ndarray, " n_faces"]
     """What each face is made of: index into `materials`."""
 

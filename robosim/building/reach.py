@@ -18,7 +18,7 @@ from scipy import ndimage
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import RADIUS_M, check_number
-from slam.marching import march
+from slam.planning.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5

@@ -51,7 +51,7 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
         out: Folder for the picture; a new one under runs/ if not given.
     """
     from robosim.drawing.plots import save_figure
-    from wireless.antenna_figures import arrays_figure
+    from wireless.antennas.figures import arrays_figure
 
     with results_in(out, "figures") as folder:
         path = folder / "arrays.png"

@@ -49,7 +49,7 @@ class RadioOptions:
         """
         from robosim.building.building import BuildingConfig
         from robosim.radio.scene import RadioConfig
-        from wireless.raytrace import TracerConfig
+        from wireless.tracing.tracer import TracerConfig
 
         return RadioConfig(
             frequency_hz=self.frequency_ghz * 1e9,

@@ -135,8 +135,8 @@ def mapper(
     """
     check_threads(threads, "threads")
     from robosim.training.mapper import smoke_frames, train_mapper
-    from slam.mapper.network import NetworkConfig
-    from slam.mapper.training import Recipe
+    from slam.learning.mapper import Recipe
+    from slam.networks.map_network import NetworkConfig
 
     steps = min(steps, 60) if smoke else steps
     recipe = Recipe(
@@ -190,7 +190,7 @@ def pose(
     check_threads(threads, "threads")
     from robosim.training.mapper import smoke_frames
     from robosim.training.pose import train_pose_network
-    from slam.mapper.pose_training import PoseRecipe
+    from slam.learning.pose import PoseRecipe
 
     steps = min(steps, 60) if smoke else steps
     recipe = PoseRecipe(steps=steps, batch=batch, seed=seed)

@@ -41,8 +41,8 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from slam.actions import Action
-from slam.egocentric import belief_ahead
 from slam.grid import MapEstimate
+from slam.sensing.egocentric import belief_ahead
 
 #: Arrays of a shard, as above.
 SHARD = {

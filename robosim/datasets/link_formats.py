@@ -7,11 +7,11 @@ from jaxtyping import Float
 
 from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import RadioScene
-from wireless.deepmimo_scenario import scenario_name, scene_files, transmitter_files
-from wireless.estimated_csv import estimated_csv
 from wireless.estimates import PathEstimates
+from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
+from wireless.formats.estimated_csv import estimated_csv
+from wireless.formats.traced_csv import traced_csv
 from wireless.paths import Paths
-from wireless.traced_csv import traced_csv
 
 #: Folder below which `deepmimo.load` looks for scenarios.
 SCENARIOS = "deepmimo_scenarios"

@@ -26,8 +26,8 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.radio.scene import RadioConfig
 from robosim.support.files import whole_file, write_whole
 from robosim.support.workers import Workers
-from wireless.blocks import BLOCK_RX, BLOCK_TX
 from wireless.paths import Paths
+from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
 
 PATHS, UNITS = "paths.parquet", "units"
 #: Receivers of a unit: what the tracer takes at once.

@@ -20,12 +20,12 @@ from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, check_choice, check_numbers
-from wireless.codebook import TERMINALS, terminal_named
+from wireless.antennas.codebook import TERMINALS, terminal_named
 from wireless.estimates import PathEstimates
-from wireless.estimation import PathEstimator, estimator_named
-from wireless.estimation_sage import SageEstimator
-from wireless.link_records import link_table, write_links
-from wireless.sounding import Rays, Sounder, SoundingConfig
+from wireless.estimation.estimators import PathEstimator, estimator_named
+from wireless.estimation.sage import SageEstimator
+from wireless.formats.link_records import link_table, write_links
+from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 
 Format = Literal["mmwrobotnav", "deepmimo"]
 Estimator = Literal["sage", "pca"]
@@ -47,9 +47,9 @@ class LinkSetConfig:
     seed: int = 0
     """Seed of places, phases and noise."""
     estimator: Estimator = "sage"
-    """Which of `wireless.estimation` is used."""
+    """Which of `wireless.estimation.estimators` is used."""
     tx: str = "gnb"
-    """Terminal that sends, of `wireless.codebook`."""
+    """Terminal that sends, of `wireless.antennas.codebook`."""
     rx: str = "ue"
     """Terminal that listens."""
     headings: Headings = "fixed"

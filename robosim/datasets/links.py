@@ -3,7 +3,7 @@
 A unit is a transmitter of a building (`robosim.datasets.link_units`): units are written whole or not at all, by as many
 processes as are given, and a run that was killed goes on from those it finds, to the same bytes. In the folder:
 
-    links/NAME_Tx_K.parquet   links of transmitter K of building NAME (`wireless.link_records`)
+    links/NAME_Tx_K.parquet   links of transmitter K of building NAME (`wireless.formats.link_records`)
     manifest.json             written last: versions, configuration, plans, units with their rows, columns and units
     settings.json             what the folder belongs to; other settings are refused
     mmwrobotnav/NAME/         CSV files of traced and of estimated paths, if asked for
@@ -40,7 +40,7 @@ from robosim.support.files import write_files, write_json
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from wireless.link_records import COLUMNS, read_columns
+from wireless.formats.link_records import COLUMNS, read_columns
 from wireless.paths import LinkState
 
 #: Spawn key of transmitters' places; those of units are their numbers.

@@ -31,7 +31,7 @@ from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
 from robosim.support.run_folder import run_folder
-from wireless.deepmimo_scenario import scenario_name
+from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.paths import LinkState, Paths
 
 #: A receiver nearer to a transmitter than half a wave of 28 GHz is a mistake: no law of paths holds there [m].

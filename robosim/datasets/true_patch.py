@@ -1,9 +1,9 @@
 """The truth about the cells ahead of a robot: what stands there, and which of them the camera can see.
 
-The patch of `slam.egocentric`, for training mappers and judging them. The building's horizontal section is rastered
-once, finely; a cell of the patch is an obstacle if any of it is solid, since a robot can be stopped by a sliver. A
-cell is seen if a ray in the section comes to it: within the camera's field of view, within the range, and no
-farther than the first wall. Behind that is the hidden part, which can only be anticipated.
+The patch of `slam.sensing.egocentric`, for training mappers and judging them. The building's horizontal section is
+rastered once, finely; a cell of the patch is an obstacle if any of it is solid, since a robot can be stopped by a
+sliver. A cell is seen if a ray in the section comes to it: within the camera's field of view, within the range, and
+no farther than the first wall. Behind that is the hidden part, which can only be anticipated.
 
 Most of what is solid can never be seen: the inside of thick walls, the ground around the building. Cells "matter" if
 they are floor, or solid within a hand's breadth of floor; scores count these only.
@@ -20,9 +20,9 @@ from jaxtyping import Bool, Float, UInt8
 from robosim.building.building import Building
 from robosim.plans.formats.scanline import winding_numbers
 from robosim.robot.collision import wall_segments
-from slam.egocentric import AHEAD
 from slam.grid import GridFrame
-from wireless.compiled import compiled
+from slam.sensing.egocentric import AHEAD
+from wireless.support.compiled import compiled
 
 #: Index of each channel of a true patch.
 OBSTACLE, SEEN, MATTERS = 0, 1, 2

@@ -15,7 +15,7 @@ from robosim.building.building import Building
 from robosim.drawing.radio import STATES, draw_rays
 from wireless.estimates import PathEstimates, wrapped
 from wireless.paths import LinkState, Paths
-from wireless.sounding import Sounder
+from wireless.sounding.sounder import Sounder
 
 #: True paths are drawn down to this far under the strongest [dB].
 SHOWN_DB = 30.0

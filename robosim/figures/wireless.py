@@ -34,11 +34,11 @@ from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.assets import shipped_weights
 from robosim.support.checks import SEED, check_network, check_numbers
 from robosim.support.progress import tracked
-from wireless.antenna_figures import arrays_figure
-from wireless.codebook import terminal_named
-from wireless.estimation import ESTIMATORS, PathEstimator, estimator_named
+from wireless.antennas.codebook import terminal_named
+from wireless.antennas.figures import arrays_figure
+from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.paths import LinkState, Paths
-from wireless.sounding import Rays, Sounder
+from wireless.sounding.sounder import Rays, Sounder
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier

@@ -27,7 +27,7 @@ from scipy.stats import ks_2samp
 
 from robosim.generator.rooms import clearance, find_rooms, largest_piece
 from robosim.plans.floorplan import FloorPlan
-from slam.marching import march
+from slam.planning.marching import march
 
 #: Smaller islands are specks of the raster rather than things [m2].
 SMALLEST_THING_M2 = 0.02

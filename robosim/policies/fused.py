@@ -18,12 +18,12 @@ from robosim.policies.moment import Moment
 from robosim.policies.sightlines import in_sight, knowledge
 from robosim.support.checks import check_numbers
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.cost_map import CostConfig, cut_box, known_box
-from slam.exploration import FrontierExplorer
-from slam.frontiers import Frontier, find_frontiers
+from slam.exploration.explorer import FrontierExplorer
+from slam.exploration.frontiers import Frontier, find_frontiers
 from slam.grid import MapEstimate
+from slam.planning.cost_map import CostConfig, cut_box, known_box
+from slam.planning.known_ground import ways_from_robot
 from slam.poses import to_map, wrap
-from slam.ways import ways_from_robot
 from wireless.paths import LinkState
 
 

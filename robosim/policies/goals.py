@@ -26,7 +26,7 @@ from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.moment import Moment
 from robosim.support.checks import check_choice
 from robosim.task.tasks import Task
-from slam.exploration import FrontierExplorer
+from slam.exploration.explorer import FrontierExplorer
 from slam.poses import to_map
 from wireless.paths import LinkState
 

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from slam.grid import GridFrame, MapEstimate
-from wireless.compiled import compiled
+from wireless.support.compiled import compiled
 
 UNKNOWN, FREE, OBSTACLE = 0, 1, 2
 #: Bit of free cells that lie beside an obstacle, where a wave may bend or bounce.

@@ -24,9 +24,9 @@ from robosim.published.label_adjacent import adopted, with_coarse
 from robosim.published.label_walls import published_mesh
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.reading import reading
-from wireless.mmwrobotnav import Measurements, link_states
+from wireless.formats.mmwrobotnav import Measurements, link_states
 from wireless.paths import Interaction, Paths
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: Plasterboard and the air between two of it [m]. Found from the published estimates: in line of sight, 2056 single
 #: reflections heard apart are, over incidence, as strong as this wall says, with a median of 0.2 dB over all; of all

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from robosim.drawing.plots import draw_walls, save_figure
 from robosim.drawing.radio import STATES, TX_COLOUR
 from robosim.published.label_links import Links, prepared
-from wireless.mmwrobotnav import Measurements
+from wireless.formats.mmwrobotnav import Measurements
 
 OUTAGE = "0.6"
 COLUMNS = 5

@@ -21,12 +21,12 @@ from jaxtyping import Float
 from robosim.building.building import Building
 from robosim.radio.scene import make_tracer
 from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
-from wireless.codebook import TERMINALS, terminal_named
+from wireless.antennas.codebook import TERMINALS, terminal_named
 from wireless.estimates import PathEstimates
-from wireless.estimation import ESTIMATORS, PathEstimator, estimator_named
+from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.paths import LinkState, Paths
-from wireless.raytrace import TracerConfig
-from wireless.sounding import Rays, Sounder, SoundingConfig
+from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
+from wireless.tracing.tracer import TracerConfig
 
 RadioEngine = Literal["live", "cached"]
 
@@ -45,11 +45,11 @@ class RadioLinkConfig:
     height_m: float = 1.5
     """Height of both antennas above the floor [m]."""
     transmitter: str = "gnb"
-    """The target's arrays, by their name in `wireless.codebook`; they face 0 and ±120 degrees in `map`."""
+    """The target's arrays, by their name in `wireless.antennas.codebook`; they face 0 and ±120 degrees in `map`."""
     receiver: str = "ue"
     """The robot's arrays; they turn with it."""
     estimator: str = "sage"
-    """What reads paths out of a measurement, by its name in `wireless.estimation`."""
+    """What reads paths out of a measurement, by its name in `wireless.estimation.estimators`."""
     sounding: SoundingConfig = field(default_factory=SoundingConfig)
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)

@@ -11,7 +11,7 @@ from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import check_height
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
 ON_EDGE_M = 1e-6

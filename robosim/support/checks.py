@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterable
 from pathlib import Path
 
-from slam.checks import check_choice, check_number, check_numbers, shown
+from slam.support.checks import check_choice, check_number, check_numbers, shown
 
 __all__ = ["check_choice", "check_network", "check_number", "check_numbers", "check_some", "shown"]
 

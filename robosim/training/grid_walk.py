@@ -15,11 +15,11 @@ from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.task.coverage import VISION_RANGE_M
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.exploration import FrontierExplorer
+from slam.exploration.explorer import FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
-from slam.planning import Plan, Planner
+from slam.planning.planner import Plan, Planner
 from slam.poses import wrap
-from wireless.compiled import compiled
+from wireless.support.compiled import compiled
 
 #: Range to which floor is seen to be free [m], as the classical mapper has it.
 _FREE_RANGE_M = 5.0

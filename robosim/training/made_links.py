@@ -3,7 +3,7 @@
 A classifier that saw a dozen buildings knows these too well. Generated homes cost nothing: each gets a few
 transmitters and some receivers of the published grid at random places. Paths are those that the published ray tracer
 would have found, as strong as it says (`robosim.published.label_links`), received by the published receiver
-(`wireless.estimation_public`).
+(`wireless.estimation.public`).
 
 A home is one file, written whole; its seed alone decides what is in it.
 """
@@ -26,12 +26,12 @@ from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import told_units
 from robosim.support.reading import reading
 from robosim.support.workers import Workers
-from wireless.estimation_public import PublicReceiver
+from wireless.estimation.public import PublicReceiver
+from wireless.formats.mmwrobotnav import link_states
 from wireless.linkstate.tokens import make_tokens
-from wireless.mmwrobotnav import link_states
 from wireless.paths import LinkState
-from wireless.raytrace import Tracer
-from wireless.sounding import Rays
+from wireless.sounding.sounder import Rays
+from wireless.tracing.tracer import Tracer
 
 #: Transmitters of a home, receivers of each, grid [m] and height of both [m].
 TRANSMITTERS, RECEIVERS, GRID_M, HEIGHT_M = 3, 260, 0.15, 1.5

@@ -24,11 +24,11 @@ from robosim.support.interrupt import noted_interrupt
 from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.training.mapper_plots import plot_curve
-from slam.mapper.features import Features
-from slam.mapper.network import parameters
-from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
-from slam.mapper.weights import mapper_files
-from slam.threads import torch_threads
+from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
+from slam.networks.features import Features
+from slam.networks.files import mapper_files
+from slam.networks.map_network import parameters
+from slam.support.threads import torch_threads
 
 #: One home in so many is held out.
 HOLD_OUT = 10

@@ -18,14 +18,14 @@ from rich.progress import Progress
 from robosim.support.files import write_files, write_json
 from robosim.support.run_folder import run_folder
 from robosim.training.mapper import read_shard, split_homes
-from slam.mapper.features import Features
-from slam.mapper.network import parameters
-from slam.mapper.pose_network import INPUTS
-from slam.mapper.pose_training import Pairs, PoseRecipe, pose_scores, train_pose
-from slam.mapper.training import coded
-from slam.mapper.weights import pose_files
+from slam.learning.mapper import coded
+from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
+from slam.networks.features import Features
+from slam.networks.files import pose_files
+from slam.networks.map_network import parameters
+from slam.networks.pose_network import INPUTS
 from slam.poses import between
-from slam.threads import torch_threads
+from slam.support.threads import torch_threads
 
 
 def train_pose_network(

@@ -33,10 +33,10 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import ARRIVAL_M, make_task
 from slam.actions import Action
-from slam.control import ControlConfig, Controller
-from slam.planning import Plan
-from slam.steering import HIDDEN, INPUTS, LearnedController, initial_weights
-from slam.weights import Weights
+from slam.control.controller import ControlConfig, Controller
+from slam.control.learned import HIDDEN, INPUTS, LearnedController, initial_weights
+from slam.planning.planner import Plan
+from slam.support.weights import Weights
 
 #: Number of the first home to compare in; homes to learn from begin at 0.
 _TEST = 100_000

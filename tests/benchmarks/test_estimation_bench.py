@@ -9,9 +9,9 @@ from rich.console import Console
 
 from robosim.bench import estimation
 from robosim.plans.floorplan import FloorPlan
-from wireless.codebook import terminal_named
+from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates
-from wireless.sounding import Rays, Sounder
+from wireless.sounding.sounder import Rays, Sounder
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import trimesh
 
 from robosim.published.label_adjacent import adopted, fully_traced, with_coarse
 from wireless.paths import Interaction
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 N = 12
 

@@ -15,11 +15,11 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.published import label_links
 from robosim.published.label_links import received_azimuth
 from robosim.published.label_walls import published_walls
-from wireless.estimation_public import PublicReceiver
-from wireless.mmwrobotnav import link_states, read_measurements
+from wireless.estimation.public import PublicReceiver
+from wireless.formats.mmwrobotnav import link_states, read_measurements
 from wireless.paths import Interaction, LinkState
-from wireless.raytrace import Tracer
-from wireless.sounding import Rays
+from wireless.sounding.sounder import Rays
+from wireless.tracing.tracer import Tracer
 
 LISTS = ("aoaAzResult", "aodAzResult", "snrResult", "peakFracResult")
 HEADER = ",lineIndex,rxPos_1,rxPos_2,rxPosInd_1,rxPosInd_2,linkState," + ",".join(

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from robosim.bench.resolution import signature_agreement, strongest_sum_rad
-from wireless.codebook import terminal_named
-from wireless.sounding import Rays, Sounder
+from wireless.antennas.codebook import terminal_named
+from wireless.sounding.sounder import Rays, Sounder
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ from robosim.cli import main
 from robosim.plans.files import read_plan
 from robosim.radio.scene import RadioScene
 from wireless.estimates import wrapped
-from wireless.link_records import COLUMNS, read_links, read_rays
-from wireless.mmwrobotnav import find_measurements, read_measurements
+from wireless.formats.link_records import COLUMNS, read_links, read_rays
+from wireless.formats.mmwrobotnav import find_measurements, read_measurements
 from wireless.paths import LinkState
 
 #: Two buildings, the second a generated home, with two transmitters each.

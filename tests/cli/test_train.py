@@ -10,9 +10,9 @@ import pytest
 from robosim.cli import main
 from robosim.training import explorer as explorer_training
 from robosim.training.link_state import deal
-from slam.choosing import load_chooser
-from slam.control import ControlConfig
-from slam.steering import load_steering
+from slam.control.controller import ControlConfig
+from slam.control.learned import load_steering
+from slam.exploration.choosing import load_chooser
 from wireless.linkstate import load_classifier
 
 

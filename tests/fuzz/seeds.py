@@ -39,18 +39,18 @@ from robosim.support.run_folder import SETTINGS
 from robosim.task.record import EpisodeLog, Link
 from robosim.task.tasks import Task
 from robosim.training.explorer import ExplorerRecipe
-from slam.choosing import initial_weights
+from slam.control.learned import INPUTS
+from slam.exploration.choosing import initial_weights
 from slam.grid import GridFrame, MapEstimate
-from slam.mapper.network import NetworkConfig
-from slam.mapper.training import Frames
-from slam.mapper.training import Recipe as MapperRecipe
-from slam.mapper.training import train as train_mapper
-from slam.steering import INPUTS
+from slam.learning.mapper import Frames
+from slam.learning.mapper import Recipe as MapperRecipe
+from slam.learning.mapper import train as train_mapper
+from slam.networks.map_network import NetworkConfig
 from tests.robosim import kept
 from tests.robosim.plans import two_rooms
-from wireless.estimated_csv import estimated_csv
 from wireless.estimates import PathEstimates
-from wireless.link_records import link_table, write_links
+from wireless.formats.estimated_csv import estimated_csv
+from wireless.formats.link_records import link_table, write_links
 from wireless.linkstate.training import Epoch
 from wireless.linkstate.training import Recipe as LinkStateRecipe
 from wireless.linkstate.training import train as train_classifier

@@ -33,15 +33,15 @@ from robosim.training.made_links import read_homes
 from robosim.training.mapper import read_frames
 from robosim.training.pose import read_pairs
 from robosim.training.steering import read_round
-from slam.choosing import initial_weights, load_chooser
-from slam.control import ControlConfig
-from slam.mapper.weights import load_mapper, load_pose
-from slam.steering import load_steering
+from slam.control.controller import ControlConfig
+from slam.control.learned import load_steering
+from slam.exploration.choosing import initial_weights, load_chooser
+from slam.networks.files import load_mapper, load_pose
 from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, teach_classifier, teach_mapper
-from wireless.link_records import read_columns, read_rays
-from wireless.link_records import read_links as read_records
+from wireless.formats.link_records import read_columns, read_rays
+from wireless.formats.link_records import read_links as read_records
+from wireless.formats.mmwrobotnav import read_tx_positions
 from wireless.linkstate.data import read_links
-from wireless.mmwrobotnav import read_tx_positions
 from wireless.paths import Paths
 
 SCALELESS = (".png", ".pgm", ".gif", ".bmp", ".tif", ".tiff", ".jpg", ".webp", ".ppm", ".pbm", ".npy")

@@ -33,7 +33,7 @@ from robosim.radio.link import RadioEngine, RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import ROBOTS
 from robosim.simulator import Physics, SimulatorConfig
-from slam.exploration import ExplorerConfig, ExplorerName
+from slam.exploration.explorer import ExplorerConfig, ExplorerName
 from slam.grid import GridFrame
 
 #: Frozen dataclasses with numbers by default that are no configurations.

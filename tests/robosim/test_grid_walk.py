@@ -9,7 +9,7 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.generator.generate import generate_plan
 from robosim.training.grid_walk import GridWalk
-from slam.exploration import ExplorerConfig, FrontierExplorer
+from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
 from tests.robosim.plans import room, two_rooms
 
 HFOV = np.pi / 2

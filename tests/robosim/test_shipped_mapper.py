@@ -16,9 +16,9 @@ from robosim.support.assets import shipped_network
 from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, train_mapper
 from robosim.training.pose import read_pairs
-from slam.mapper.pose_training import pose_scores
-from slam.mapper.training import Recipe, classical_scores, validate
-from slam.mapper.weights import load_mapper, load_pose
+from slam.learning.mapper import Recipe, classical_scores, validate
+from slam.learning.pose import pose_scores
+from slam.networks.files import load_mapper, load_pose
 
 QUIET = Console(quiet=True)
 

@@ -5,7 +5,7 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
-from slam.egocentric import AHEAD
+from slam.sensing.egocentric import AHEAD
 from tests.robosim.plans import two_rooms
 
 CENTRES = AHEAD.centres(np.ones(AHEAD.shape, bool)).reshape(64, 64, 2)

@@ -11,8 +11,8 @@ import numpy as np
 from scipy import ndimage
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
-from slam.collisions import CollisionConfig, CollisionMarks
 from slam.grid import GridFrame, MapEstimate
+from slam.mapping.collisions import CollisionConfig, CollisionMarks
 
 CELL = 0.05
 RADIUS_M = 0.10

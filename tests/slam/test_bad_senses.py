@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
-from slam.control import Controller
-from slam.exploration import FrontierExplorer
-from slam.mapping import ClassicalMapper
-from slam.planning import Planner
+from slam.control.controller import Controller
+from slam.exploration.explorer import FrontierExplorer
+from slam.mapping.classical import ClassicalMapper
+from slam.planning.planner import Planner
 from slam.poses import compose
 from tests.slam.rooms import Room
 

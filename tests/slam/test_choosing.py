@@ -5,8 +5,8 @@ import pytest
 import torch
 from safetensors.numpy import save_file
 
-from slam.choosing import FEATURES, HIDDEN, Chooser, evaluate, initial_weights, load_chooser
-from slam.ppo import PpoConfig, Walk, advantages, improve
+from slam.exploration.choosing import FEATURES, HIDDEN, Chooser, evaluate, initial_weights, load_chooser
+from slam.learning.ppo import PpoConfig, Walk, advantages, improve
 
 
 def weights_at_random(seed=0):

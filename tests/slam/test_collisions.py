@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slam.actions import FORWARD_M, Action
-from slam.collisions import CollisionConfig, CollisionMarks
 from slam.grid import GridFrame
+from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.poses import to_map
 
 FRAME = GridFrame(origin_xy=(-2.0, -2.0), resolution_m=0.05, shape=(80, 80))

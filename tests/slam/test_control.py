@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
-from slam.control import ControlConfig, Controller
-from slam.planning import Planner
+from slam.control.controller import ControlConfig, Controller
+from slam.planning.planner import Planner
 from slam.poses import compose
 from tests.slam.floors import at_pose, divided, floor
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slam.egocentric import AHEAD, EXPLORED, OBSTACLE, egocentric_map, egocentric_view
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import to_map
-from slam.projection import Band, CameraModel
+from slam.sensing.egocentric import AHEAD, EXPLORED, OBSTACLE, egocentric_map, egocentric_view
+from slam.sensing.projection import Band, CameraModel
 from tests.slam.rooms import Room
 
 CELL = 0.05

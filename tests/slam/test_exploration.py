@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slam.control import Controller
-from slam.cost_map import cut_box
-from slam.exploration import ExplorerConfig, FrontierExplorer
-from slam.frontiers import Frontier, unseen_area
+from slam.control.controller import Controller
+from slam.exploration.explorer import ExplorerConfig, FrontierExplorer
+from slam.exploration.frontiers import Frontier, unseen_area
 from slam.grid import GridFrame, MapEstimate
-from slam.planning import Planner
+from slam.planning.cost_map import cut_box
+from slam.planning.planner import Planner
 from tests.slam.gridworld import CELL, GridWorld, cells_of, hall
 
 WORLDS = {

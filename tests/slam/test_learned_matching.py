@@ -8,13 +8,13 @@ import torch
 from scipy.stats import multivariate_normal
 from torch import nn
 
-from slam.egocentric import AHEAD, cut_ahead
-from slam.learned_matching import LearnedMatchConfig, LearnedMatcher
-from slam.mapper.pose_network import UNIT, PoseNetwork, PoseNetworkConfig, surprise
-from slam.mapper.pose_training import SPREAD, Pairs, PoseRecipe, batch_of, pose_scores, train_pose
-from slam.occupancy import OccupancyGrid
+from slam.learning.pose import SPREAD, Pairs, PoseRecipe, batch_of, pose_scores, train_pose
+from slam.mapping.learned_matching import LearnedMatchConfig, LearnedMatcher
+from slam.mapping.occupancy import OccupancyGrid
+from slam.networks.pose_network import UNIT, PoseNetwork, PoseNetworkConfig, surprise
 from slam.poses import compose
-from slam.projection import Scan
+from slam.sensing.egocentric import AHEAD, cut_ahead
+from slam.sensing.projection import Scan
 
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

@@ -5,7 +5,8 @@ import pytest
 import torch
 
 from robosim.support.checkpoint import Checkpoint
-from slam.mapper.features import (
+from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
+from slam.networks.features import (
     BELIEF,
     CLEARANCE,
     IN_VIEW,
@@ -14,13 +15,12 @@ from slam.mapper.features import (
     SURFACE,
     Features,
 )
-from slam.mapper.network import OBSTACLE, MapNetwork, NetworkConfig, parameters
-from slam.mapper.prediction import MapPredictor
-from slam.mapper.scores import PatchScores
-from slam.mapper.training import Frames, Recipe, classical_scores, coded, train
-from slam.mapper.weights import load_mapper, mapper_files
-from slam.projection import CameraModel, scan_from_depth
-from slam.threads import torch_threads
+from slam.networks.files import load_mapper, mapper_files
+from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig, parameters
+from slam.networks.prediction import MapPredictor
+from slam.networks.scores import PatchScores
+from slam.sensing.projection import CameraModel, scan_from_depth
+from slam.support.threads import torch_threads
 from tests.slam.rooms import Room
 
 SMALL = NetworkConfig(widths=(4, 6))

@@ -7,8 +7,8 @@ import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.grid import MapEstimate
-from slam.mapping import ClassicalMapper, MapperConfig
-from slam.odometry import OdometryConfig
+from slam.mapping.classical import ClassicalMapper, MapperConfig
+from slam.mapping.odometry import OdometryConfig
 from slam.poses import between, compose
 from tests.slam.rooms import Room
 

@@ -4,7 +4,7 @@ import eikonalfm
 import numpy as np
 import pytest
 
-from slam.marching import march
+from slam.planning.marching import march
 
 
 @pytest.mark.parametrize("walls", [0.0, 0.1])

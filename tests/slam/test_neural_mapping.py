@@ -5,9 +5,9 @@ import pytest
 import torch
 
 from slam.actions import Action
-from slam.mapper.network import MapNetwork, NetworkConfig
-from slam.mapping import ClassicalMapper, MapperConfig
-from slam.neural_mapping import FusionConfig, NeuralMapper
+from slam.mapping.classical import ClassicalMapper, MapperConfig
+from slam.mapping.neural import FusionConfig, NeuralMapper
+from slam.networks.map_network import MapNetwork, NetworkConfig
 from slam.poses import to_map
 from tests.slam.rooms import Room
 
@@ -92,7 +92,7 @@ def test_answers_lie_where_the_robot_looks():
     """
     from scipy.ndimage import binary_dilation
 
-    from slam.mapper.features import BELIEF
+    from slam.networks.features import BELIEF
 
     network = MapNetwork(NetworkConfig(widths=(4,)))
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.special import expit
 
 from slam.grid import GridFrame
-from slam.occupancy import OccupancyConfig, OccupancyGrid
+from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.poses import to_map
-from slam.projection import CameraModel, Scan, scan_from_depth
+from slam.sensing.projection import CameraModel, Scan, scan_from_depth
 from tests.slam.rooms import Room
 
 CAMERA = CameraModel()

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from slam.cost_map import CostConfig
 from slam.grid import GridFrame, MapEstimate
-from slam.planning import Planner, PlannerConfig
+from slam.planning.cost_map import CostConfig
+from slam.planning.planner import Planner, PlannerConfig
 from tests.slam.floors import at_pose, divided, floor
 
 RADIUS_M = 0.10

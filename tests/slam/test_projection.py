@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.poses import to_map
-from slam.projection import Band, CameraModel, back_project, clean_depth, scan_from_depth
+from slam.sensing.projection import Band, CameraModel, back_project, clean_depth, scan_from_depth
 from tests.slam.rooms import Room
 
 CAMERA = CameraModel(max_depth_m=50.0)

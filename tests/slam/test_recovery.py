@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from slam.actions import Action
-from slam.control import Controller
-from slam.planning import Planner
+from slam.control.controller import Controller
+from slam.planning.planner import Planner
 from tests.slam.gridworld import GridWorld, cells_of, hall
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
-from slam.mapping import ClassicalMapper
+from slam.mapping.classical import ClassicalMapper
+from slam.mapping.relocalization import RelocalizationConfig
 from slam.poses import compose, wrap
-from slam.relocalization import RelocalizationConfig
 from tests.slam.rooms import Room
 
 MOTION = np.array([[FORWARD_M, 0, 0], [0, 0, TURN_RAD], [0, 0, -TURN_RAD]])

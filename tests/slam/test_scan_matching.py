@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from slam.grid import GridFrame
+from slam.mapping.scan_matching import match_scan, points_of_scan
+from slam.mapping.surfaces import SurfaceGrid
 from slam.poses import between, compose, to_map
-from slam.projection import CameraModel, scan_from_depth
-from slam.scan_matching import match_scan, points_of_scan
-from slam.surfaces import SurfaceGrid
+from slam.sensing.projection import CameraModel, scan_from_depth
 from tests.slam.rooms import Room
 
 CELL = 0.05

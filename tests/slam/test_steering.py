@@ -5,10 +5,10 @@ import pytest
 from safetensors.numpy import save_file
 
 from slam.actions import Action
-from slam.control import ControlConfig
+from slam.control.controller import ControlConfig
+from slam.control.learned import INPUTS, LearnedController, initial_weights, load_steering
 from slam.grid import GridFrame, MapEstimate
-from slam.planning import Planner
-from slam.steering import INPUTS, LearnedController, initial_weights, load_steering
+from slam.planning.planner import Planner
 
 
 def corridor(pose):

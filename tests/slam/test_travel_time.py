@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slam.grid import GridFrame
-from slam.travel_time import travel_time
+from slam.planning.travel_time import travel_time
 
 CELL = 0.05
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from slam.cost_map import Box, CostConfig
 from slam.grid import GridFrame
-from slam.ways import ways_from_robot
+from slam.planning.cost_map import Box, CostConfig
+from slam.planning.known_ground import ways_from_robot
 
 CELL_M = 0.05
 

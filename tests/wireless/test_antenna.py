@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from wireless.antenna import (
+from wireless.antennas.elements import (
     ELEMENTS,
     PatchElement,
     SectorElement,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wireless.antenna_figures import FLOOR_DBI, arrays_figure, coverage_loss_db
-from wireless.codebook import terminal_named
+from wireless.antennas.codebook import terminal_named
+from wireless.antennas.figures import FLOOR_DBI, arrays_figure, coverage_loss_db
 
 
 def test_figure_shows_every_beam_and_array(tmp_path):

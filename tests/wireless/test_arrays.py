@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wireless.antenna import IsotropicElement, unit_vector
-from wireless.arrays import Array, Platform, uniform_array
-from wireless.codebook import terminal_named
+from wireless.antennas.arrays import Array, Platform, uniform_array
+from wireless.antennas.codebook import terminal_named
+from wireless.antennas.elements import IsotropicElement, unit_vector
 
 
 def around(n_az=720, n_el=361):

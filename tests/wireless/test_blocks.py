@@ -6,9 +6,9 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from wireless import blocks
-from wireless.raytrace import Tracer, TracerConfig
-from wireless.table import Table
+from wireless.tracing import blocks
+from wireless.tracing.table import Table
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 BEND = (0.0, 0.0), (9.0, 0.0), (9.0, 3.0), (4.0, 3.0), (4.0, 7.0), (0.0, 7.0)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from wireless.arrays import Platform, uniform_array
-from wireless.bounds import arrival_bound_rad, departure_bound_rad, window_share
-from wireless.codebook import Terminal, terminal_named
-from wireless.sounding import Sounder
+from wireless.antennas.arrays import Platform, uniform_array
+from wireless.antennas.codebook import Terminal, terminal_named
+from wireless.sounding.bounds import arrival_bound_rad, departure_bound_rad, window_share
+from wireless.sounding.sounder import Sounder
 
 
 def fisher_bound_rad(sounder, snr_db, aoa, aod, late):

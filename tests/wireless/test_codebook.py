@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wireless.arrays import Platform, uniform_array
-from wireless.codebook import Terminal, terminal_named
+from wireless.antennas.arrays import Platform, uniform_array
+from wireless.antennas.codebook import Terminal, terminal_named
 
 
 @pytest.mark.parametrize(("name", "ports", "beams", "step_deg"), [("gnb", 16, 48, 7.5), ("ue", 8, 24, 15.0)])

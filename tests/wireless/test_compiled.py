@@ -14,11 +14,11 @@ from pathlib import Path
 import numba
 import pytest
 
-import slam.compiled
-import slam.compiled_files
-import wireless.compiled
-import wireless.compiled_files
-from wireless.compiled_files import KEPT
+import slam.support.compiled
+import slam.support.compiled_files
+import wireless.support.compiled
+import wireless.support.compiled_files
+from wireless.support.compiled_files import KEPT
 
 #: A package of two files, of which one calls the other's functions.
 SOURCES = {
@@ -73,7 +73,7 @@ def mini(tmp_path, monkeypatch):
     for name, text in SOURCES.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(textwrap.dedent(text))
-    for module in (wireless.compiled, wireless.compiled_files):
+    for module in (wireless.support.compiled, wireless.support.compiled_files):
         shutil.copy(inspect.getfile(module), folder)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
@@ -377,7 +377,7 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
             except KeyboardInterrupt:
                 print("stopped")
     """
-    root = Path(wireless.compiled.__file__).parents[1]
+    root = Path(wireless.support.compiled.__file__).parents[1]
     process = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program)],
         cwd=root,

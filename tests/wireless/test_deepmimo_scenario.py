@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from wireless import Interaction, Tracer, TracerConfig
-from wireless.deepmimo_scenario import scenario_name, scene_files, transmitter_files
+from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
 
 TX = np.array([[1.0, 1.4, 1.5], [4.0, 3.1, 1.2]])
 RX = np.array([[5.0, 0.9, 1.5], [1.5, 3.2, 2.0], [2.6, 1.3, 1.5], [5.5, 3.5, 1.5]])  # the third is sealed off

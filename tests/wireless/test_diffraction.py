@@ -5,8 +5,8 @@ import pytest
 from scipy.constants import speed_of_light
 from scipy.special import fresnel, jv, modfresnelm
 
-from wireless.diffraction import transition_over_root, wedge_terms
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.em.diffraction import transition_over_root, wedge_terms
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 CARRIER_HZ = 28e9
 K = 2 * np.pi * CARRIER_HZ / speed_of_light

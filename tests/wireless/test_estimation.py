@@ -5,12 +5,12 @@ import copy
 import numpy as np
 import pytest
 
-from wireless.bounds import arrival_bound_rad, departure_bound_rad, window_share
-from wireless.codebook import terminal_named
+from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates, wrapped
-from wireless.estimation import ESTIMATORS, estimator_named
-from wireless.estimation_sage import SageEstimator
-from wireless.sounding import Rays, Sounder
+from wireless.estimation.estimators import ESTIMATORS, estimator_named
+from wireless.estimation.sage import SageEstimator
+from wireless.sounding.bounds import arrival_bound_rad, departure_bound_rad, window_share
+from wireless.sounding.sounder import Rays, Sounder
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from wireless.estimation_public import N_SAMPLES, PublicReceiver
-from wireless.mmwrobotnav import find_measurements, read_measurements
-from wireless.sounding import Rays
+from wireless.estimation.public import N_SAMPLES, PublicReceiver
+from wireless.formats.mmwrobotnav import find_measurements, read_measurements
+from wireless.sounding.sounder import Rays
 
 
 @pytest.fixture(scope="module")

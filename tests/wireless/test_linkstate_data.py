@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wireless import PathEstimates, Tracer
-from wireless.link_records import link_table, write_links
+from wireless.formats.link_records import link_table, write_links
 from wireless.linkstate.data import is_data_set, read_links
 from wireless.linkstate.tokens import AOA, AOD, DELAY, PEAK, SNR
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from wireless.fresnel import reflection
-from wireless.materials import MATERIALS, check_material, permittivity, properties
+from wireless.em.fresnel import reflection
+from wireless.em.materials import MATERIALS, check_material, permittivity, properties
 
 CARRIER_HZ = 28e9
 

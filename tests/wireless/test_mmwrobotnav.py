@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from wireless.mmwrobotnav import (
+from wireless.formats.mmwrobotnav import (
     DataError,
     find_measurements,
     link_states,
@@ -14,7 +14,7 @@ from wireless.mmwrobotnav import (
     read_tx_positions,
 )
 from wireless.paths import LinkState
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 LISTS = [
     f"{name}_{i}"

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from wireless.paths import LinkState, Paths
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 
 def made_of(links):

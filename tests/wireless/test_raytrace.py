@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from wireless.fresnel import cavity_wall, reflection, slab
-from wireless.materials import permittivity
+from wireless.em.fresnel import cavity_wall, reflection, slab
+from wireless.em.materials import permittivity
 from wireless.paths import Interaction
-from wireless.raytrace import SceneError, Tracer, TracerConfig
+from wireless.tracing.tracer import SceneError, Tracer, TracerConfig
 
 CARRIER_HZ = 28e9
 WAVELENGTH_M = speed_of_light / CARRIER_HZ
@@ -195,7 +195,7 @@ def test_unusable_input_is_named(extruded):
 def test_walls_let_through_what_layers_do(extruded, angle_deg, thickness, gap):
     """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
 
-    Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.fresnel`, less the phase of
+    Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.em.fresnel`, less the phase of
     the way through the wall, which a ray drawn straight on has already. To 1e-8.
     """
     walls = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]]

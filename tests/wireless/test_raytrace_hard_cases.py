@@ -8,7 +8,7 @@ import shapely
 import trimesh
 from scipy.constants import speed_of_light
 
-from wireless.raytrace import Tracer, TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 ROOM = (0.0, 0.0), (6.0, 0.0), (6.0, 4.0), (0.0, 4.0)
 #: An L-shaped room with a slanted pillar: two walls meet outwards at (4, 3).

@@ -7,10 +7,10 @@ import trimesh
 from scipy.constants import speed_of_light
 from scipy.spatial.transform import Rotation
 
-from wireless.geometry import find_surfaces, floor_and_ceiling, without_rims
-from wireless.occlusion import hidden_each, make_tree
+from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
+from wireless.geometry.occlusion import hidden_each, make_tree
 from wireless.paths import Interaction
-from wireless.raytrace import SceneError, Tracer, TracerConfig
+from wireless.tracing.tracer import SceneError, Tracer, TracerConfig
 
 BEND = (0.0, 0.0), (9.0, 0.0), (9.0, 3.0), (4.0, 3.0), (4.0, 7.0), (0.0, 7.0)
 PILLAR = (2.0, 2.0), (2.6, 2.1), (2.4, 2.7)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from wireless.triangulation import Triangulation
+from wireless.geometry.triangulation import Triangulation
 
 
 def check(points, walls):

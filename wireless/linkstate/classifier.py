@@ -22,7 +22,7 @@ from wireless.linkstate.networks import N_STATES, NETWORKS, WIDEST
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
 from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
-from wireless.reading import reading
+from wireless.support.reading import reading
 
 #: Links given to a network at once, which bounds the memory.
 _BLOCK = 4096

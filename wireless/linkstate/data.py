@@ -1,8 +1,8 @@
 """Links with known states, ready for training: all transmitters of the buildings in a folder.
 
-Two kinds of folders are read. The public measurements (`wireless.mmwrobotnav`) have heights of peaks but no
+Two kinds of folders are read. The public measurements (`wireless.formats.mmwrobotnav`) have heights of peaks but no
 delays; a link without paths holds zeros there, which `make_tokens` takes as missing. Data sets of our own
-(`wireless.link_records`), known by their `manifest.json`, have delays but no peaks.
+(`wireless.formats.link_records`), known by their `manifest.json`, have delays but no peaks.
 """
 
 import json
@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
-from wireless.link_records import read_links as read_records
+from wireless.formats.link_records import read_links as read_records
+from wireless.formats.mmwrobotnav import find_measurements, read_measurements
 from wireless.linkstate.tokens import COLUMNS, make_tokens
-from wireless.mmwrobotnav import find_measurements, read_measurements
-from wireless.reading import reading
+from wireless.support.reading import reading
 
 _MOST_MANIFEST = 50_000_000
 

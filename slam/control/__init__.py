@@ -1,0 +1,1 @@
+"""Control: from a plan to the next action."""

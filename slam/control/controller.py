@@ -1,0 +1,331 @@
+"""From a plan to the next action: try every turn followed by a straight run, and begin the best.
+
+A robot that turns in steps of 10 degrees and drives in steps of a quarter metre can only follow a way roughly; what
+counts is how many decisions it needs. For each heading it can turn to, and each number of steps it can then take
+without its hull meeting an obstacle, the whole is priced in decisions:
+
+    |turns| + steps + (cost of the way from there) / 0.25 m + (turns needed there to go on)
+
+and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
+ones lead nowhere. A turn once begun gets cheaper at each decision, and turning straight back is dearer. Where the
+hull's own swing in turning changes the best heading again and again all the same, one is gone through with.
+
+After a bump the same heading from the same place costs more, each time more. A robot that does not get away
+from a place for long walks off in the direction with most room before it plans again.
+Left out: dynamics of the base. The continuous controller is pure pursuit of the way.
+Reference: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01, 1992.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.planning.clearance import Clearance
+from slam.planning.planner import Plan
+from slam.poses import between, wrap
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControlConfig:
+    """How actions are chosen."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    slacks_m: tuple[float, ...] = (-0.025, -0.01, 0.005, 0.03, 0.06)
+    """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
+    slack_prices: tuple[float, ...] = (12.0, 6.0, 3.0, 1.0, 0.0)
+    """... and what such a run costs extra [decisions], for the risk of a bump."""
+    reach_steps: int = 10
+    """Longest run looked at [steps forward]."""
+    forward_m: float = FORWARD_M
+    """Nominal distance of a step forward [m]; what it really does is learned."""
+    turn_rad: float = TURN_RAD
+    """Nominal angle of a turn [rad]."""
+    arrived_m: float = 0.15
+    """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
+    stuck_decisions: int = 45
+    """Decisions without getting away by `stuck_radius_m` after which the robot walks off [decisions]."""
+    stuck_radius_m: float = 0.35
+    """See above [m]."""
+    speed_mps: float = 0.5
+    """Greatest speed of the continuous controller [m/s]."""
+    turn_rate_radps: float = 1.0
+    """Greatest turn rate of the continuous controller [rad/s]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            slacks_m=(-1, 1, "m"),
+            slack_prices=(0, 1e6, "decisions"),
+            reach_steps=(1, 1000, "steps"),
+            forward_m=(0.001, 10, "m"),
+            turn_rad=(1e-4, math.pi, "rad"),
+            arrived_m=(0, 10, "m"),
+            stuck_decisions=(1, 1_000_000, "decisions"),
+            stuck_radius_m=(0, 100, "m"),
+            speed_mps=(0.001, 10, "m/s"),
+            turn_rate_radps=(0.001, 20, "rad/s"),
+        )
+        if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
+            raise ValueError(
+                f"slacks_m is {self.slacks_m} and slack_prices {self.slack_prices}, expected as many prices as "
+                "slacks, the slacks in rising order."
+            )
+
+
+#: Decisions looked back on for wavering, and changes of side among their turns that are too many.
+HISTORY, MOST_REVERSALS = 16, 4
+
+#: Places at which one step of a run is checked against obstacles.
+PARTS = 4
+
+
+class Controller:
+    """Chooses actions; remembers bumps and lack of progress, and learns what its actions do."""
+
+    def __init__(self, config: ControlConfig = ControlConfig()):
+        self.config = config
+        half = math.ceil(math.pi / config.turn_rad)
+        # No turn first, then pairs: of equal prices the smaller turn wins.
+        self._turns = np.array(sorted(range(-half, half + 1), key=lambda k: (abs(k), k)))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the past."""
+        turn = self.config.turn_rad
+        self.motion = np.array([[self.config.forward_m, 0, 0], [0, 0, turn], [0, 0, -turn]], float)
+        self._motions = np.ones(len(Action))
+        self._last: Action | None = None
+        self._last_pose: Float[np.ndarray, 3] | None = None
+        self._bumps: deque[tuple[float, float, float, float]] = deque(maxlen=12)
+        self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
+        self._escape_steps = 0
+        self._looking = False
+        self._recent: deque[Action] = deque(maxlen=HISTORY)
+        self._committed: deque[Action] = deque()
+
+    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """The next action.
+
+        Args:
+            pose: Estimated x [m], y [m], yaw [rad].
+            plan: What the planner returned for this pose.
+        """
+        self._watch(pose, plan.clearance)
+        if self._escape_steps:
+            action = self._escape(pose, plan)
+        elif self._committed:
+            action = self._committed.popleft()
+        elif plan.length_m < self.config.arrived_m:
+            action = self._face(pose, plan)
+        else:
+            self._looking = False
+            action = self._best(pose, plan)
+        self._last, self._last_pose = action, pose.copy()
+        self._recent.append(action)
+        return action
+
+    def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
+        """Note bumps, and whether the robot gets anywhere."""
+        self._trail.append((float(pose[0]), float(pose[1])))
+        if self._last is not None and self._last_pose is not None:
+            self._learn(self._last, self._last_pose, pose, clearance)
+        trail = np.array(self._trail)
+        full = len(trail) == self.config.stuck_decisions
+        if full and np.hypot(*(trail - trail[-1]).T).max() < self.config.stuck_radius_m:
+            self._escape_steps = 4
+            self._trail.clear()
+            self._committed.clear()
+
+    def _learn(
+        self,
+        action: Action,
+        before: Float[np.ndarray, "3"],
+        after: Float[np.ndarray, "3"],
+        clearance: Clearance,
+    ) -> None:
+        """Take what an action did into the mean of its kind, unless it was stopped."""
+        moved = between(before, after)
+        nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
+        done = moved[0] if action is Action.FORWARD else abs(moved[2])
+        if action is Action.FORWARD and done < 0.6 * nominal:
+            touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
+            self._bumps.append((float(after[0]), float(after[1]), float(before[2]), touch))
+        elif 0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m:
+            self._motions[action] = min(self._motions[action] + 1, 50)
+            self.motion[action] += (moved - self.motion[action]) / self._motions[action]
+
+    def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """First action of the cheapest turn and run."""
+        config = self.config
+        turned = self._turned(pose)
+        stride = math.hypot(*self.motion[Action.FORWARD, :2])
+        headings = turned[:, 2] + math.atan2(self.motion[Action.FORWARD, 1], self.motion[Action.FORWARD, 0])
+        ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+        distance = stride * np.arange(config.reach_steps * PARTS + 1) / PARTS
+        points = turned[:, None, :2] + ways[:, None, :] * distance[None, :, None]
+        ends = points[:, PARTS::PARTS]
+        cost_m, downhill = plan.field.at_and_downhill(ends)
+        left = cost_m / config.forward_m
+        off = np.abs((downhill - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
+        # The turn that will be needed there fades away at the goal. It is not weighted down: a turn put off must not
+        # look cheaper than one made now.
+        price = np.arange(1, config.reach_steps + 1) + left
+        price += off / config.turn_rad * np.minimum(left, 1.0)
+        price += self._tightness(points, distance, plan.clearance)
+        price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
+        cheapest = price.min(axis=1)
+        k = int(np.argmin(cheapest))
+        if not np.isfinite(cheapest[k]):
+            return self._towards(pose, plan)
+        turns = int(self._turns[k])
+        if self._wavers():
+            # Each turn swings the hull a little, and with it the best heading: go through with this one.
+            self._committed.extend([_first(turns)] * abs(turns) + [Action.FORWARD])
+            self._recent.clear()
+            return self._committed.popleft()
+        return _first(turns)
+
+    def _wavers(self) -> bool:
+        """Whether it has lately turned to one side and to the other time and again."""
+        turns = [action for action in self._recent if action is not Action.FORWARD]
+        return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
+
+    def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
+        """Poses after each number of turns: a base that turns beside its centre swings around."""
+        poses = np.empty((len(self._turns), 3))
+        n = np.abs(self._turns)
+        for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns <= 0)):
+            dx, dy, turn = self.motion[action]
+            yaw = pose[2] + turn * np.arange(n.max() + 1)
+            c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
+            x = pose[0] + np.append(0, np.cumsum(c * dx - s * dy))
+            y = pose[1] + np.append(0, np.cumsum(s * dx + c * dy))
+            poses[side] = np.column_stack([x, y, yaw])[n[side]]
+        return poses
+
+    def _tightness(
+        self,
+        points: Float[np.ndarray, "k n 2"],
+        distance: Float[np.ndarray, " n"],
+        clearance: Clearance,
+    ) -> Float[np.ndarray, "k m"]:
+        """Price of passing close to obstacles [decisions]; inf where the hull would meet one."""
+        config = self.config
+        # Where the hull touched although the map left space, the map is off by that much.
+        touched = [t for x, y, _, t in self._bumps if np.hypot(*(points[0, 0] - (x, y))) < 0.3]
+        space = clearance.at(points) - config.radius_m - max(touched, default=0.0)
+        least = config.slacks_m[0]
+        # Where the hull is already closer than it should be, it may still move away, or turn.
+        here = space[0, 0]
+        space = np.where(space >= here + 0.3 * distance - 1e-3, np.maximum(space, least), space)
+        # Turning swings the hull through all the places between here and the last turn.
+        for side in (self._turns >= 0, self._turns <= 0):
+            space[side, 0] = np.minimum.accumulate(space[side, 0])
+        space = np.minimum.accumulate(space, axis=1)[:, PARTS::PARTS]
+        price = np.interp(space, config.slacks_m, config.slack_prices)
+        price[space < least] = np.inf
+        return price
+
+    def _reluctance(
+        self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, " k"]
+    ) -> Float[np.ndarray, " k"]:
+        """Decisions by which past bumps, and a turn just made the other way, make each heading dearer."""
+        extra = np.zeros(len(headings))
+        for x, y, yaw, _ in self._bumps:
+            if math.hypot(pose[0] - x, pose[1] - y) < 0.15:
+                off = np.abs((headings - yaw + math.pi) % (2 * math.pi) - math.pi)
+                extra += 6.0 * np.maximum(0, 1 - off / (2.5 * self.config.turn_rad))
+        if self._last is Action.LEFT:
+            extra[self._turns < 0] += 3.0
+        elif self._last is Action.RIGHT:
+            extra[self._turns > 0] += 3.0
+        return extra
+
+    def _towards(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """Turn to the short-term goal, and try to go there: all that is left where no run is clear."""
+        dx, dy = plan.short_term_goal - pose[:2]
+        off = wrap(math.atan2(dy, dx) - pose[2])
+        return _first(round(off / self.config.turn_rad))
+
+    def _face(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """At the end of the way: turn to the goal asked for, then look around."""
+        dx, dy = plan.asked_xy - pose[:2]
+        turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
+        if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking:
+            self._looking = True
+            return Action.LEFT
+        return _first(turns)
+
+    def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """Walk off: turn to where there is most room, and go there."""
+        headings = self._turned(pose)[:, 2]
+        room = _free_run(plan.clearance, pose[:2], headings, self.config.radius_m)
+        worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
+        action = _first(int(self._turns[int(np.argmax(worth))]))
+        if action is Action.FORWARD:
+            self._escape_steps -= 1
+        return action
+
+    def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
+        """Speed [m/s] and turn rate [rad/s] that follow the way continuously, by pure pursuit.
+
+        Args:
+            pose: Estimated x [m], y [m], yaw [rad].
+            plan: What the planner returned for this pose.
+            look_m: Distance along the way to the point that is pursued [m].
+        """
+        config = self.config
+        x, y = _ahead_on(plan.path, look_m) - pose[:2]
+        distance = math.hypot(x, y)
+        if distance < 1e-3:
+            return 0.0, 0.0
+        off = wrap(math.atan2(y, x) - pose[2])
+        if abs(off) > math.radians(50):
+            return 0.0, math.copysign(config.turn_rate_radps, off)
+        room = _free_run(plan.clearance, pose[:2], np.array([pose[2]]), config.radius_m)[0]
+        curvature = 2 * math.sin(off) / distance
+        speed = config.speed_mps * max(0.0, math.cos(off)) * min(1.0, room / 0.3, distance / 0.15)
+        speed = min(speed, config.turn_rate_radps / max(abs(curvature), 1e-6))
+        # With a wall close ahead the robot turns on the spot rather than stand still.
+        turn = (
+            speed * curvature
+            if speed > 0.05
+            else math.copysign(min(config.turn_rate_radps, 2 * abs(off)), off)
+        )
+        return speed, turn
+
+
+def _first(turns: int) -> Action:
+    """First action of a number of turns, positive to the left, and a run."""
+    if turns == 0:
+        return Action.FORWARD
+    return Action.LEFT if turns > 0 else Action.RIGHT
+
+
+def _free_run(
+    clearance: Clearance, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
+) -> Float[np.ndarray, " k"]:
+    """How far the hull gets from a point in each direction before it meets an obstacle [m], at most 1.5 m."""
+    distance = np.arange(1, 31) * 0.05
+    ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+    room = clearance.at(start + ways[:, None, :] * distance[None, :, None])
+    need = np.minimum(radius_m, float(clearance.at(start)) + 0.3 * distance - 1e-3)
+    return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
+
+
+def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:
+    """Point at a distance along a path, or its end."""
+    for a, b in pairwise(path):
+        length = math.hypot(b[0] - a[0], b[1] - a[1])
+        if length >= distance_m:
+            return a + (b - a) * (distance_m / length)
+        distance_m -= length
+    return path[-1]

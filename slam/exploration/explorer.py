@@ -1,0 +1,257 @@
+"""Where to look next: one frontier after another, until nothing is left to see.
+
+One travel-time field from the robot prices the ways to all frontiers. "nearest" goes to the one with the shortest
+way, the named baseline. For the others, the most promising are priced in decisions (turns of 10 degrees and steps of a
+quarter metre, along the real way): "cheapest" takes the one that takes fewest, "gain" lets the unseen area behind make
+up for decisions, "learned" asks a network that was trained to see much soon. A goal is kept until its frontier has been
+seen or another one is clearly better. A frontier that stays although the robot stands before it, or that is not reached
+in good time, is given up.
+Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Literal, get_args
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.exploration.choosing import Offer, describe
+from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
+from slam.grid import MapEstimate
+from slam.planning.cost_map import EASES, Box, CostConfig, cut_box, known_box
+from slam.planning.known_ground import ways_from_robot
+from slam.planning.paths import downhill, length, taut
+from slam.planning.travel_time import TravelTime
+from slam.poses import wrap
+from slam.support.checks import check_choice, check_numbers
+
+#: Places that are remembered of each kind: given up, left for another goal, looked around at.
+MEMORY = 400
+
+ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorerConfig:
+    """How frontiers are found and rated."""
+
+    rating: ExplorerName = "gain"
+    """What makes a frontier the best: the way, the decisions, area seen against decisions, or what was learned."""
+    cost: CostConfig = field(default_factory=CostConfig)
+    """What a metre costs."""
+    view_m: float = 3.2
+    """Range of the camera that counts as seeing [m]."""
+    min_cells: int = 3
+    """Shorter frontiers are ignored [cells]."""
+    piece_m: float = 1.6
+    """Longer frontiers are cut into pieces of about this size [m]."""
+    depth_m: float = 1.5
+    """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
+    gain_weight: float = 10.0
+    """Decisions that a square metre of unseen area is worth."""
+    max_gain_m2: float = 5.0
+    """More unseen area than this makes a frontier no better [m^2]."""
+    keep: float = 4.0
+    """Decisions by which another frontier must be better before the goal is changed."""
+    candidates: int = 6
+    """Frontiers whose way is priced exactly."""
+    every: int = 8
+    """Decisions after which frontiers are rated anew even if the goal still stands."""
+    patience: int = 12
+    """Decisions near a frontier that show nothing new after which it is given up."""
+
+    def __post_init__(self) -> None:
+        check_choice("rating", self.rating, get_args(ExplorerName))
+        check_numbers(
+            self,
+            view_m=(0.1, 100, "m"),
+            min_cells=(1, 10_000, "cells"),
+            piece_m=(0.05, 100, "m"),
+            depth_m=(0, 100, "m"),
+            gain_weight=(0, 1e6),
+            max_gain_m2=(0, 1e6, "m2"),
+            keep=(0, 1e6, "decisions"),
+            candidates=(1, 10_000, "frontiers"),
+            every=(1, 1_000_000, "decisions"),
+            patience=(1, 1_000_000, "decisions"),
+        )
+
+
+class FrontierExplorer:
+    """Chooses goals one after another until nothing is left to see."""
+
+    def __init__(
+        self,
+        config: ExplorerConfig = ExplorerConfig(),
+        choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
+    ):
+        """An explorer that has seen nothing yet.
+
+        Args:
+            config: How frontiers are found and rated.
+            choose: Which of some frontiers is taken if rated by "learned"; they are told of as
+                `slam.exploration.choosing.describe` does.
+
+        Raises:
+            ValueError: If there is nobody to choose.
+        """
+        if (config.rating == "learned") != (choose is not None):
+            raise ValueError(f"rating = {config.rating!r}, expected 'learned' with `choose`, and only then.")
+        self.config = config
+        self._choose_offer = choose
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget goal and frontiers given up."""
+        self._goal: np.ndarray | None = None
+        self._given_up: deque[tuple[float, float]] = deque(maxlen=MEMORY)
+        self._age = 0
+        self._waited = 0
+        self._budget = 0.0
+        self._budgets: deque[tuple[np.ndarray, float]] = deque(maxlen=MEMORY)
+        self._spin = 0
+        self._looked_around: deque[np.ndarray] = deque(maxlen=MEMORY)
+        self._forgiven_at_m2 = 0.0
+
+    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The spot to go to, in `map` [m]; None when nothing is left to see.
+
+        Args:
+            estimate: Map and pose.
+        """
+        if self._spin:
+            self._spin -= 1
+            return estimate.pose[:2]
+        self._age += 1
+        self._budget -= 1
+        if self._goal is None or self._age >= self.config.every or not self._worth_it(estimate, self._goal):
+            self._goal = self._choose(estimate)
+            self._age = 0
+        if self._goal is None and self._look_around(estimate):
+            return estimate.pose[:2]
+        return self._goal
+
+    def _look_around(self, estimate: MapEstimate) -> bool:
+        """Before all is taken to be seen: turn once, if not done here before.
+
+        A robot that begins in a niche has all that is left to see behind its back. Frontiers that were given up
+        get another chance if more has been seen since the last one.
+        """
+        here = estimate.pose[:2]
+        if any(math.hypot(*(here - place)) < 0.5 for place in self._looked_around):
+            return False
+        self._looked_around.append(here.copy())
+        seen_m2 = np.count_nonzero(estimate.explored) * estimate.frame.resolution_m**2
+        if seen_m2 > self._forgiven_at_m2 + 1.0:
+            self._forgiven_at_m2 = seen_m2
+            self._given_up.clear()
+            self._budgets.clear()
+        self._spin = round(2 * math.pi / TURN_RAD)
+        return True
+
+    def _worth_it(self, estimate: MapEstimate, goal: Float[np.ndarray, "2"]) -> bool:
+        """Whether something unseen is left at the goal; gives it up when going there does not help."""
+        x, y = goal
+        r = 2 * estimate.frame.resolution_m
+        rows, columns, _ = estimate.frame.window((x - r, y - r), (x + r, y + r))
+        unseen = ~estimate.explored[rows, columns] & (estimate.obstacle_probability[rows, columns] <= 0.5)
+        if not unseen.any():
+            return False
+        near = math.hypot(*(goal - estimate.pose[:2])) < 0.6
+        self._waited = self._waited + 1 if near else 0
+        if self._waited > self.config.patience or self._budget < 0:
+            self._given_up.append((float(x), float(y)))
+            self._waited = 0
+            return False
+        return True
+
+    def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The goal of the best frontier; where none can be reached, the map is taken less strictly."""
+        low, high = known_box(estimate)
+        margin = 2 * estimate.frame.resolution_m
+        for ease in EASES:
+            box = cut_box(estimate, low - margin, high + margin, ease)
+            way = ways_from_robot(box, self.config.cost, ease, through_unknown=False)
+            frontiers = find_frontiers(
+                box,
+                way,
+                min_cells=self.config.min_cells,
+                piece_m=self.config.piece_m,
+                given_up=np.array(list(self._given_up)).reshape(-1, 2),
+            )
+            if frontiers:
+                return self._best(box, way, frontiers)
+        return None
+
+    def _best(self, box: Box, way: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
+        """Goal of the frontier with the best rating."""
+        promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))[: self.config.candidates]
+        offers = [self._offer(box, way, frontier) for frontier in promising]
+        if self._choose_offer:
+            best = offers[self._choose_offer(describe(offers, box, self.config.view_m))]
+        else:
+            best = min(offers, key=lambda offer: offer.rating)
+        goal = best.frontier.goal_xy
+        if self._goal is None or math.hypot(*(goal - self._goal)) > 0.5:
+            self._turn_to(goal, 3 * best.decisions + 40)
+        return goal
+
+    def _offer(self, box: Box, way: TravelTime, frontier: Frontier) -> Offer:
+        """A frontier with what it costs and shows."""
+        decisions, area, bonus = self._decisions(way, frontier, box.pose), 0.0, self._bonus(frontier)
+        rating = frontier.cost_m / FORWARD_M if self.config.rating == "nearest" else decisions
+        if self._counts_area:
+            area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
+            rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
+        return Offer(
+            frontier=frontier, decisions=decisions, area_m2=area, kept=bonus > 0, rating=rating - bonus
+        )
+
+    @property
+    def _counts_area(self) -> bool:
+        return self.config.rating in ("gain", "learned")
+
+    def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
+        """Begin with a goal; one that was left for another one goes on with what was left of its budget [decisions].
+
+        Else two goals out of reach that take turns would renew each other for ever.
+        """
+        if self._goal is not None:
+            self._budgets.append((self._goal, self._budget))
+        near = [left for place, left in self._budgets if math.hypot(*(place - goal)) < 0.5]
+        self._budget = min([budget, *near])
+        self._waited = 0
+
+    def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
+        """Rating without looking along the way or at the area behind."""
+        x, y = frontier.near_xy - pose[:2]
+        turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
+        guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
+        if self.config.rating != "nearest":
+            guess += turn
+        if self._counts_area:
+            area = min(frontier.length_m * self.config.depth_m, self.config.max_gain_m2)
+            guess -= self.config.gain_weight * area
+        return guess
+
+    def _bonus(self, frontier: Frontier) -> float:
+        """What is granted to the frontier that the robot is on its way to [decisions]."""
+        kept = self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5
+        return self.config.keep if kept else 0.0
+
+    def _decisions(self, way: TravelTime, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
+        """Turns and steps that the way to a frontier takes; half a metre before it, it is seen."""
+        iy, ix = way.frame.index(frontier.near_xy)
+        corners = taut(downhill(way, (int(iy), int(ix))), way)[::-1]
+        corners = np.vstack([pose[:2], corners[1:], frontier.goal_xy])
+        legs = np.diff(corners, axis=0)
+        legs = legs[np.hypot(*legs.T) > 0.1]
+        if not len(legs):
+            return 0.0
+        yaw = np.concatenate([[pose[2]], np.arctan2(legs[:, 1], legs[:, 0])])
+        turns = sum(abs(wrap(float(d))) for d in np.diff(yaw)) / TURN_RAD
+        return turns + max(0.0, length(corners) - 0.5) / FORWARD_M

@@ -1,0 +1,125 @@
+"""Frontiers: where what the camera has seen borders on what it has not.
+
+A frontier is a connected run of seen, free cells beside unseen ones; long ones are cut into pieces. Its middle is
+where to go, the least cost of the way to any of its cells is how far it is. What can be seen from there is
+counted along rays, as if what is unknown were open; rays leak through the gaps of half-seen walls, so the length
+of the frontier bounds it.
+Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from slam.planning.cost_map import Box
+from slam.planning.travel_time import TravelTime
+
+#: Rays cast to count what can be seen.
+RAYS = 60
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frontier:
+    """A piece of the border of what was seen."""
+
+    goal_xy: Float[np.ndarray, "2"]
+    """Its middle cell [m]: seen itself, beside what is to be looked at."""
+    near_xy: Float[np.ndarray, "2"]
+    """The cell to which the way is cheapest [m]."""
+    cost_m: float
+    """Cost of the way there [m]."""
+    length_m: float
+    """Length of the whole run it belongs to [m]."""
+
+
+def find_frontiers(
+    box: Box, way: TravelTime, *, min_cells: int, piece_m: float, given_up: Float[np.ndarray, "n 2"]
+) -> list[Frontier]:
+    """Frontiers that the robot can get near to.
+
+    Args:
+        box: What is known.
+        way: Cost of ways from the robot, on cells twice as large as those of the box.
+        min_cells: Shorter runs are ignored [cells].
+        piece_m: Side of the tiles that cut long runs into pieces [m].
+        given_up: Places (x, y) [m] whose surroundings are ignored.
+    """
+    edge = _edge(box, given_up)
+    label = cv2.connectedComponents(edge.astype(np.uint8), connectivity=8)[1]
+    cells = np.argwhere(edge)
+    run = label[cells[:, 0], cells[:, 1]]
+    size = np.bincount(run, minlength=1)
+    cells, run = cells[size[run] >= min_cells], run[size[run] >= min_cells]
+    if not len(cells):
+        return []
+    tile = cells // max(1, round(piece_m / box.frame.resolution_m))
+    key = (run.astype(np.int64) * 4096 + tile[:, 0]) * 4096 + tile[:, 1]
+    order = np.argsort(key, kind="stable")
+    starts = np.flatnonzero(np.diff(key[order])) + 1
+    lengths = size[run[order]][[0, *starts]] * box.frame.resolution_m
+    pieces = np.split(cells[order], starts)
+    found = [_frontier(box, way, piece, float(n)) for piece, n in zip(pieces, lengths, strict=True)]
+    return [frontier for frontier in found if frontier is not None]
+
+
+def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny nx"]:
+    """Seen and free cells beside unseen ones that are no obstacles."""
+    unseen = ~box.explored & (box.probability <= 0.5)
+    beside = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    edge = box.explored & (box.probability < 0.5) & beside
+    for x, y in given_up:
+        rows, columns, _ = box.frame.window((x - 0.25, y - 0.25), (x + 0.25, y + 0.25))
+        edge[rows, columns] = False
+    return edge
+
+
+def _frontier(box: Box, way: TravelTime, piece: Int[np.ndarray, "n 2"], length_m: float) -> Frontier | None:
+    """The piece made of some cells (row, column); None if no way leads near."""
+    coarse = piece // 2
+    cost = way.cost_m[coarse[:, 0], coarse[:, 1]]
+    k = int(np.argmin(cost))
+    near, least = coarse[k], float(cost[k])
+    middle = piece[int(np.argmin(((piece - piece.mean(axis=0)) ** 2).sum(axis=1)))]
+    if not math.isfinite(least):
+        # Cells at walls are no place for the hull, but half a metre away one may stand.
+        n = max(1, round(0.5 / way.frame.resolution_m))
+        y0, x0 = np.maximum(middle // 2 - n, 0)
+        part = way.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
+        row, column = divmod(int(np.argmin(part)), part.shape[1])
+        near = np.array([y0 + row, x0 + column])
+        least = float(part.min())
+        if not math.isfinite(least):
+            return None
+    return Frontier(
+        goal_xy=box.frame.to_points(middle[::-1] + 0.5),
+        near_xy=way.frame.to_points(near[::-1] + 0.5),
+        cost_m=least,
+        length_m=length_m,
+    )
+
+
+def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:
+    """Unseen area in sight from a frontier, if what is unknown were open [m^2].
+
+    Args:
+        box: What is known.
+        frontier: The frontier.
+        range_m: How far the camera sees [m].
+        depth_m: Depth behind the frontier that its length is worth at most [m].
+    """
+    step, cell = 2, box.frame.resolution_m
+    y, x = (int(v) for v in box.frame.index(frontier.near_xy))
+    angle = np.arange(RAYS)[:, None] * (2 * math.pi / RAYS)
+    reach = np.arange(step, range_m / cell, step)
+    iy = np.rint(y + np.sin(angle) * reach).astype(np.intp)
+    ix = np.rint(x + np.cos(angle) * reach).astype(np.intp)
+    inside = np.asarray(box.frame.inside(iy, ix))
+    iy, ix = np.where(inside, iy, 0), np.where(inside, ix, 0)
+    in_sight = np.logical_and.accumulate(~inside | (box.probability[iy, ix] <= 0.5), axis=1)
+    new = in_sight & ~(inside & box.explored[iy, ix])
+    # Each sample stands for a piece of its ring.
+    area = float((new * reach).sum()) * (2 * math.pi / RAYS) * step * cell * cell
+    return min(area, frontier.length_m * depth_m)

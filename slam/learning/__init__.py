@@ -1,0 +1,1 @@
+"""Learning: training of mapper, pose and the choice among frontiers."""

@@ -1,0 +1,171 @@
+"""Proximal policy optimisation of the choice among frontiers.
+
+A choice lasts as many decisions as the robot goes on with it, so time is discounted by decision and not by choice (a
+semi-Markov process): a choice that earns r and lasts n decisions is worth r + g^n V(next), and advantages are
+generalised over choices likewise. The clipped surrogate is climbed for some passes over the walks, then they are thrown
+away.
+
+Reference: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347, and Generalized advantage
+estimation, ICLR 2016; Sutton, Precup and Singh, Between MDPs and semi-MDPs, Artificial Intelligence 112, 1999.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32, Int
+from torch import Tensor
+
+from slam.exploration.choosing import FEATURES, evaluate
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoConfig:
+    """How a choice is improved."""
+
+    discount: float = 0.99
+    """Worth of the next decision's reward beside that of this one's; 0.99 looks 100 decisions ahead."""
+    trace: float = 0.9
+    """Weight of the next choice's error in the advantage of this one (lambda)."""
+    clip: float = 0.2
+    """Ratio of probabilities, off 1, beyond which nothing more is gained."""
+    passes: int = 8
+    """Passes over the walks."""
+    batch: int = 256
+    """Choices of a step."""
+    rate: float = 2e-3
+    """Learning rate (Adam)."""
+    entropy: float = 0.001
+    """Worth of undecidedness."""
+    value: float = 0.5
+    """Weight of the squared error of the value."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            discount=(0, 1),
+            trace=(0, 1),
+            clip=(1e-6, 10),
+            passes=(1, 10_000),
+            batch=(1, 1_000_000, "choices"),
+            rate=(1e-8, 1),
+            entropy=(0, 100),
+            value=(0, 100),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Walk:
+    """What was chosen on one walk, and what came of it."""
+
+    features: list[Float32[np.ndarray, "_ k"]]
+    """What was told of the frontiers at each choice."""
+    taken: Int[np.ndarray, " n"]
+    """Which was taken."""
+    log_odds: Float[np.ndarray, " n"]
+    """Logarithm of the probability with which it was."""
+    value: Float[np.ndarray, " n"]
+    """What was expected then."""
+    at: Int[np.ndarray, " n"]
+    """Decisions made before each choice."""
+    coverage: Float[np.ndarray, " m"]
+    """Part of the floor seen before each decision, and after the last."""
+    ended: bool
+    """Whether nothing was left to see, rather than time was over."""
+
+
+def advantages(walk: Walk, config: PpoConfig) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """By how much each choice was better than expected, and what it was worth in the end.
+
+    The reward of a decision is the part of the floor that it shows for the first time.
+    """
+    n, last = len(walk.taken), len(walk.coverage) - 1
+    times = np.append(walk.at, last)
+    gain = np.diff(walk.coverage)
+    # After the last choice nothing is expected if all was seen; else about what was expected at it.
+    after = 0.0 if walk.ended or not n else float(walk.value[-1])
+    advantage, ahead = np.zeros(n), 0.0
+    for k in range(n - 1, -1, -1):
+        lasts = times[k + 1] - times[k]
+        reward = gain[times[k] : times[k + 1]] @ config.discount ** np.arange(lasts)
+        worth = config.discount**lasts
+        error = reward + worth * (walk.value[k + 1] if k + 1 < n else after) - walk.value[k]
+        ahead = error + worth * config.trace * ahead
+        advantage[k] = ahead
+    return advantage, advantage + walk.value
+
+
+def improve(
+    weights: dict[str, Tensor],
+    optimiser: torch.optim.Optimizer,
+    walks: Sequence[Walk],
+    config: PpoConfig,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Climb the surrogate; weights change in place.
+
+    Args:
+        weights: Of `slam.exploration.choosing`, that the optimiser optimises.
+        optimiser: Over the weights.
+        walks: Walks made with these weights.
+        config: How.
+        rng: Shuffles.
+
+    Returns:
+        Means over the last pass: entropy, share of clipped ratios, error of the value.
+    """
+    data = _together(walks, config)
+    n = len(data["taken"])
+    told: list[list[float]] = []
+    for _ in range(config.passes):
+        told = []
+        for part in np.array_split(rng.permutation(n), max(1, round(n / config.batch))):
+            loss, numbers = _loss(weights, {key: value[part] for key, value in data.items()}, config)
+            optimiser.zero_grad()
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(list(weights.values()), 0.5)
+            optimiser.step()
+            told.append(numbers)
+    return dict(zip(("entropy", "clipped", "value_error"), np.mean(told, axis=0).tolist(), strict=True))
+
+
+def _together(walks: Sequence[Walk], config: PpoConfig) -> dict[str, Tensor]:
+    """All choices of some walks in tensors, padded to the most offers of any."""
+    most = max(len(features) for walk in walks for features in walk.features)
+    n = sum(len(walk.taken) for walk in walks)
+    features, there = np.zeros((n, most, len(FEATURES)), np.float32), np.zeros((n, most, 1), np.float32)
+    for k, offered in enumerate(offered for walk in walks for offered in walk.features):
+        features[k, : len(offered)], there[k, : len(offered)] = offered, 1.0
+    advantage, worth = (
+        np.concatenate(parts) for parts in zip(*(advantages(walk, config) for walk in walks), strict=True)
+    )
+    advantage = (advantage - advantage.mean()) / (advantage.std() + 1e-8)
+    arrays: dict[str, Any] = {
+        "features": features,
+        "there": there,
+        "taken": np.concatenate([walk.taken for walk in walks]).astype(np.int64),
+        "log_odds": np.concatenate([walk.log_odds for walk in walks]).astype(np.float32),
+        "advantage": advantage.astype(np.float32),
+        "worth": worth.astype(np.float32),
+    }
+    return {key: torch.from_numpy(value) for key, value in arrays.items()}
+
+
+def _loss(
+    weights: dict[str, Tensor], data: dict[str, Tensor], config: PpoConfig
+) -> tuple[Tensor, list[float]]:
+    """The clipped surrogate with the error of the value and the worth of undecidedness; less is better."""
+    logits, value = evaluate(weights, data["features"], data["there"], torch)
+    log_all = torch.log_softmax(logits, dim=-1)
+    log_taken = log_all.gather(-1, data["taken"][:, None])[:, 0]
+    ratio = torch.exp(log_taken - data["log_odds"])
+    within = ratio.clamp(1 - config.clip, 1 + config.clip)
+    gain = torch.minimum(ratio * data["advantage"], within * data["advantage"]).mean()
+    entropy = -(log_all.exp() * log_all).sum(-1).mean()
+    error = ((value - data["worth"]) ** 2).mean()
+    loss = config.value * error - gain - config.entropy * entropy
+    clipped = ((ratio - 1).abs() > config.clip).float().mean()
+    return loss, [entropy.item(), clipped.item(), error.item()]

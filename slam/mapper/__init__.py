@@ -1,1 +1,0 @@
-"""The learned mapper: what it is shown, its network, training, scores and files."""

@@ -1,0 +1,1 @@
+"""Mapping: depth and odometry in, map and pose out."""

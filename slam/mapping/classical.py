@@ -1,0 +1,251 @@
+"""The classical mapper: depth and odometry in, map and pose out.
+
+At every decision: odometry without its bias predicts the pose, the scan is fitted to the surfaces on the map, and then
+entered at the pose found. Occupancy (where may the robot go), surfaces (where exactly are the walls) and collision
+marks share one grid that grows with the building.
+
+Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
+A pose whose scan contradicts the map is doubted: the robot is looked for farther away, and as long as it is not found,
+what it sees is not entered (`relocalization`).
+Left out: loop closure. The surfaces first seen stay where they are and later scans are fitted to them.
+Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
+"""
+
+import logging
+import math
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from slam.actions import Action
+from slam.grid import GridFrame, MapEstimate
+from slam.mapping.collisions import CollisionConfig, CollisionMarks
+from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
+from slam.mapping.odometry import OdometryConfig, OdometryCorrector
+from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
+from slam.mapping.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
+from slam.mapping.surfaces import SurfaceGrid
+from slam.poses import between, compose, to_map, wrap
+from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
+from slam.support.checks import check_numbers
+
+logger = logging.getLogger(__name__)
+
+#: Cells added at once when the view leaves the map.
+GROWTH_CELLS = 80
+
+
+@dataclass(frozen=True, kw_only=True)
+class MapperConfig:
+    """Everything the classical mapper can be told."""
+
+    resolution_m: float = 0.05
+    """Side of a map cell [m]."""
+    max_side_m: float = 120.0
+    """Longest side to which the map may grow [m]; bounds the memory."""
+    radius_m: float = 0.10
+    """Radius of the robot's hull [m]."""
+    camera: CameraModel = field(default_factory=CameraModel)
+    """The depth camera."""
+    band: Band = field(default_factory=Band)
+    """Heights above the floor that stop the robot."""
+    occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
+    """Weight and reach of the evidence."""
+    match: MatchConfig = field(default_factory=MatchConfig)
+    """How far scans are trusted."""
+    relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
+    """When the robot counts as lost."""
+    odometry: OdometryConfig = field(default_factory=OdometryConfig)
+    """Biases and noise of odometry."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            resolution_m=(0.005, 0.5, "m"),
+            max_side_m=(20, 1000, "m: the camera sees 10 m far"),
+            radius_m=(0.01, 5, "m"),
+        )
+
+
+@runtime_checkable
+class Mapper(Protocol):
+    """What every mapper does."""
+
+    @property
+    def collided(self) -> bool:
+        """Whether the last action ended at something."""
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
+
+    def update(
+        self,
+        depth: Float32[np.ndarray, "h w"],
+        action: Action | None = None,
+        odometry: Float[np.ndarray, "3"] | None = None,
+    ) -> MapEstimate:
+        """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
+
+    def estimate(self) -> MapEstimate:
+        """The map and pose as they are now."""
+
+
+@runtime_checkable
+class PoseMatcher(Protocol):
+    """Finds the pose from a scan and the map."""
+
+    def match(
+        self,
+        scan: Scan,
+        occupancy: OccupancyGrid,
+        predicted: Float[np.ndarray, "3"],
+        covariance: Float[np.ndarray, "3 3"],
+    ) -> Match:
+        """The pose, given what odometry predicts and how sure it is, axes of `map`."""
+
+
+class ClassicalMapper:
+    """Builds a map while finding the robot on it."""
+
+    def __init__(self, config: MapperConfig = MapperConfig(), matcher: PoseMatcher | None = None):
+        """Make a mapper.
+
+        Args:
+            config: What it is told.
+            matcher: Who finds the pose; scan matching if None.
+        """
+        self.config = config
+        self._matcher = matcher
+        self.reset(np.zeros(3))
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
+        config = self.config
+        cell, half = config.resolution_m, 2 * GROWTH_CELLS
+        corner = [(math.floor(pose[k] / cell) - half) * cell for k in (0, 1)]
+        frame = GridFrame(origin_xy=(corner[0], corner[1]), resolution_m=cell, shape=(2 * half, 2 * half))
+        self.frame = frame
+        self.occupancy = OccupancyGrid(frame, config.occupancy)
+        self.surfaces = SurfaceGrid(frame)
+        self.marks = CollisionMarks(frame, CollisionConfig(radius_m=config.radius_m))
+        self.odometry = OdometryCorrector(config.odometry)
+        self.relocalizer = Relocalizer(config.relocalization)
+        self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
+        self.collided = False
+        self._step = 0
+
+    def update(
+        self,
+        depth: Float32[np.ndarray, "h w"],
+        action: Action | None = None,
+        odometry: Float[np.ndarray, "3"] | None = None,
+    ) -> MapEstimate:
+        """Take in what was seen and measured after an action.
+
+        Args:
+            depth: Depth image at the new pose [m]; 0 or not finite where nothing was measured.
+            action: The action that led here; None at the first frame.
+            odometry: Measured displacement in the robot's frame before the action: x, y [m], yaw [rad].
+
+        Returns:
+            Map and pose; the arrays are views that the next update changes.
+        """
+        self._step += 1
+        self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
+        points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
+        moved, variance = self._measured(action, odometry)
+        start = self.pose
+        match = self._match(points, compose(start, moved), variance)
+        match, doubted = self.relocalizer.judge(
+            match, points, self.occupancy, self.surfaces, self.config.match, self.config.camera.height_m
+        )
+        self.pose = match.pose
+        # A reading that is not a number must not get into the learned bias, where it would stay for ever.
+        if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
+            self._learn(action, odometry, start, match)
+        if not self.relocalizer.lost:
+            self._enter(depth, scan, points)
+        if action is not None:
+            obstacle = self.occupancy.log_odds > 0
+            self.collided = self.marks.update(self._step, action, moved, self.pose, obstacle)
+        self.occupancy.stand(self.pose, self.config.radius_m - 0.5 * self.config.resolution_m)
+        self.marks.stand(self.pose)
+        return self.estimate()
+
+    def estimate(self) -> MapEstimate:
+        """The map and pose as they are now."""
+        return MapEstimate(
+            frame=self.frame,
+            obstacle_probability=_read_only(self.occupancy.probability),
+            explored=_read_only(self.occupancy.explored),
+            blocked=_read_only(self.marks.blocked),
+            pose=self.pose.copy(),
+            surface_offset_m=_read_only(self.surfaces.front_m),
+        )
+
+    def _measured(
+        self, action: Action | None, odometry: Float[np.ndarray, "3"] | None
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Displacement without bias, and its variances; nothing moved if odometry is missing or not finite."""
+        if action is None or odometry is None or not np.isfinite(odometry).all():
+            return np.zeros(3), np.full(3, 1e-6)
+        return self.odometry.correct(action, np.asarray(odometry, float))
+
+    def _match(
+        self, points: ScanPoints, predicted: Float[np.ndarray, "3"], variance: Float[np.ndarray, "3"]
+    ) -> Match:
+        covariance = np.diag(variance)
+        c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
+        turn = np.array([[c, -s], [s, c]])
+        covariance[:2, :2] = turn @ covariance[:2, :2] @ turn.T
+        if self._matcher is not None:
+            return self._matcher.match(self.scan, self.occupancy, predicted, covariance)
+        return match_scan(self.surfaces, points, predicted, covariance, self.config.match)
+
+    def _learn(
+        self, action: Action, odometry: Float[np.ndarray, "3"], start: Float[np.ndarray, "3"], match: Match
+    ) -> None:
+        covariance = np.linalg.inv(match.information + np.diag([1.0, 1.0, 1.0]))
+        c, s = math.cos(start[2]), math.sin(start[2])
+        turn = np.array([[c, s], [-s, c]])
+        xy = np.diag(turn @ covariance[:2, :2] @ turn.T)
+        self.odometry.learn(action, odometry, between(start, match.pose), np.append(xy, covariance[2, 2]))
+
+    def _enter(self, depth: Float32[np.ndarray, "h w"], scan: Scan, points: ScanPoints) -> None:
+        """Enter a scan at the present pose."""
+        self._make_room(*self.occupancy.view_box(scan, self.pose))
+        camera = self.config.camera
+        lowest = float(camera.slopes(depth.shape)[1][-1])
+        rows, columns, cleared = self.occupancy.integrate(scan, self.pose, camera.height_m, lowest)
+        self.surfaces.clear(rows, columns, cleared)
+        heading = np.array([0.0, 0.0, self.pose[2]])
+        self.surfaces.add(to_map(self.pose, points.points), to_map(heading, points.normals), points.weights)
+
+    def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
+        """Grow the map, as far as allowed, until it holds a box of `map`."""
+        cells = self.frame.to_cells(np.array([low_xy, high_xy]))
+        ny, nx = self.frame.shape
+        over = (-cells[0, 0], cells[1, 0] - nx, -cells[0, 1], cells[1, 1] - ny)
+        if max(over) <= 0:
+            return
+        room = int(self.config.max_side_m / self.config.resolution_m)
+        pads = [max(0, math.ceil(o / GROWTH_CELLS)) * GROWTH_CELLS for o in over]
+        for first, size in ((0, nx), (2, ny)):
+            if size + pads[first] + pads[first + 1] > room:
+                logger.warning(
+                    "The map has reached max_side_m = %g m and stops growing.", self.config.max_side_m
+                )
+                pads[first] = pads[first + 1] = 0
+        left, right, below, above = pads
+        frame = self.frame.padded(left, right, below, above)
+        for part in (self.occupancy, self.surfaces, self.marks):
+            part.grow(frame, left, below)
+        self.frame = frame
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    view = array.view()
+    view.flags.writeable = False
+    return view

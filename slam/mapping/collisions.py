@@ -1,0 +1,152 @@
+"""What the robot runs into and the camera does not see: marks on the map where a step forward fell short.
+
+A step forward that odometry measures as too short was stopped by something. If an obstacle that is already on
+the map touches the hull there, nothing new was learned, unless it happens again and again: then the way is narrower
+than the map says. Otherwise a strip of cells before the hull is marked; it grows wider while the robot goes on bumping
+into the same place. Marks fade after a while, because a mark made beside
+a narrow door may close it; a place bumped into again is remembered twice as long.
+Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bump and never forgets.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from slam.actions import FORWARD_M, Action
+from slam.grid import GridFrame
+from slam.poses import to_map
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class CollisionConfig:
+    """When a step counts as stopped, and what is marked."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    short_m: float = 0.8 * FORWARD_M
+    """A step forward measured shorter than this was stopped [m]."""
+    touch_m: float = 0.05
+    """An obstacle on the map this near to the hull explains the stop [m]."""
+    depth_m: float = 0.10
+    """Depth of the marked strip, from the hull forward [m]."""
+    max_width_m: float = 0.45
+    """Width to which the strip grows [m]; it begins as one cell."""
+    patience: int = 3
+    """Stops in a row at a place that the map explains before the place is marked all the same."""
+    memory_steps: int = 150
+    """Decisions for which a first mark lasts; doubled at each further bump in the same place."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            short_m=(1e-6, FORWARD_M, "m, the length of a step"),
+            touch_m=(0, 1, "m"),
+            depth_m=(0, 1, "m"),
+            max_width_m=(0.01, 5, "m"),
+            patience=(1, 1_000_000, "stops"),
+            memory_steps=(1, 1_000_000, "decisions"),
+        )
+
+
+class CollisionMarks:
+    """Blocked cells of a grid that may grow."""
+
+    def __init__(self, frame: GridFrame, config: CollisionConfig = CollisionConfig()):
+        self.frame = frame
+        self.config = config
+        self.blocked = np.zeros(frame.shape, bool)
+        self._bumps = np.zeros(frame.shape, np.uint8)
+        self._until = np.zeros(frame.shape, np.int32)
+        self._width_m = 0.0
+        self._stops = 0
+        self._next_expiry = np.iinfo(np.int32).max
+
+    def grow(self, frame: GridFrame, left: int, below: int) -> None:
+        """Move to a larger frame of the same lattice, with `left` columns and `below` rows added before the old."""
+        ny, nx = self.frame.shape
+        for name in ("blocked", "_bumps", "_until"):
+            old = getattr(self, name)
+            new = np.zeros(frame.shape, old.dtype)
+            new[below : below + ny, left : left + nx] = old
+            setattr(self, name, new)
+        self.frame = frame
+
+    def update(
+        self,
+        step: int,
+        action: Action,
+        moved: Float[np.ndarray, "3"],
+        pose: Float[np.ndarray, "3"],
+        obstacle: Bool[np.ndarray, "ny nx"],
+    ) -> bool:
+        """Judge one action by the displacement measured, mark what it tells, and forget old marks.
+
+        Args:
+            step: Number of the decision.
+            action: What was carried out.
+            moved: Displacement measured, its bias taken off: x, y [m], yaw [rad].
+            pose: Where the robot is now.
+            obstacle: Obstacles on the map.
+
+        Returns:
+            Whether the robot was stopped.
+        """
+        self._forget(step)
+        if action != Action.FORWARD:
+            return False
+        stopped = bool(math.hypot(moved[0], moved[1]) < self.config.short_m)
+        if not stopped:
+            self._width_m, self._stops = 0.0, 0
+            return False
+        stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
+        self._stops = self._stops + 1 if stuck else 1
+        if self._stops >= self.config.patience or not self._explained(pose, obstacle):
+            cell = self.frame.resolution_m
+            self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
+            self._mark(step, pose)
+        return True
+
+    def _explained(self, pose: Float[np.ndarray, "3"], obstacle: Bool[np.ndarray, "ny nx"]) -> bool:
+        """Whether an obstacle of the map touches the front half of the hull."""
+        reach = self.config.radius_m + self.config.touch_m + 0.5 * self.frame.resolution_m
+        x, y, yaw = pose
+        rows, columns, frame = self.frame.window((x - reach, y - reach), (x + reach, y + reach))
+        offset = frame.centres(obstacle[rows, columns]) - pose[:2]
+        ahead = offset @ np.array([math.cos(yaw), math.sin(yaw)])
+        return bool(((ahead > 0) & (np.hypot(*offset.T) < reach)).any())
+
+    def _mark(self, step: int, pose: Float[np.ndarray, "3"]) -> None:
+        config, cell = self.config, self.frame.resolution_m
+        ahead = config.radius_m + 0.5 * cell + np.arange(0, config.depth_m - 1e-9, 0.5 * cell)
+        side = np.arange(-0.5 * self._width_m, 0.5 * self._width_m + 1e-9, 0.5 * cell)
+        a, s = np.meshgrid(ahead, side)
+        iy, ix = self.frame.index(to_map(pose, np.column_stack([a.ravel(), s.ravel()])))
+        inside = self.frame.inside(iy, ix)
+        cells = np.unique(np.column_stack([iy[inside], ix[inside]]), axis=0)
+        iy, ix = cells[:, 0], cells[:, 1]
+        self._bumps[iy, ix] = np.minimum(self._bumps[iy, ix] + 1, 8)
+        self._until[iy, ix] = step + config.memory_steps * 2 ** (self._bumps[iy, ix].astype(np.int32) - 1)
+        self.blocked[iy, ix] = True
+        self._next_expiry = min(self._next_expiry, int(self._until[iy, ix].min(initial=self._next_expiry)))
+
+    def _forget(self, step: int) -> None:
+        if step < self._next_expiry:
+            return
+        self.blocked &= self._until > step
+        left = self._until[self.blocked]
+        self._next_expiry = int(left.min()) if left.size else np.iinfo(np.int32).max
+
+    def stand(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Take marks off the cells whose centres the hull covers."""
+        r = self.config.radius_m
+        x, y, _ = pose
+        rows, columns, frame = self.frame.window((x - r, y - r), (x + r, y + r))
+        if not self.blocked[rows, columns].any():
+            return
+        iy, ix = np.nonzero(self.blocked[rows, columns])
+        under = np.hypot(*(frame.to_points(np.column_stack([ix, iy]) + 0.5) - pose[:2]).T) < r
+        self.blocked[rows, columns][iy[under], ix[under]] = False

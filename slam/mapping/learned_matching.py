@@ -1,0 +1,95 @@
+"""Where the robot is, by a network that compares what it sees with the map: the learned twin of scan matching.
+
+The network was trained with poses predicted around the truth with a known spread, so its answer is a posterior with
+that prior in it. The prior is taken off, which leaves what frame and map say alone, and the covariance that odometry
+predicts takes its place:
+
+    Lambda = (L L^T - S^-1) + P^-1,    Lambda d = L L^T mu,
+
+with mu and L told by the network, S the spread in training, P the covariance of the prediction. Exact where both are
+normal; a matrix that is not positive where nothing can be told is cut at zero.
+Neighbouring frames err alike, since they are compared with the same map: `trust` counts each for a part of a look.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float
+
+from slam.learning.pose import SPREAD
+from slam.mapping.occupancy import OccupancyGrid
+from slam.mapping.scan_matching import Match
+from slam.networks.features import Features
+from slam.networks.pose_network import INPUTS, UNIT, PoseNetwork
+from slam.poses import compose
+from slam.sensing.egocentric import cut_ahead
+from slam.sensing.projection import Scan
+from slam.support.checks import check_numbers
+from slam.support.threads import torch_threads
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnedMatchConfig:
+    """How far the network is trusted."""
+
+    trust: float = 0.1
+    """Part of the information told that counts."""
+    known: float = 0.05
+    """Share of the patch that must be known; with less the prediction stands."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, trust=(1e-6, 1), known=(0, 1))
+
+
+class LearnedMatcher:
+    """Finds poses by a trained network."""
+
+    def __init__(self, network: PoseNetwork, config: LearnedMatchConfig = LearnedMatchConfig()) -> None:
+        """Take a trained network."""
+        self._network, self.config = network.eval(), config
+        self._features = Features()
+
+    def match(
+        self,
+        scan: Scan,
+        occupancy: OccupancyGrid,
+        predicted: Float[np.ndarray, "3"],
+        covariance: Float[np.ndarray, "3 3"],
+    ) -> Match:
+        """The pose between what odometry predicts and what frame and map say.
+
+        Args:
+            scan: The frame's scan.
+            occupancy: The map.
+            predicted: Pose from odometry: x [m], y [m], yaw [rad].
+            covariance: Its covariance, axes of `map` [m^2, m rad, rad^2].
+        """
+        unmatched = Match(pose=predicted.copy(), information=np.zeros((3, 3)), paired=np.zeros(0, bool))
+        belief = cut_ahead(occupancy.probability, occupancy.frame, predicted)
+        if np.mean(belief != 0.5) < self.config.known:
+            return unmatched
+        patches = np.empty((1, INPUTS, *belief.shape), np.float32)
+        # The first four channels are the scan, the fifth is the belief.
+        patches[0] = self._features.of_scan(scan, belief)[:INPUTS]
+        with torch.inference_mode(), torch_threads(1):
+            told, root = (value[0].double().numpy() for value in self._network(torch.from_numpy(patches)))
+        inner = np.diag(1 / np.array(UNIT))
+        posterior = inner @ root @ root.T @ inner
+        likelihood = _positive(posterior - np.diag(1 / np.array(SPREAD) ** 2)) * self.config.trust
+        c, s = math.cos(predicted[2]), math.sin(predicted[2])
+        turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        prior = np.linalg.inv(turn.T @ covariance @ turn)
+        pull = self.config.trust * posterior @ (told * UNIT)
+        offset = np.linalg.solve(likelihood + prior, pull)
+        information = turn @ likelihood @ turn.T
+        return Match(pose=compose(predicted, offset), information=information, paired=np.zeros(0, bool))
+
+
+def _positive(matrix: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """The nearest matrix without negative eigenvalues."""
+    scale = np.diag(UNIT)  # metres and radians weigh alike
+    values, vectors = np.linalg.eigh(scale @ matrix @ scale)
+    back = np.linalg.inv(scale)
+    return back @ (vectors * np.maximum(values, 0)) @ vectors.T @ back

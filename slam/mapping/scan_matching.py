@@ -1,0 +1,170 @@
+"""Where the robot is, from how its scan fits the surfaces already on the map.
+
+Each scan point is paired with the map surface that faces the same way and lies nearest, and the pose is moved so
+that the points come to lie on their surfaces (distance along the normal only, so points may slide along a wall).
+Gauss-Newton minimises
+
+    sum_i w_i (n_i . (R p_i + t - m_i))^2 / sigma^2  +  d^T Lambda d,
+
+where d is the departure from the pose that odometry predicts and Lambda the inverse of its covariance. Where the scan
+says nothing, as along a bare corridor, the prior alone decides and the pose does not slide. Wild pairs are
+weighted down (Cauchy).
+Left out: matching without overlap, which leaves the prediction as it is; loop closure.
+Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from slam.mapping.surfaces import SurfaceGrid
+from slam.poses import to_map, wrap
+from slam.sensing.projection import Scan
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchConfig:
+    """How far scans are trusted."""
+
+    sigma_m: float = 0.01
+    """Standard deviation of one point from its surface [m]; neighbouring points err alike, so larger than the
+    sensor's own."""
+    outlier_m: float = 0.03
+    """Residual at which a pair counts half: wild pairs lie beyond [m]."""
+    iterations: int = 6
+    """Most Gauss-Newton steps."""
+    max_range_m: float = 6.0
+    """Farther points are left out [m]."""
+    min_pairs: int = 8
+    """With fewer paired points the prediction stands."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            sigma_m=(1e-6, 10, "m"),
+            outlier_m=(1e-6, 10, "m"),
+            iterations=(1, 1000, "steps"),
+            max_range_m=(0.01, 1000, "m"),
+            min_pairs=(1, 1_000_000, "points"),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ScanPoints:
+    """Points of a scan on surfaces, in the robot's frame."""
+
+    points: Float[np.ndarray, "n 2"]
+    """x forward, y left [m]."""
+    normals: Float[np.ndarray, "n 2"]
+    """Unit normals that point towards the robot."""
+    weights: Float[np.ndarray, " n"]
+    """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Match:
+    """Outcome of fitting one scan."""
+
+    pose: Float[np.ndarray, "3"]
+    """Pose found: x [m], y [m], yaw [rad]."""
+    information: Float[np.ndarray, "3 3"]
+    """What the scan alone says of it: inverse covariance [1/m^2, 1/(m rad), 1/rad^2], axes of `map`."""
+    paired: Bool[np.ndarray, " n"]
+    """Which scan points lie on a surface of the map."""
+
+
+def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
+    """Points and normals of a scan.
+
+    Normals come from neighbours some 0.08 m away on the same surface, so that the steps of a rough wall average
+    out. Points without two such neighbours are dropped: edges and posts.
+
+    Args:
+        scan: The scan.
+        max_range_m: Farther points are dropped [m].
+        cell_m: Side of a map cell [m].
+
+    Returns:
+        The points that have a normal.
+    """
+    parts = [_with_normals(scan.left, z, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m)]
+    points, normals, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return ScanPoints(points=points, normals=normals, weights=weights)
+
+
+def _with_normals(
+    left: Float[np.ndarray, " w"], depth_m: Float[np.ndarray, " w"], max_range_m: float, cell_m: float
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
+    columns = np.flatnonzero(depth_m * np.hypot(1.0, left) <= max_range_m)
+    n = len(columns)
+    if n < 3:
+        return np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
+    points = np.column_stack([depth_m[columns], depth_m[columns] * left[columns]]).astype(float)
+    i = np.arange(n)
+    step = np.hypot(*(points[1:] - points[:-1]).T)
+    spacing = np.minimum(np.append(step, step[-1]), np.insert(step, 0, step[0]))
+    reach = np.clip(np.rint(0.08 / np.maximum(spacing, 1e-3)), 1, 6).astype(int)
+    before, after = np.maximum(i - reach, 0), np.minimum(i + reach, n - 1)
+    chord = points[before] - points[after]
+    # A jump between the two neighbours, or a lost column, means that they are not one surface.
+    torn = np.append(0, np.cumsum((step > 0.3) | (np.diff(columns) > 1)))
+    length = np.hypot(*chord.T)
+    normals = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.maximum(length, 1e-9)[:, None]
+    inward = -(normals * points).sum(axis=1) / np.maximum(np.hypot(*points.T), 1e-9)
+    normals = np.where(inward[:, None] < 0, -normals, normals)
+    good = (torn[before] == torn[after]) & (length > 1e-6) & (np.abs(inward) > 0.12)
+    return points[good], normals[good], np.minimum(spacing[good] / cell_m, 1.0)
+
+
+def match_scan(
+    surfaces: SurfaceGrid,
+    scan: ScanPoints,
+    predicted: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "3 3"],
+    config: MatchConfig = MatchConfig(),
+) -> Match:
+    """Pose at which a scan fits the map best, given what odometry predicts.
+
+    Args:
+        surfaces: Surfaces on the map.
+        scan: Points and normals in the robot's frame.
+        predicted: Pose from odometry: x [m], y [m], yaw [rad].
+        covariance: Covariance of the prediction, axes of `map` [m^2, m rad, rad^2].
+        config: How far scans are trusted.
+
+    Returns:
+        The pose, which is the prediction itself if the scan finds no surfaces.
+    """
+    prior = np.linalg.inv(covariance)
+    pose = predicted.astype(float).copy()
+    nothing = np.zeros(len(scan.points), bool)
+    unmatched = Match(pose=pose.copy(), information=np.zeros((3, 3)), paired=nothing)
+    moved_m = math.inf
+    for iteration in range(config.iterations):
+        if iteration == 0 or moved_m > 2e-3:
+            world = to_map(pose, scan.points)
+            mean, normal, found = surfaces.nearest(world, to_map(np.array([0, 0, pose[2]]), scan.normals))
+            if found.sum() < config.min_pairs:
+                return unmatched
+            local, mean, normal, weight = scan.points[found], mean[found], normal[found], scan.weights[found]
+        arm = to_map(np.array([0, 0, pose[2]]), local)
+        residual = (normal * (arm + pose[:2] - mean)).sum(axis=1)
+        trust = weight / (1 + (residual / config.outlier_m) ** 2) / config.sigma_m**2
+        jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
+        departure = pose - predicted
+        departure[2] = wrap(departure[2])
+        weighted = jacobian * trust[:, None]
+        information = weighted.T @ jacobian
+        step = np.linalg.solve(information + prior, weighted.T @ residual + prior @ departure)
+        pose = pose - step
+        # A turn moves points a metre or two away by as many metres per radian.
+        moved_m = math.hypot(step[0], step[1]) + 2 * abs(step[2])
+        if moved_m < 2e-4:
+            break
+    pose[2] = wrap(pose[2])
+    paired = np.zeros(len(scan.points), bool)
+    paired[found] = np.abs(residual) < 2 * config.outlier_m
+    return Match(pose=pose, information=information, paired=paired)

@@ -1,0 +1,84 @@
+"""Trained networks in files: weights as safetensors, and a card that says what they are and what they reached."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from safetensors.torch import load, save
+from torch import nn
+
+from slam.networks.map_network import MapNetwork, NetworkConfig
+from slam.networks.pose_network import PoseNetwork, PoseNetworkConfig
+from slam.support.reading import reading
+
+Network = TypeVar("Network", bound=nn.Module)
+#: A card is a page of text [bytes].
+_MOST_CARD = 5_000_000
+
+
+def mapper_files(network: MapNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
+    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    return _files(
+        network, {"widths": list(network.config.widths), "inputs": network.config.inputs}, card, name
+    )
+
+
+def pose_files(network: PoseNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
+    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    return _files(
+        network, {"widths": list(network.config.widths), "hidden": network.config.hidden}, card, name
+    )
+
+
+def _files(network: nn.Module, head: dict[str, Any], card: dict[str, Any], name: str) -> dict[str, bytes]:
+    text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
+    weights = {key: value.detach().contiguous() for key, value in network.state_dict().items()}
+    return {f"{name}.safetensors": save(weights), f"{name}.json": f"{text}\n".encode()}
+
+
+def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
+    """A network from its weights, ready for use, and its card, which lies beside them.
+
+    Raises:
+        FileError: If a file is missing or damaged, or they do not fit each other.
+    """
+    return _load(
+        path,
+        "mapper",
+        lambda card: MapNetwork(NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"])),
+    )
+
+
+def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
+    """A network of the pose from its weights; see `load_mapper`.
+
+    Raises:
+        FileError: If a file is missing or damaged, or they do not fit each other.
+    """
+    return _load(
+        path,
+        "pose",
+        lambda card: PoseNetwork(PoseNetworkConfig(widths=tuple(card["widths"]), hidden=card["hidden"])),
+    )
+
+
+def _load(
+    path: Path, what: str, network_of: Callable[[dict[str, Any]], Network]
+) -> tuple[Network, dict[str, Any]]:
+    remedy = f"Train it anew with `robosim train {what}`."
+    card_path = path.with_suffix(".json")
+    with reading(path, f"weights of a {what} that {card_path.name} describes", remedy) as file:
+        with reading(card_path, f"the card of a {what}", remedy, most_bytes=_MOST_CARD) as card_file:
+            card: dict[str, Any] = json.loads(card_file.read())
+            network = network_of(card)
+        weights = load(file.read())
+        expected = network.state_dict()
+        if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
+            k: (w.shape, w.dtype) for k, w in expected.items()
+        }:
+            raise ValueError("other names, shapes or kinds of numbers")
+        if wrong := [name for name, values in weights.items() if not values.isfinite().all()]:
+            raise ValueError(f"{wrong[0]} has values that are no numbers")
+        network.load_state_dict(weights)
+    return network.eval(), card

@@ -1,0 +1,242 @@
+"""What a metre costs in each cell of a map, for a robot with a round hull.
+
+1 on open floor, more the nearer to walls (so that ways keep to the middle of doors where there is room), more where
+nothing is known, and no way at all where the hull does not fit. A box may reach beyond the map: what lies there is
+unknown.
+Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered costmaps, IROS 2014.
+"""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from slam.grid import GridFrame, MapEstimate
+from slam.planning.clearance import Clearance
+from slam.support.checks import check_numbers
+
+#: How strictly the map is taken: as it is; then without the places where the robot was stopped, which may be passable
+#: with a better aim; then with a hull that may touch, because walls on the map are off by a centimetre or two.
+EASES = (0, 1, 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CostConfig:
+    """What a way costs."""
+
+    radius_m: float = 0.10
+    """Radius of the hull [m]."""
+    slack_m: float = 0.005
+    """Space that must be left on each side of the hull [m]."""
+    overlap_m: float = 0.02
+    """How far the hull may reach into obstacles of the map where no other way is left [m]: maps err."""
+    comfort_m: float = 0.12
+    """Space on each side above which a wall no longer costs anything [m]."""
+    wall_weight: float = 3.0
+    """Extra cost per metre with the hull at a wall; falls with the square of the space left."""
+    squeeze_m: float = 0.025
+    """Space on each side below which passing takes many tries [m]."""
+    squeeze_weight: float = 20.0
+    """Extra cost per metre with no space left at all; falls linearly with the space left."""
+    unknown_cost: float = 1.5
+    """Cost per metre through unknown cells."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            radius_m=(0.01, 5, "m"),
+            slack_m=(0, 1, "m"),
+            overlap_m=(0, 1, "m"),
+            comfort_m=(0.001, 10, "m"),
+            wall_weight=(0, 1e4),
+            squeeze_m=(0.001, 1, "m"),
+            squeeze_weight=(0, 1e4),
+            unknown_cost=(1, 1e4),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostMap:
+    """Cost per metre of the cells of a box."""
+
+    frame: GridFrame
+    """Where the cells lie."""
+    cost: Float32[np.ndarray, "ny nx"]
+    """Cost per metre, at least 1."""
+    passable: Bool[np.ndarray, "ny nx"]
+    """Cells where the hull fits."""
+
+    def reachable_from(self, start: Float[np.ndarray, "2"]) -> "CostMap":
+        """The same costs, with only the cells passable to which a way leads from a point (x, y) [m]."""
+        # Fast marching passes between cells that share an edge, so components do as well.
+        part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
+        home = self.cell(start)
+        reach = part == part[home] if self.passable[home] else np.zeros_like(self.passable)
+        reach[home] = True
+        return CostMap(frame=self.frame, cost=self.cost, passable=reach)
+
+    def nearest(self, goal: Float[np.ndarray, "2"]) -> tuple[tuple[int, int], Float[np.ndarray, "2"], float]:
+        """The passable cell nearest to a goal.
+
+        Args:
+            goal: A point (x, y) [m].
+
+        Returns:
+            Row and column, the point meant (the goal itself if its cell is passable, else the cell's centre) [m], and
+            its distance from the goal [m].
+
+        Raises:
+            ValueError: If no cell is passable.
+        """
+        cell = self.cell(goal)
+        iy, ix = self.frame.index(goal)
+        if self.passable[cell] and (iy, ix) == cell:
+            return cell, goal, 0.0
+        ys, xs = np.nonzero(self.passable)
+        if not len(ys):
+            raise ValueError("no cell is passable, expected at least the robot's own: see `reachable_from`.")
+        centres = self.frame.to_points(np.column_stack([xs, ys]) + 0.5)
+        square = ((centres - goal) ** 2).sum(axis=1)
+        k = int(np.argmin(square))
+        return (int(ys[k]), int(xs[k])), centres[k], math.sqrt(square[k])
+
+    def halved(self) -> "CostMap":
+        """The same costs on cells twice as large; a large cell is as good as the best of its four.
+
+        No way opens up through walls: inflated by the hull they are thicker than a large cell. Necks too narrow for the
+        hull may be bridged, though, so what cannot be reached has to be taken out before.
+        """
+        ny, nx = (n + n % 2 for n in self.frame.shape)
+        pad = ((0, ny - self.frame.shape[0]), (0, nx - self.frame.shape[1]))
+        passable = np.pad(self.passable, pad).reshape(ny // 2, 2, nx // 2, 2)
+        cost = np.pad(self.cost, pad, mode="edge").reshape(ny // 2, 2, nx // 2, 2)
+        frame = GridFrame(
+            origin_xy=self.frame.origin_xy,
+            resolution_m=2 * self.frame.resolution_m,
+            shape=(ny // 2, nx // 2),
+        )
+        return CostMap(
+            frame=frame,
+            cost=np.where(passable, cost, np.float32(1e3)).min(axis=(1, 3)),
+            passable=np.asarray(passable.any(axis=(1, 3))),
+        )
+
+    def cell(self, point: Float[np.ndarray, "2"]) -> tuple[int, int]:
+        """Row and column of the cell that holds a point (x, y) [m], or of the border cell next to it."""
+        iy, ix = self.frame.index(point)
+        ny, nx = self.frame.shape
+        return min(max(int(iy), 0), ny - 1), min(max(int(ix), 0), nx - 1)
+
+
+def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
+    """Lower-left and upper-right corner (x, y) [m] of the robot and the cells of which anything is known."""
+    known = estimate.obstacle_probability != 0.5
+    ys, xs = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    here = estimate.pose[:2]
+    if not len(ys):
+        return here, here
+    low, high = estimate.frame.to_points(np.array([[xs[0], ys[0]], [xs[-1] + 1, ys[-1] + 1]]))
+    return np.minimum(low, here), np.maximum(high, here)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Box:
+    """A box of a map estimate; what lies beyond the map is unknown."""
+
+    frame: GridFrame
+    """Where the cells lie."""
+    probability: Float32[np.ndarray, "ny nx"]
+    """Belief in an obstacle; 0.5 where nothing is known."""
+    explored: Bool[np.ndarray, "ny nx"]
+    """Cells that the camera has seen."""
+    obstacle: Bool[np.ndarray, "ny nx"]
+    """Cells where something stands, or stopped the robot."""
+    offset_m: Float32[np.ndarray, "ny nx 2"] | None
+    """Surface inside each obstacle cell, from its centre [m]."""
+    pose: Float[np.ndarray, "3"]
+    """Where the robot is."""
+
+
+def cut_box(
+    estimate: MapEstimate,
+    low_xy: Float[np.ndarray, "2"],
+    high_xy: Float[np.ndarray, "2"],
+    ease: int = 0,
+) -> Box:
+    """A copy of what a map says in a box of `map`.
+
+    Args:
+        estimate: Map and pose.
+        low_xy: Lower-left corner of the box [m].
+        high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
+        ease: With 1 and 2, blocked cells are no obstacles.
+    """
+    whole = estimate.frame
+    cells = whole.to_cells(np.array([low_xy, high_xy]))
+    # A corner on the lattice, up to rounding, does not take a further cell along.
+    ix0, iy0 = np.floor(cells[0] + 1e-6).astype(int)
+    ix1, iy1 = np.maximum(np.ceil(cells[1] - 1e-6).astype(int), (ix0 + 1, iy0 + 1))
+    x, y = whole.to_points(np.array([ix0, iy0]))
+    frame = GridFrame(
+        origin_xy=(float(x), float(y)),
+        resolution_m=whole.resolution_m,
+        shape=(int(iy1 - iy0), int(ix1 - ix0)),
+    )
+    y0, y1 = np.clip((iy0, iy1), 0, whole.shape[0])
+    x0, x1 = np.clip((ix0, ix1), 0, whole.shape[1])
+    here, there = np.s_[y0 - iy0 : y1 - iy0, x0 - ix0 : x1 - ix0], np.s_[y0:y1, x0:x1]
+    probability, explored = np.full(frame.shape, 0.5, np.float32), np.zeros(frame.shape, bool)
+    probability[here], explored[here] = estimate.obstacle_probability[there], estimate.explored[there]
+    obstacle = probability > 0.5
+    if ease == 0:
+        obstacle[here] |= estimate.blocked[there]
+    offset = None
+    if estimate.surface_offset_m is not None:
+        offset = np.zeros((*frame.shape, 2), np.float32)
+        offset[here] = estimate.surface_offset_m[there]
+    return Box(
+        frame=frame,
+        probability=probability,
+        explored=explored,
+        obstacle=obstacle,
+        offset_m=offset,
+        pose=estimate.pose,
+    )
+
+
+def cost_map(box: Box, config: CostConfig, ease: int = 0) -> CostMap:
+    """What a metre costs in each cell of a box, for the hull.
+
+    Args:
+        box: What is known.
+        config: Costs.
+        ease: With 2, the hull may reach a little into obstacles.
+    """
+    space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
+    cost = np.ones(box.frame.shape, np.float32)
+    cost[box.probability == 0.5] = config.unknown_cost
+    tightness = np.clip(1 - space / config.comfort_m, 0, 1)
+    cost += config.wall_weight * tightness * tightness
+    cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
+    passable = space >= (config.slack_m if ease < 2 else -config.overlap_m)
+    _let_out(passable, space, box.frame, box.pose)
+    return CostMap(frame=box.frame, cost=cost, passable=passable)
+
+
+def _let_out(
+    passable: Bool[np.ndarray, "ny nx"],
+    space: Float32[np.ndarray, "ny nx"],
+    frame: GridFrame,
+    pose: Float[np.ndarray, "3"],
+) -> None:
+    """Where the map says that the robot stands too near to obstacles, open the cells around with more space."""
+    iy, ix = (int(k) for k in frame.index(pose[:2]))
+    ny, nx = frame.shape
+    if not (0 <= iy < ny and 0 <= ix < nx) or passable[iy, ix]:
+        return
+    n = 5
+    rows, columns = slice(max(iy - n, 0), iy + n + 1), slice(max(ix - n, 0), ix + n + 1)
+    passable[rows, columns] |= space[rows, columns] > min(float(space[iy, ix]), -0.02) - 1e-4
+    passable[iy, ix] = True

@@ -1,0 +1,139 @@
+"""Fast marching: the first time at which a front that leaves one cell reaches every other.
+
+The front's speed differs from cell to cell; cells of speed zero stop it. Cells are accepted by rising time, each
+from its accepted neighbours, by upwind differences of second order where two cells in a row are accepted, else
+of first. Errors are about a third of a cell on open floor, from the corner of the source.
+
+Compiled at its first use (some seconds), and kept on disk for the next. Ready solvers were tried: eikonalfm, which
+gives the same times and is what the tests compare with, ends the process if Ctrl-C is pressed while it works.
+
+Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.support.compiled import compiled
+
+
+def march(
+    speed: Float[np.ndarray, "ny nx"], source: tuple[int, int], cell_m: float
+) -> Float[np.ndarray, "ny nx"]:
+    """Time of the front's arrival at the centre of each cell.
+
+    Args:
+        speed: Speed in each cell, 0 where the front cannot go; in the source it is above 0.
+        source: Row and column of the cell that the front leaves at time 0.
+        cell_m: Side of a cell [m].
+
+    Returns:
+        Times, inf where the front never comes.
+
+    Raises:
+        ValueError: If the source lies outside, or the front cannot leave it.
+    """
+    ny, nx = speed.shape
+    row, column = source
+    if not (0 <= row < ny and 0 <= column < nx):
+        raise ValueError(f"source is {source}, expected a cell of the {ny} x {nx} grid.")
+    if not speed[row, column] > 0:
+        raise ValueError(f"The speed in the source {source} is {speed[row, column]}, expected more than 0.")
+    # A rim that stops the front spares the loop from asking where the grid ends.
+    cost = np.full((ny + 4, nx + 4), np.inf)
+    with np.errstate(divide="ignore"):
+        cost[2:-2, 2:-2] = cell_m / speed
+    time = np.full(cost.shape, np.inf)
+    _march(cost.ravel(), time.ravel(), (row + 2) * (nx + 4) + column + 2, nx + 4)
+    return time[2:-2, 2:-2].copy()
+
+
+@compiled
+def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[float, float]:
+    """Weight and time of the upwind difference along an axis; weight 0 if no neighbour is accepted."""
+    before = time[i - step] if done[i - step] else np.inf
+    after = time[i + step] if done[i + step] else np.inf
+    if before == np.inf and after == np.inf:
+        return 0.0, 0.0
+    if after < before:
+        step = -step
+        before = after
+    far = time[i - 2 * step]
+    if done[i - 2 * step] and far <= before:
+        return 2.25, (4.0 * before - far) / 3.0
+    return 1.0, before
+
+
+@compiled
+def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> None:
+    """Move an entry of the heap up to where its time belongs."""
+    cell = heap[at]
+    while at > 0:
+        parent = (at - 1) >> 1
+        if time[heap[parent]] <= time[cell]:
+            break
+        heap[at] = heap[parent]
+        place[heap[at]] = at
+        at = parent
+    heap[at] = cell
+    place[cell] = at
+
+
+@compiled
+def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> None:
+    """Move the heap's first entry down to where its time belongs."""
+    cell, at = heap[0], 0
+    while True:
+        child = 2 * at + 1
+        if child >= size:
+            break
+        if child + 1 < size and time[heap[child + 1]] < time[heap[child]]:
+            child += 1
+        if time[heap[child]] >= time[cell]:
+            break
+        heap[at] = heap[child]
+        place[heap[at]] = at
+        at = child
+    heap[at] = cell
+    place[cell] = at
+
+
+@compiled
+def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
+    """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
+    done = np.zeros(len(time), np.bool_)
+    heap = np.empty(len(time), np.int32)  # a binary heap of cells by time
+    place = np.full(len(time), -1, np.int32)  # where a cell stands in it
+    heap[0], place[source], size = source, 0, 1
+    time[source] = 0.0
+    while size:
+        here = heap[0]
+        done[here] = True
+        size -= 1
+        if size:
+            heap[0] = heap[size]
+            _sink(heap, place, time, size)
+        for step in (-width, -1, 1, width):
+            i = here + step
+            if done[i] or cost[i] == np.inf:
+                continue
+            t = _arrival(time, done, cost[i], i, width)
+            if t < time[i]:
+                time[i] = t
+                if place[i] < 0:
+                    heap[size], place[i] = i, size
+                    size += 1
+                _rise(heap, place, time, place[i])
+
+
+@compiled
+def _arrival(time: np.ndarray, done: np.ndarray, cost: float, i: int, width: int) -> float:
+    """Time of the front at a cell, from its accepted neighbours."""
+    ay, ty = _upwind(time, done, i, width)
+    ax, tx = _upwind(time, done, i, 1)
+    # Solve ay (t - ty)^2 + ax (t - tx)^2 = cost^2 for the later t.
+    a, b = ay + ax, ay * ty + ax * tx
+    inside = b * b - a * (ay * ty * ty + ax * tx * tx - cost * cost)
+    if inside >= 0:
+        return (b + np.sqrt(inside)) / a
+    # Neighbours too far apart for one plane front: it comes along one axis.
+    return min(ty + cost / np.sqrt(ay), tx + cost / np.sqrt(ax))

@@ -1,0 +1,111 @@
+"""Ways over a travel-time field: downhill cell by cell, then pulled taut into few straight legs.
+
+A robot that turns in steps pays for every corner, and a way over cells is a staircase: some per cent too long, and all
+corners. A straight leg that costs no more than the field says replaces all the cells it passes.
+Reference: string pulling, as in Nash et al., Theta*: any-angle path planning on grids, AAAI 2007.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from slam.planning.travel_time import TravelTime
+
+#: Numbers of cells that a straight leg is first tried over.
+_JUMPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 2048])
+_STEPS = [(dx, dy, math.hypot(dx, dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
+
+
+def downhill(field: TravelTime, start: tuple[int, int]) -> Float[np.ndarray, "n 2"]:
+    """Centres of the cells (x, y) [m] of steepest descent from a cell (row, column) to the source.
+
+    Empty if no way leads there.
+    """
+    cost = field.cost_m
+    ny, nx = cost.shape
+    iy, ix = start
+    if not math.isfinite(cost[iy, ix]):
+        return np.empty((0, 2))
+    cells = [(ix, iy)]
+    for _ in range(ny * nx):
+        value = cost[iy, ix]
+        best, step = 0.0, None
+        for dx, dy, length in _STEPS:
+            jx, jy = ix + dx, iy + dy
+            if 0 <= jx < nx and 0 <= jy < ny:
+                fall = (value - cost[jy, jx]) / length
+                if fall > best:
+                    best, step = fall, (jx, jy)
+        if step is None:
+            break
+        ix, iy = step
+        cells.append(step)
+    return field.frame.to_points(np.array(cells) + 0.5)
+
+
+def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarray, "m 2"]:
+    """Few straight legs instead of a way downhill over cells.
+
+    From each corner the way goes straight on to the farthest point to which the straight leg costs no more than
+    the field says. The field is a raster's, so half a cell and some per cent more are allowed.
+
+    Args:
+        points: The way downhill (x, y) [m].
+        field: The field it goes down.
+    """
+    cost = field.at(points)
+    corners, last = [0], len(points) - 1
+    while corners[-1] < last:
+        i = corners[-1]
+        ends = i + np.append(_JUMPS[last - i > _JUMPS], last - i)
+        best = _farthest(points, cost, i, ends, field)
+        beyond = min(last, i + 2 * (best - i))
+        if beyond - best > 3:
+            best = max(best, _farthest(points, cost, i, np.linspace(best, beyond, 8).astype(int), field))
+        corners.append(best)
+    return points[corners]
+
+
+def _farthest(
+    points: Float[np.ndarray, "n 2"],
+    cost: Float[np.ndarray, " n"],
+    i: int,
+    ends: Int[np.ndarray, " k"],
+    field: TravelTime,
+) -> int:
+    """Farthest of some points to which a straight leg from point i is as good as the way downhill."""
+    leg = field.of_legs(points[i], points[ends])
+    good = leg <= 1.03 * (cost[i] - cost[ends]) + 0.5 * field.frame.resolution_m
+    return int(ends[good][-1]) if good.any() else i + 1
+
+
+def along(path: Float[np.ndarray, "n 2"], spacing_m: float, most_m: float) -> Float[np.ndarray, "m 2"]:
+    """Points along the first `most_m` of a path, at most `spacing_m` apart, its corners included."""
+    parts, left = [path[:1]], most_m
+    for a, b in pairwise(path):
+        leg = math.hypot(b[0] - a[0], b[1] - a[1])
+        share = min(1.0, left / leg) if leg > 0 else 1.0
+        n = max(1, math.ceil(leg * share / spacing_m))
+        parts.append(a + (b - a) * (share * np.arange(1, n + 1) / n)[:, None])
+        left -= leg
+        if left <= 0:
+            break
+    return np.concatenate(parts)
+
+
+def onward(path: Float[np.ndarray, "n 2"], here: Float[np.ndarray, "2"]) -> Float[np.ndarray, "m 2"]:
+    """What is left of a path for a robot that is on one of its first legs, or near it."""
+    if len(path) < 2:
+        return np.vstack([here, path[-1:]])
+    start, leg = path[:-1], np.diff(path, axis=0)
+    share = ((here - start) * leg).sum(axis=1) / np.maximum((leg * leg).sum(axis=1), 1e-12)
+    foot = start + np.clip(share, 0, 1)[:, None] * leg
+    k = int(np.argmin(np.hypot(*(foot - here).T)[:3]))
+    return np.vstack([here, path[k + 1 :]])
+
+
+def length(path: Float[np.ndarray, "n 2"]) -> float:
+    """Length of a path [m]."""
+    return float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) > 1 else 0.0

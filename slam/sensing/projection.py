@@ -1,0 +1,224 @@
+"""From a depth image of a level camera to points, and to a scan.
+
+A pixel (u, v) with depth z lies z ahead of the camera, z (c_u - u) / f to its left and z (v - c_v) / f below
+it. All pixels of one column share their bearing, so what a robot on a flat floor needs of an image is, for
+each column, the nearest depth at which something stands between floor and robot height: a 2-D scan. The floor
+between robot and that surface is free.
+
+A surface must fill `support` neighbouring rows of a column, which single wild pixels do not; its depth is then the
+mean over the rows that see it, which averages sensor noise. Depth that is 0, not finite, or outside of
+the limits means: nothing measured there.
+Left out: tilted cameras, lens distortion, pixels that straddle an edge.
+Reference: Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd ed., 2004, section 6.1 (the pinhole).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraModel:
+    """A level pinhole camera with square pixels, above the centre of the robot and looking forward."""
+
+    hfov_deg: float = 90.0
+    """Horizontal field of view [deg]."""
+    height_m: float = 1.25
+    """Height above the floor [m]."""
+    min_depth_m: float = 0.05
+    """Nearer depths are taken for missing [m]."""
+    max_depth_m: float = 10.0
+    """Farther depths are taken for missing [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            hfov_deg=(1, 179, "degrees. The angle is not in radians"),
+            height_m=(0.01, 100, "m"),
+            min_depth_m=(0, 100, "m"),
+            max_depth_m=(0.01, 1000, "m"),
+        )
+        if not self.min_depth_m < self.max_depth_m:
+            raise ValueError(
+                f"min_depth_m is {self.min_depth_m} and max_depth_m {self.max_depth_m}, expected the first below "
+                "the other."
+            )
+
+    def slopes(self, shape: tuple[int, int]) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " h"]]:
+        """Leftward offset of each column and fall of each row, per metre of depth.
+
+        Args:
+            shape: Rows and columns of the image.
+        """
+        h, w = shape
+        focal = w / 2 / math.tan(math.radians(self.hfov_deg) / 2)
+        left = (w / 2 - 0.5 - np.arange(w)) / focal
+        down = (np.arange(h) + 0.5 - h / 2) / focal
+        return left.astype(np.float32), down.astype(np.float32)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Band:
+    """Which heights above the floor stop the robot."""
+
+    low_m: float = 0.10
+    """Lower edge [m]: what is lower counts as floor. The published map uses 0.25 m."""
+    high_m: float = 1.50
+    """Upper edge [m]: what is higher passes over the robot."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, low_m=(0, 100, "m"), high_m=(0, 100, "m"))
+        if not self.low_m < self.high_m:
+            raise ValueError(
+                f"low_m is {self.low_m} and high_m {self.high_m}, expected the first below the other."
+            )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scan:
+    """For each image column, the nearest surface that stops the robot. Columns run from left to right."""
+
+    left: Float32[np.ndarray, " w"]
+    """Leftward offset per metre of depth: tangent of the bearing."""
+    depth_m: Float32[np.ndarray, " w"]
+    """Depth of the nearest surface along the camera axis [m]; inf where none was seen."""
+    clear_m: Float32[np.ndarray, " w"]
+    """Depth up to which nothing stops the robot [m]; 0 where the column measured nothing."""
+    top_m: Float32[np.ndarray, " w"]
+    """Height of the highest row that saw the nearest surface [m]; 0 where none was seen."""
+    far_m: Float32[np.ndarray, " w"]
+    """Depth of the surface behind, where the nearest is lower than the camera and something taller follows [m];
+    inf elsewhere."""
+
+    @property
+    def hit(self) -> Bool[np.ndarray, " w"]:
+        """Columns that saw a surface."""
+        return np.isfinite(self.depth_m)
+
+
+def clean_depth(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "h w"]:
+    """Depth with every missing measurement (0, not finite, outside of the limits) set to inf."""
+    known = (depth >= camera.min_depth_m) & (depth <= camera.max_depth_m)
+    return np.where(known, depth, np.float32(np.inf))
+
+
+def back_project(depth: Float32[np.ndarray, "h w"], camera: CameraModel) -> Float32[np.ndarray, "n 3"]:
+    """Points (x forward, y left, z above the floor) [m] of all measured pixels, in the robot's frame."""
+    left, down = camera.slopes(depth.shape)
+    v, u = np.nonzero(np.isfinite(clean_depth(depth, camera)))
+    z = depth[v, u]
+    return np.column_stack([z, z * left[u], camera.height_m - z * down[v]]).astype(np.float32)
+
+
+def _band_limits(
+    down: Float32[np.ndarray, " h"], camera: CameraModel, band: Band
+) -> tuple[Float32[np.ndarray, "h 1"], Float32[np.ndarray, "h 1"]]:
+    """Least and greatest depth [m] at which the rays of a row are within the band of heights."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at_low, at_high = (camera.height_m - band.low_m) / down, (camera.height_m - band.high_m) / down
+    first, last = np.minimum(at_low, at_high), np.maximum(at_low, at_high)
+    # A ray that rises passes the lower edge behind the camera, and the camera may itself be in the band.
+    inside = band.low_m < camera.height_m < band.high_m
+    first = np.where(inside, 0.0, first)
+    never = last <= 0
+    return (
+        np.where(never, np.inf, first).astype(np.float32)[:, None],
+        np.where(never, -np.inf, last).astype(np.float32)[:, None],
+    )
+
+
+def scan_from_depth(
+    depth: Float32[np.ndarray, "h w"],
+    camera: CameraModel,
+    band: Band = Band(),
+    support: int = 2,
+) -> Scan:
+    """The nearest surface in each column of a depth image.
+
+    Args:
+        depth: Depth along the camera axis [m].
+        camera: Intrinsics and height of the camera.
+        band: Heights that stop the robot.
+        support: Rows in succession that must agree that something stands there.
+
+    Returns:
+        The scan, one entry for each column.
+    """
+    left, down = camera.slopes(depth.shape)
+    known = clean_depth(depth, camera)
+    first, last = _band_limits(down, camera, band)
+    standing = np.where((known >= first) & (known <= last), known, np.float32(np.inf))
+    supported = standing
+    for k in range(1, support):
+        supported = np.maximum(supported[:-1], standing[k:])
+    nearest = supported.min(axis=0)
+    hit = np.isfinite(nearest)
+    reach = np.where(np.isfinite(known), known, 0.0).max(axis=0)
+    depth_m, top_m = _surface(standing, np.where(hit, nearest, 0.0), down, camera)
+    far_m = np.where(hit & (top_m < camera.height_m), _eye_level(standing, down), np.inf)
+    far_m = np.where(far_m > depth_m + 0.1, far_m, np.inf).astype(np.float32)
+    return Scan(
+        left=left,
+        depth_m=np.where(hit, depth_m, np.inf).astype(np.float32),
+        clear_m=np.where(hit, depth_m, reach).astype(np.float32),
+        top_m=np.where(hit, np.minimum(top_m, band.high_m), 0.0).astype(np.float32),
+        far_m=far_m,
+    )
+
+
+def _surface(
+    standing: Float32[np.ndarray, "h w"],
+    nearest: Float32[np.ndarray, " w"],
+    down: Float32[np.ndarray, " h"],
+    camera: CameraModel,
+) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " w"]]:
+    """Mean depth [m] and greatest height [m] of the rows that see the nearest surface of each column."""
+    # The nearest of many noisy rows is some standard deviations short: the window opens farther than it closes.
+    spread = 0.02 + 0.02 * nearest
+    same = (standing >= nearest - spread) & (standing <= nearest + 2 * spread)
+    count = np.maximum(same.sum(axis=0), 1)
+    mean = (np.where(same, standing, 0.0).sum(axis=0) / count).astype(np.float32)
+    top = camera.height_m - mean * down[np.argmax(same, axis=0)]
+    return mean, top
+
+
+def _eye_level(
+    standing: Float32[np.ndarray, "h w"], down: Float32[np.ndarray, " h"]
+) -> Float32[np.ndarray, " w"]:
+    """Depth [m] of what stands at the height of the camera; inf where nothing does."""
+    middle = np.argsort(np.abs(down))[:2]
+    return standing[middle].max(axis=0)
+
+
+def dense_points(
+    left: Float32[np.ndarray, " w"],
+    depth_m: Float32[np.ndarray, " w"],
+    top_m: Float32[np.ndarray, " w"],
+    range_m: float,
+    between: int = 4,
+) -> tuple[Float[np.ndarray, "n 2"], Float32[np.ndarray, " n"]]:
+    """Points of a scan with others in between on each surface, so that far walls have no holes.
+
+    The inverse depth of a plane is linear in the column, so the points in between lie exactly on it.
+    """
+    inverse = 1 / depth_m
+    a, b = inverse[:-1], inverse[1:]
+    share = (np.arange(between) / between).astype(np.float32)
+    dense = a[:, None] * (1 - share) + b[:, None] * share
+    slope = left[:-1, None] * (1 - share) + left[1:, None] * share
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gap = np.hypot(1 / a - 1 / b, left[:-1] / a - left[1:] / b)
+        z = 1 / dense
+    use = (z <= range_m) & ((share == 0) | (gap < 0.2)[:, None])
+    z, slope, heights = z[use], slope[use], np.broadcast_to(top_m[:-1, None], use.shape)[use]
+    return np.column_stack([z, z * slope]), heights
+
+
+def surface_points(scan: Scan, range_m: float) -> Float[np.ndarray, "n 2"]:
+    """Points (x forward, y left) [m] on the surfaces of a scan, near and behind, within a depth."""
+    parts = [dense_points(scan.left, depth, scan.top_m, range_m)[0] for depth in (scan.depth_m, scan.far_m)]
+    return np.concatenate(parts)

@@ -1,0 +1,1 @@
+"""Antennas: elements, arrays, platforms of arrays, codebooks of beams."""

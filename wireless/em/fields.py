@@ -1,0 +1,335 @@
+"""What a radio path does to the field: two polarisations carried through reflections and an edge.
+
+A path is its points. The field starts as one of the two unit vectors theta (downwards at the horizon) and
+phi (counter-clockwise) of the departure direction, is turned and weakened at each point, and is read along
+theta and phi of the arrival direction, which points from the receiver back along the path: so a free path
+has gain +1 for theta to theta and -1 for phi to phi (straight up and down, where azimuth is 0, the reverse).
+All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfolded length, and behind an
+edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D. Paths shorter than lambda / (2 pi), within the
+reactive near field, are as strong as at that length (-6 dB), lest more arrive than was sent.
+
+Walls are half-spaces, layers of one thickness, or two such layers with air between. At an edge the field
+splits along and around it (b0 and phi of UTD); the two faces reflect as whole walls would, with their plane
+of incidence, also when the ray meets the edge at a slant.
+
+Left out: walls of layers that differ, antennas (`wireless.antennas.elements`), more than one edge per path.
+References: ITU-R P.2040-4, equation (37) (see `wireless.em.fresnel`); `wireless.em.diffraction`.
+"""
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from wireless.em.diffraction import wedge_terms
+from wireless.support.compiled import compiled
+
+REFLECTION, DIFFRACTION, TRANSMISSION = 1, 2, 4
+#: Ways shorter than this [m] are none, and have no direction.
+NOWHERE_M = 1e-9
+
+
+@compiled
+def fresnel(
+    cos_i: float, eps: complex, wavenumber: float, wall_m: tuple[float, float]
+) -> tuple[complex, complex, complex, complex]:
+    """Ratios r_te, r_tm, t_te, t_tm of a wall: `wireless.em.fresnel.slab` or `cavity_wall` for one ray.
+
+    A wall is the thickness of a layer, and of the air between two of them, if any. A layer of 0 stands for a
+    half-space, `wireless.em.fresnel.reflection`. Transmission ratios are over the field that would be there
+    without the wall.
+    """
+    thickness_m, gap_m = wall_m
+    p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)
+    if p.imag > 0:
+        p = -p
+    te, tm = cos_i + p, eps * cos_i + p
+    r_te = (cos_i - p) / te if te != 0 else 0j
+    r_tm = (eps * cos_i - p) / tm if tm != 0 else 0j
+    if thickness_m == 0:
+        return r_te, r_tm, 0j, 0j
+    once, free = np.exp(-1j * wavenumber * thickness_m * p), np.exp(1j * wavenumber * thickness_m * cos_i)
+    many_te, many_tm = 1 - r_te**2 * once**2, 1 - r_tm**2 * once**2
+    t_te, t_tm = (1 - r_te**2) * once / many_te, (1 - r_tm**2) * once / many_tm
+    r_te, r_tm = r_te * (1 - once**2) / many_te, r_tm * (1 - once**2) / many_tm
+    if gap_m == 0:
+        return r_te, r_tm, t_te * free, t_tm * free
+    # What is over the free field needs no phase of the gap: it is that of the free field too.
+    around = np.exp(-2j * wavenumber * gap_m * cos_i)
+    many_te, many_tm = 1 - r_te**2 * around, 1 - r_tm**2 * around
+    in_te = t_te**2 / many_te if many_te != 0 else 0j  # grazing: nothing gets in
+    in_tm = t_tm**2 / many_tm if many_tm != 0 else 0j
+    return r_te * (1 + in_te * around), r_tm * (1 + in_tm * around), in_te * free**2, in_tm * free**2
+
+
+@compiled
+def meet_wall(
+    field: Complex[np.ndarray, "2 3"],
+    way: Float[np.ndarray, "3"],
+    normal: Float[np.ndarray, "3"],
+    eps: complex,
+    wavenumber: float,
+    wall_m: tuple[float, float],
+    through: bool,
+) -> None:
+    """Turn two fields into what a wall reflects or lets through, in place.
+
+    Args:
+        field: Electric fields of the incoming wave.
+        way: Unit direction of the incoming wave.
+        normal: Unit normal of the wall, of any side.
+        eps: Relative permittivity of the wall.
+        wavenumber: 2 pi over the wavelength [1/m].
+        wall_m: Thickness of a layer and of the air between two, see `fresnel`.
+        through: Whether the wave goes on rather than being reflected.
+    """
+    c = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]
+    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), eps, wavenumber, wall_m)
+    if through:
+        te, tm, c = t_te, t_tm, 0.0  # straight on: the direction behind is the one before
+    sx = way[1] * normal[2] - way[2] * normal[1]
+    sy = way[2] * normal[0] - way[0] * normal[2]
+    sz = way[0] * normal[1] - way[1] * normal[0]
+    size = np.sqrt(sx * sx + sy * sy + sz * sz)
+    if size < 1e-12:  # along the normal: no plane of incidence, and both ratios agree
+        for q in range(2):
+            for i in range(3):
+                field[q, i] *= te
+        return
+    sx, sy, sz = sx / size, sy / size, sz / size
+    ox, oy, oz = way[0] - 2 * c * normal[0], way[1] - 2 * c * normal[1], way[2] - 2 * c * normal[2]
+    px, py, pz = sy * way[2] - sz * way[1], sz * way[0] - sx * way[2], sx * way[1] - sy * way[0]
+    rx, ry, rz = sy * oz - sz * oy, sz * ox - sx * oz, sx * oy - sy * ox
+    for q in range(2):
+        s = te * (field[q, 0] * sx + field[q, 1] * sy + field[q, 2] * sz)
+        p = tm * (field[q, 0] * px + field[q, 1] * py + field[q, 2] * pz)
+        field[q, 0], field[q, 1], field[q, 2] = s * sx + p * rx, s * sy + p * ry, s * sz + p * rz
+
+
+@compiled
+def _cross(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"], out: Float[np.ndarray, "3"]) -> None:
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def _dot(a: Float[np.ndarray, "3"], b: Float[np.ndarray, "3"]) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def _angle(way: Float[np.ndarray, "3"], wedge: Float[np.ndarray, "3 3"], n: float) -> float:
+    """Angle of a direction from the 0-face, within [0, n pi]."""
+    angle = np.arctan2(_dot(way, wedge[2]), _dot(way, wedge[1]))
+    if angle < 0:
+        angle += 2 * np.pi
+    if angle > np.pi * (n / 2 + 1):  # a hair behind the 0-face
+        angle = 0.0
+    return min(angle, n * np.pi)
+
+
+@compiled
+def _face_ratios(
+    phi: float,
+    phi_source: float,
+    cos_b0: float,
+    sin_b0: float,
+    eps: complex,
+    wavenumber: float,
+    wall_m: tuple[float, float],
+) -> tuple[complex, complex, complex]:
+    """Reflection of a face in the coordinates of its edge, angles counted from that face.
+
+    With r_te and r_tm at the face's angle of incidence and (a, b) the direction of TE in (b0, phi), the dyad
+    is (b0 from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) = -(phi
+    from b0) = a b (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
+
+    Returns:
+        (b0 from b0), (phi from phi), (b0 from phi).
+    """
+    sine = np.sin(min(phi, phi_source))
+    cos_i = min(abs(sin_b0 * sine), 1.0)
+    te, tm, _, _ = fresnel(cos_i, eps, wavenumber, wall_m)
+    q2 = 1 - cos_i * cos_i
+    if q2 < 1e-14:
+        return -te, -tm, 0j
+    bb = cos_b0 * cos_b0 * sine * sine / q2
+    ab = cos_b0 * sine * (np.cos(phi_source) - np.cos(phi)) / (2 * q2)
+    return bb * tm - (1 - bb) * te, bb * te - (1 - bb) * tm, ab * (te + tm)
+
+
+@compiled
+def diffract(
+    field: Complex[np.ndarray, "2 3"],
+    way: Float[np.ndarray, "3"],
+    out: Float[np.ndarray, "3"],
+    wedge: Float[np.ndarray, "3 3"],
+    n: float,
+    eps: Complex[np.ndarray, "2"],
+    wavenumber: float,
+    wall_m: tuple[float, float],
+    before_m: float,
+    after_m: float,
+    work: Float[np.ndarray, "4 3"],
+) -> None:
+    """Turn two fields into what an edge sends into a direction, in place; spreading is left to the caller.
+
+    Args:
+        field: Electric fields of the incoming wave.
+        way: Unit direction of the incoming wave.
+        out: Unit direction of the outgoing wave, at the same angle to the edge.
+        wedge: Unit vectors along the edge, along the 0-face away from it, and normal to that face.
+        n: Open angle over pi.
+        eps: Relative permittivities of 0-face and n-face.
+        wavenumber: 2 pi over the wavelength [1/m].
+        wall_m: Thickness of a layer of the faces' walls and of the air between two, see `fresnel`.
+        before_m: Unfolded distance s' from the source.
+        after_m: Unfolded distance s to the observer.
+        work: Room for vectors.
+    """
+    edge = wedge[0]
+    cos_b0 = _dot(way, edge)
+    sin_b0 = np.sqrt(max(1 - cos_b0 * cos_b0, 1e-12))
+    for i in range(3):
+        work[0, i] = -way[i]
+    phi_source, phi = _angle(work[0], wedge, n), _angle(out, wedge, n)
+    distance = before_m * after_m * sin_b0 * sin_b0 / (before_m + after_m)
+    tie = NOWHERE_M * (1 / before_m + 1 / after_m) / sin_b0
+    direct, on_0, on_n = wedge_terms(phi, phi_source, n, wavenumber, distance, sin_b0, tie)
+    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0], wavenumber, wall_m)
+    bb_n, ff_n, bf_n = _face_ratios(
+        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1], wavenumber, wall_m
+    )
+    d_bb = -direct + on_0 * bb_0 + on_n * bb_n
+    d_ff = -direct + on_0 * ff_0 + on_n * ff_n
+    d_bf = on_0 * bf_0 + on_n * bf_n
+    _cross(way, edge, work[0])  # phi of the source, against e x s'
+    _cross(edge, out, work[2])  # phi of the observer
+    for i in range(3):
+        work[0, i] /= sin_b0
+        work[2, i] /= sin_b0
+    _cross(work[0], way, work[1])
+    _cross(work[2], out, work[3])
+    for q in range(2):
+        f = field[q, 0] * work[0, 0] + field[q, 1] * work[0, 1] + field[q, 2] * work[0, 2]
+        b = field[q, 0] * work[1, 0] + field[q, 1] * work[1, 1] + field[q, 2] * work[1, 2]
+        to_b, to_f = d_bb * b + d_bf * f, d_ff * f - d_bf * b
+        for i in range(3):
+            field[q, i] = to_b * work[3, i] + to_f * work[2, i]
+
+
+@compiled
+def _spherical(
+    way: Float[np.ndarray, "3"], theta: Float[np.ndarray, "3"], phi: Float[np.ndarray, "3"]
+) -> None:
+    """Unit vectors of polar angle and azimuth at a direction; azimuth 0 straight up and down."""
+    level = np.sqrt(way[0] * way[0] + way[1] * way[1])
+    c, s = (way[0] / level, way[1] / level) if level > 1e-15 else (1.0, 0.0)
+    theta[0], theta[1], theta[2] = way[2] * c, way[2] * s, -level
+    phi[0], phi[1], phi[2] = -s, c, 0.0
+
+
+@compiled
+def path_gain(
+    points: Float[np.ndarray, "p 3"],
+    kinds: Int[np.ndarray, " m"],
+    count: int,
+    normals: Float[np.ndarray, "m 3"],
+    eps: Complex[np.ndarray, " m"],
+    wedge: Float[np.ndarray, "3 3"],
+    wedge_n: float,
+    wedge_eps: Complex[np.ndarray, "2"],
+    wavenumber: float,
+    wall_m: tuple[float, float],
+    gain: Complex[np.ndarray, "2 2"],
+    work: Float[np.ndarray, "w 3"],
+    field: Complex[np.ndarray, "2 3"],
+) -> float:
+    """Gain of one path of at most one diffraction.
+
+    Args:
+        points: Transmitter, interaction points, receiver [m]; first count + 2 rows.
+        kinds: `REFLECTION`, `DIFFRACTION` or `TRANSMISSION` at each interaction point.
+        count: Number of interactions.
+        normals: Unit normals of reflecting walls.
+        eps: Relative permittivities of reflecting walls.
+        wedge: See `diffract`; any values on paths without diffraction.
+        wedge_n: Open angle of the wedge over pi.
+        wedge_eps: Relative permittivities of its faces.
+        wavenumber: 2 pi over the wavelength [1/m].
+        wall_m: Thickness of a layer of all walls and of the air between two, see `fresnel`.
+        gain: Takes the result: [theta, phi at the receiver, theta, phi at the transmitter].
+        work: Room for 8 vectors.
+        field: Room for two fields.
+
+    Returns:
+        Unfolded length [m]; -1, with no gain set, for a path that starts, ends or diffracts at no distance.
+    """
+    total, before = 0.0, -1.0
+    for j in range(count + 1):
+        step = 0.0
+        for i in range(3):
+            step += (points[j + 1, i] - points[j, i]) ** 2
+        step = np.sqrt(step)
+        # Two reflections in one point, in a corner of the room, are fine.
+        if step < NOWHERE_M and (
+            j == 0 or j == count or kinds[j - 1] == DIFFRACTION or kinds[j] == DIFFRACTION
+        ):
+            return -1.0
+        total += step
+        if j < count and kinds[j] == DIFFRACTION:
+            before = total
+    way, out = work[4], work[5]
+    _unit(points, 0, way)
+    _spherical(way, work[6], work[7])
+    for i in range(3):
+        field[0, i], field[1, i] = work[6, i], work[7, i]
+    for j in range(count):
+        if kinds[j] != DIFFRACTION:
+            through = kinds[j] == TRANSMISSION
+            meet_wall(field, way, normals[j], eps[j], wavenumber, wall_m, through)
+            c = 0.0 if through else 2 * _dot(way, normals[j])
+            for i in range(3):
+                out[i] = way[i] - c * normals[j, i]
+        else:
+            _unit(points, j + 1, out)
+            diffract(
+                field,
+                way,
+                out,
+                wedge,
+                wedge_n,
+                wedge_eps,
+                wavenumber,
+                wall_m,
+                before,
+                total - before,
+                work[:4],
+            )
+        for i in range(3):
+            way[i] = out[i]
+    spread = 1 / total
+    if before > 0:
+        spread = 1 / np.sqrt(before * (total - before) * total)
+    spread *= min(1.0, wavenumber * total)  # nearer than the far field begins, no stronger
+    factor = spread / (2 * wavenumber) * np.exp(-1j * wavenumber * total)
+    for i in range(3):
+        out[i] = -way[i]
+    _spherical(out, work[6], work[7])
+    for q in range(2):
+        for p in range(2):
+            gain[p, q] = factor * (
+                field[q, 0] * work[6 + p, 0] + field[q, 1] * work[6 + p, 1] + field[q, 2] * work[6 + p, 2]
+            )
+    return total
+
+
+@compiled
+def _unit(points: Float[np.ndarray, "p 3"], j: int, out: Float[np.ndarray, "3"]) -> None:
+    """Unit vector from point j to the next."""
+    size = 0.0
+    for i in range(3):
+        out[i] = points[j + 1, i] - points[j, i]
+        size += out[i] * out[i]
+    size = np.sqrt(size)
+    for i in range(3):
+        out[i] /= size

@@ -1,0 +1,133 @@
+"""Radio materials of buildings: permittivity and conductivity by name and frequency.
+
+A material follows eps_r = a f^b and sigma = c f^d [S/m], f in GHz, fitted to measurements over a range of
+frequencies. Its complex relative permittivity is eps = eps_r - j sigma / (2 pi f eps_0): fields vary as
+exp(+j omega t), so that losses make Im(eps) < 0. Outside of the measured range nothing is extrapolated.
+
+The rows are Table 3 of Recommendation ITU-R P.2040-4 (09/2025), equal to P.2040-3 (08/2023) where that has
+them; the model is its equations (57) to (59). Where ranges of a material overlap, the first holds.
+``"drywall"`` is layered drywall as used for 28 GHz navigation data sets (relative permittivity 2.94 and
+0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015). That walls there are two boards with air
+between is for `wireless.tracing.tracer.TracerConfig` to say.
+
+Left out: magnetic materials, moisture, roughness, and materials made of layers.
+"""
+
+import difflib
+from typing import NamedTuple
+
+import numpy as np
+from scipy.constants import epsilon_0
+
+
+class Row(NamedTuple):
+    """One fit: eps_r = a f^b and sigma = c f^d [S/m], f in GHz, between two frequencies [GHz]."""
+
+    low_ghz: float
+    high_ghz: float
+    a: float
+    b: float
+    c: float
+    d: float
+
+
+#: Fits of each material; where two hold, the first one counts.
+MATERIALS: dict[str, tuple[Row, ...]] = {
+    "vacuum": (Row(0.001, 450, 1, 0, 0, 0),),  # exact, so up to the end of the table
+    "concrete": (Row(1, 100, 5.24, 0, 0.0462, 0.7822), Row(110, 330, 5.17, 0, 0.0145, 1.09)),
+    "brick": (Row(1, 40, 3.91, 0, 0.0238, 0.16), Row(110, 330, 4.15, 0, 0.0006, 1.5712)),
+    "plasterboard": (
+        Row(1, 100, 2.73, 0, 0.0085, 0.9395),
+        Row(110, 330, 2.56, 0, 0.0001, 1.7799),
+        Row(100, 400, 2.65, 0, 0.0002, 1.598),
+    ),
+    "drywall": (Row(1, 100, 2.94, 0, 0.0116, 0.7076),),
+    "wood": (
+        Row(0.001, 100, 1.99, 0, 0.0047, 1.0718),
+        Row(110, 330, 1.82, 0, 0.0040, 1.0761),
+        Row(100, 400, 2.1183, 0, 0.0055, 1.1113),
+    ),
+    "glass": (
+        Row(0.1, 100, 6.31, 0, 0.0036, 1.3394),
+        Row(220, 450, 5.79, 0, 0.0004, 1.658),
+        Row(100, 400, 6.5767, 0, 0.0012, 1.4697),
+    ),
+    "clear_acrylic": (Row(110, 330, 2.58, 0, 0.0001, 1.6524),),
+    "ceiling_board": (
+        Row(1, 100, 1.48, 0, 0.0011, 1.0750),
+        Row(220, 450, 1.52, 0, 0.0029, 1.029),
+        Row(100, 400, 1.2567, 0, 0.00013, 1.454),
+    ),
+    "chipboard": (Row(1, 100, 2.58, 0, 0.0217, 0.78), Row(100, 200, 2.16, 0, 0.0023, 1.359)),
+    "plywood": (
+        Row(1, 40, 2.71, 0, 0.33, 0),
+        Row(110, 330, 1.94, 0, 0.0067, 0.9982),
+        Row(100, 400, 2.17, 0, 0.0063, 1.045),
+    ),
+    "marble": (
+        Row(1, 60, 7.074, 0, 0.0055, 0.9262),
+        Row(110, 330, 7.94, 0, 0.0001, 1.7330),
+        Row(100, 400, 8.62, 0, 0.0027, 1.15),
+    ),
+    "floorboard": (
+        Row(50, 100, 3.66, 0, 0.0044, 1.3515),
+        Row(220, 300, 5.27, 0, 2.22e-17, 7.3413),
+        Row(300, 400, 5.27, 0, 0.0003, 2.0298),
+        Row(400, 450, 5.27, 0, 49.8726, 0),
+        Row(100, 400, 3.1575, 0, 0.001675, 1.32775),
+    ),
+    "vinyl_tile": (Row(1, 40, 3.62, 0, 0.0051, 0.8422),),
+    "carpet_tile": (Row(1, 40, 2.08, 0, 0.0009, 0.82),),
+    "asphalt_concrete": (Row(1, 40, 4.83, 0, 0.0108, 1.3969),),
+    "metal": (Row(1, 100, 1, 0, 1e7, 0),),
+    "very_dry_ground": (Row(1, 10, 3, 0, 0.00015, 2.52),),
+    "medium_dry_ground": (Row(1, 10, 15, -0.1, 0.035, 1.63),),
+    "wet_ground": (Row(1, 10, 30, -0.4, 0.15, 1.30),),
+}
+
+
+def check_material(name: str, field: str = "material") -> None:
+    """Complain of a name that no material has, and say which was perhaps meant.
+
+    Args:
+        name: Name to look for.
+        field: What the message calls the value.
+
+    Raises:
+        ValueError: If there is no such material.
+    """
+    if name not in MATERIALS:
+        near = difflib.get_close_matches(name.lower().removeprefix("itu_"), MATERIALS, n=1)
+        hint = f"Did you mean {near[0]!r}? " if near else ""
+        raise ValueError(
+            f"{field} is {name!r}, expected a radio material. {hint}Known: {', '.join(MATERIALS)}."
+        )
+
+
+def properties(name: str, frequency_hz: float) -> tuple[float, float]:
+    """Relative permittivity and conductivity [S/m] of a material at a frequency.
+
+    Raises:
+        ValueError: If there is no such material, or it was not measured at this frequency.
+    """
+    check_material(name)
+    frequency_ghz = frequency_hz / 1e9
+    for row in MATERIALS[name]:
+        if row.low_ghz <= frequency_ghz <= row.high_ghz:
+            return row.a * frequency_ghz**row.b, row.c * frequency_ghz**row.d
+    ranges = ", ".join(f"{row.low_ghz:g} to {row.high_ghz:g}" for row in MATERIALS[name])
+    fits = [other for other, rows in MATERIALS.items() if any(r[0] <= frequency_ghz <= r[1] for r in rows)]
+    raise ValueError(
+        f"frequency_hz is {frequency_hz:g} ({frequency_ghz:g} GHz), but {name!r} was measured from {ranges} "
+        f"GHz only. Measured at this frequency: {', '.join(fits) or 'none'}."
+    )
+
+
+def permittivity(name: str, frequency_hz: float) -> complex:
+    """Complex relative permittivity eps_r - j sigma / (2 pi f eps_0) of a material at a frequency.
+
+    Raises:
+        ValueError: If there is no such material, or it was not measured at this frequency.
+    """
+    relative, conductivity = properties(name, frequency_hz)
+    return complex(relative, -conductivity / (2 * np.pi * frequency_hz * epsilon_0))

@@ -1,0 +1,1 @@
+"""Estimation: from measurements to paths again."""

@@ -1,0 +1,170 @@
+"""Maximum likelihood along one coordinate of a path: its delay, its arrival or its departure.
+
+A path seen along one coordinate x is a curve c(x) in as many dimensions as the tensor has there. The tensor,
+contracted with the path's estimate along the other two, leaves vectors v; with the parts g of the curve that
+have oscillators of their own and the parts o of the others, the log-likelihood gained by the path is
+
+    S(x) = (sum over g, o of |c_g(x)^H v_go|)^2 / |c(x)|^2
+
+where the other two have unit norm: the size of a path is the same for all arrays, phases between arrays are
+free.
+
+Curves are tables. Each interval of x has 4 nodes, its ends among them, and is a cubic of its own: kinks at
+nodes, such as at the rim of an array's view, do no harm. The top is where the slope is zero, so that it is
+found to machine precision.
+"""
+
+import numpy as np
+from jaxtyping import Complex, Int
+
+from wireless.support.compiled import compiled
+
+#: Most halvings of a bracket around a top.
+MAX_HALVINGS = 40
+
+
+@compiled
+def place(
+    table: Complex[np.ndarray, "nodes dims"],
+    round_trip: bool,
+    x: float,
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
+) -> None:
+    """Point and slope of a curve.
+
+    Args:
+        table: Nodes of the curve, 3 to an interval; one more at the end of one that is not closed.
+        round_trip: Whether the curve is closed: the last interval ends at the first node.
+        x: Coordinate, in intervals.
+        point: Where the point goes.
+        slope: Where its derivative goes.
+    """
+    nodes = len(table)
+    n = nodes // 3
+    j = int(np.floor(x))
+    if not round_trip:
+        j = min(max(j, 0), n - 1)
+    u = x - j
+    w = (
+        -4.5 * (u - 1 / 3) * (u - 2 / 3) * (u - 1),
+        13.5 * u * (u - 2 / 3) * (u - 1),
+        -13.5 * u * (u - 1 / 3) * (u - 1),
+        4.5 * u * (u - 1 / 3) * (u - 2 / 3),
+    )
+    s = (
+        -13.5 * u * u + 18 * u - 5.5,
+        40.5 * u * u - 45 * u + 9,
+        -40.5 * u * u + 36 * u - 4.5,
+        13.5 * u * u - 9 * u + 1,
+    )
+    first = 3 * (j % n) if round_trip else 3 * j
+    for d in range(table.shape[1]):
+        a, b, c = table[first, d], table[first + 1, d], table[first + 2, d]
+        e = table[(first + 3) % nodes if round_trip else first + 3, d]
+        point[d] = w[0] * a + w[1] * b + w[2] * c + w[3] * e
+        slope[d] = s[0] * a + s[1] * b + s[2] * c + s[3] * e
+
+
+@compiled
+def gain(
+    table: Complex[np.ndarray, "nodes dims"],
+    round_trip: bool,
+    part: Int[np.ndarray, " parts1"],
+    v: Complex[np.ndarray, "dims others"],
+    x: float,
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
+) -> tuple[float, float]:
+    """S at x, and the slope of its logarithm.
+
+    Args:
+        table: Nodes of the curve (`place`).
+        round_trip: Whether the curve is closed.
+        part: Where each part's dimensions begin, and an end.
+        v: The tensor contracted with the other coordinates.
+        x: Coordinate, in intervals.
+        point: Room for the curve's point, which is left there.
+        slope: Room for its slope.
+    """
+    place(table, round_trip, x, point, slope)
+    norm, norm_slope, total, total_slope = 0.0, 0.0, 0.0, 0.0
+    for d in range(len(point)):
+        norm += point[d].real ** 2 + point[d].imag ** 2
+        norm_slope += 2 * (point[d].real * slope[d].real + point[d].imag * slope[d].imag)
+    for g in range(len(part) - 1):
+        for o in range(v.shape[1]):
+            q, dq = 0j, 0j
+            for d in range(part[g], part[g + 1]):
+                q += np.conj(point[d]) * v[d, o]
+                dq += np.conj(slope[d]) * v[d, o]
+            size = abs(q)
+            if size > 0:
+                total += size
+                total_slope += (q.real * dq.real + q.imag * dq.imag) / size
+    if norm <= 0 or total <= 0:
+        return 0.0, 0.0
+    return total * total / norm, 2 * total_slope / total - norm_slope / norm
+
+
+@compiled
+def climb(
+    table: Complex[np.ndarray, "nodes dims"],
+    round_trip: bool,
+    part: Int[np.ndarray, " parts1"],
+    v: Complex[np.ndarray, "dims others"],
+    x: float,
+    step: float,
+    n_steps: int,
+    point: Complex[np.ndarray, " dims"],
+    slope: Complex[np.ndarray, " dims"],
+) -> float:
+    """Coordinate of the top near x; the curve's point there is left in `point`.
+
+    Args:
+        table: Nodes of the curve (`place`).
+        round_trip: Whether the curve is closed.
+        part: Where each part's dimensions begin, and an end.
+        v: The tensor contracted with the other coordinates.
+        x: Where to start, in intervals.
+        step: Half the width of a bracket around a top.
+        n_steps: How many steps before and after x to look first.
+        point: Room for the curve's point.
+        slope: Room for its slope.
+    """
+    end = len(table) // 3
+    best, top, rise = -1.0, x, 0.0
+    for i in range(-n_steps, n_steps + 1):
+        at = x + i * step
+        if round_trip or 0 <= at <= end:
+            value, steep = gain(table, round_trip, part, v, at, point, slope)
+            if value > best:
+                best, top, rise = value, at, steep
+    low, high = (top, top + step) if rise > 0 else (top - step, top)
+    if not round_trip:
+        low, high = max(low, 0.0), min(high, float(end))
+    edge = high if rise > 0 else low
+    edge_value, steep = gain(table, round_trip, part, v, edge, point, slope)
+    if steep * rise >= 0:  # no top in the bracket: take the better end
+        top = edge if edge_value > best else top
+    else:
+        d_low, d_high = (rise, steep) if rise > 0 else (steep, rise)
+        tolerance = 0.01 * step / np.sqrt(1 + best)
+        side = 0
+        for _ in range(MAX_HALVINGS):
+            top = (low * d_high - high * d_low) / (d_high - d_low)
+            _, steep = gain(table, round_trip, part, v, top, point, slope)
+            if steep > 0:
+                moved, low, d_low = top - low, top, steep
+                if side > 0:
+                    d_high /= 2
+                side = 1
+            else:
+                moved, high, d_high = high - top, top, steep
+                if side < 0:
+                    d_low /= 2
+                side = -1
+            if moved < tolerance or high - low < tolerance:
+                break
+    place(table, round_trip, top, point, slope)
+    return float(top % end) if round_trip else float(top)

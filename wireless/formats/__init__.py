@@ -1,0 +1,1 @@
+"""Files that paths, estimates and links are kept in, ours and others'."""

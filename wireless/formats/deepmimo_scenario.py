@@ -1,0 +1,190 @@
+"""Traced paths as a DeepMIMO v4 scenario, a folder that `deepmimo.load` opens.
+
+One file per transmitter and quantity, `QUANTITY_t000_txNNN_r001.npz`: power [dBW received for 1 W sent], phase
+[degrees], delay [s], aoa_az, aoa_el, aod_az, aod_el [degrees, elevation from the zenith], inter (kinds of
+interactions as decimal digits from the transmitter on: 1 reflection, 2 diffraction, 4 transmission, 0 line of
+sight) and inter_pos [m], each receiver by path, NaN where there is none; rx_pos and tx_pos [m]. Beside them
+`params.json`, and the building as triangles.
+
+`deepmimo.load("NAME")` looks for the folder in `deepmimo_scenarios` below the working directory, by its name
+in lower case. Left out: antennas (gains are between isotropic ones), more than one polarisation.
+Reference: DeepMIMO 4.0, deepmimo.net.
+"""
+
+import io
+import json
+import re
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Int
+
+from wireless.em.materials import properties
+from wireless.paths import Paths
+from wireless.tracing.tracer import TracerConfig
+
+#: Version of the format.
+VERSION = "4.0.0"
+N_PATHS = 25
+_TX_SET, _RX_SET = 0, 1
+
+
+def scenario_name(name: str) -> str:
+    """A name as scenarios may have: in lower case, without blanks, slashes and the like."""
+    return re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("._") or "scenario"
+
+
+def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dict[str, bytes]:
+    """The paths of one transmitter to all receivers, as files by their names in the folder of the scenario.
+
+    Args:
+        paths: Paths of this transmitter, and perhaps of others.
+        tx: Number of the transmitter.
+        horizontal: Whether phases are of horizontal polarisation at both ends; else of vertical.
+    """
+    some = paths.select(paths.tx == tx).strongest(N_PATHS)
+    n_rx, width = len(some.rx_position), max(1, int(some.rank.max(initial=0)) + 1)
+    place = some.rx, some.rank
+
+    def by_receiver(values: np.ndarray, kind: type = np.float32) -> np.ndarray:
+        out = np.full((n_rx, width, *values.shape[1:]), np.nan, kind)
+        out[place] = values
+        return out
+
+    p = int(horizontal)
+    matrices = {
+        "power": by_receiver(some.power_db),
+        "phase": by_receiver(np.degrees(np.angle(some.gain[:, p, p]))),
+        "delay": by_receiver(some.delay_s),
+        "aoa_az": by_receiver(np.degrees(some.aoa_az)),
+        "aoa_el": by_receiver(90 - np.degrees(some.aoa_el)),
+        "aod_az": by_receiver(np.degrees(some.aod_az)),
+        "aod_el": by_receiver(90 - np.degrees(some.aod_el)),
+        "inter": by_receiver(some.digits, np.float64),  # up to ten digits, too many for float32
+        "inter_pos": by_receiver(some.point),
+        "rx_pos": some.rx_position.astype(np.float32),
+        "tx_pos": some.tx_position[tx : tx + 1].astype(np.float32),
+    }
+    return {
+        f"{name}_t{_TX_SET:03}_tx{tx:03}_r{_RX_SET:03}.npz": _npz({name: matrix})
+        for name, matrix in matrices.items()
+    }
+
+
+def scene_files(
+    *,
+    mesh: trimesh.Trimesh,
+    materials: tuple[str, ...],
+    face_material: Int[np.ndarray, " n_faces"],
+    frequency_hz: float,
+    config: TracerConfig,
+    n_tx: int,
+    n_rx: int,
+    n_rx_active: int,
+) -> dict[str, bytes]:
+    """What a scenario has beside its paths: the building, and the parameters that `load` needs.
+
+    They are files by their names in the folder of the scenario.
+
+    Args:
+        mesh: The building.
+        materials: Its radio materials, by the names of `wireless.em.materials`.
+        face_material: What each face is made of, index into materials.
+        frequency_hz: Carrier frequency.
+        config: Which paths were looked for.
+        n_tx: Number of transmitters.
+        n_rx: Number of receivers.
+        n_rx_active: Number of receivers that any transmitter reaches.
+    """
+    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, np.float32)
+    used = np.unique(face_material)
+    objects = [{"name": materials[m], "label": "buildings", "id": int(m), "mesh_key": str(m)} for m in used]
+    params = {
+        "version": VERSION,
+        "rt_params": _rt_params(frequency_hz, config),
+        "scene": {
+            "num_scenes": 1,
+            "n_objects": len(objects),
+            "n_vertices": len(vertices),
+            "n_faces": len(faces),
+            "n_triangular_faces": len(faces),
+            "representation": "mesh",
+        },
+        "materials": {f"material_{i}": _material(i, name, frequency_hz) for i, name in enumerate(materials)},
+        "txrx_sets": {
+            f"txrx_set_{_TX_SET}": _set("tx", _TX_SET, n_tx, n_tx),
+            f"txrx_set_{_RX_SET}": _set("rx", _RX_SET, n_rx, n_rx_active),
+        },
+    }
+    return {
+        "vertices.npz": _npz({"vertices": vertices}),
+        "faces.npz": _npz({str(m): faces[face_material == m] for m in used}),
+        "materials.npz": _npz({str(m): np.full((face_material == m).sum(), m) for m in used}),
+        "objects.json": json.dumps(objects, indent=2).encode(),
+        "params.json": json.dumps(params, indent=2, allow_nan=False).encode(),
+    }
+
+
+def _npz(arrays: dict[str, np.ndarray]) -> bytes:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    return buffer.getvalue()
+
+
+def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
+    bent = config.diffraction_reflections + 1 if config.diffraction else 0
+    return {
+        "raytracer_name": "wireless.tracing.tracer (robosim)",
+        "raytracer_version": "exact images and UTD",
+        "frequency": frequency_hz,
+        "max_path_depth": max(config.max_reflections, bent) + config.max_transmissions,
+        "max_reflections": config.max_reflections,
+        "max_diffractions": int(config.diffraction),
+        "max_scattering": 0,
+        "max_transmissions": config.max_transmissions,
+        "diffuse_reflections": 0,
+        "diffuse_diffractions": 0,
+        "diffuse_transmissions": 0,
+        "diffuse_final_interaction_only": False,
+        "diffuse_random_phases": False,
+        "terrain_reflection": config.floor_ceiling,
+        "terrain_diffraction": False,
+        "terrain_scattering": False,
+        "num_rays": 0,
+        "ray_casting_method": "none",
+        "synthetic_array": True,
+        "ray_casting_range_az": 360.0,
+        "ray_casting_range_el": 180.0,
+        "gps_bbox": [0, 0, 0, 0],
+        "raw_params": {},
+    }
+
+
+def _material(number: int, name: str, frequency_hz: float) -> dict[str, Any]:
+    relative, conductivity = properties(name, frequency_hz)
+    return {
+        "id": number,
+        "name": name,
+        "permittivity": relative,
+        "conductivity": conductivity,
+        "scattering_model": "none",
+        "scattering_coefficient": 0.0,
+        "cross_polarization_coefficient": 0.0,
+    }
+
+
+def _set(name: str, number: int, n_points: int, n_active: int) -> dict[str, Any]:
+    return {
+        "name": name,
+        "id_orig": number,
+        "id": number,
+        "is_tx": name == "tx",
+        "is_rx": name == "rx",
+        "num_points": n_points,
+        "num_active_points": n_active,
+        "num_ant": 1,
+        "dual_pol": False,
+        "ant_rel_positions": [[0, 0, 0]],
+        "array_orientation": [0, 0, 0],
+    }

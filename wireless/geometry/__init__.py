@@ -1,0 +1,1 @@
+"""Geometry: facets and edges of meshes, floor plans, what sees what, images."""

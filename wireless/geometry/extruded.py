@@ -1,0 +1,128 @@
+"""Scenes that are floor plans: vertical walls from one floor to one ceiling, found in any triangle mesh.
+
+Seen from above such a mesh is a set of line segments. Triangles of one wall, doubled walls and pieces side by
+side become one segment; a mesh with anything slanted, half as high or with a hole in a wall is not a plan and
+is left to the general tracer. Floor and ceiling only count by their height and material: they are taken to
+be everywhere, and edges at the top of walls without a ceiling do not diffract.
+
+Walls have two faces and no thickness: which way a triangle is turned does not matter.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+import trimesh
+from jaxtyping import Float, Int
+
+from wireless.geometry.facets import SLIVER_M, clusters
+
+#: How far from vertical or level a face may lean, as the sine of the angle.
+LEAN = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Extruded:
+    """Walls from above."""
+
+    walls: Float[np.ndarray, "n 2 2"]
+    """Ends (x, y) [m] of each wall."""
+    wall_face: Int[np.ndarray, " n"]
+    """One mesh face of each wall."""
+    low_m: float
+    """Height of the floor."""
+    high_m: float
+    """Height of the ceiling."""
+    floor_face: int
+    """One face of the floor, -1 if there is none."""
+    ceiling_face: int
+    """One face of the ceiling, -1 if there is none."""
+
+
+def find_extruded(
+    mesh: trimesh.Trimesh, face_material: Int[np.ndarray, " n_faces"], snap_m: float
+) -> Extruded | None:
+    """The floor plan that a mesh was extruded from; None if it was not.
+
+    Args:
+        mesh: Any triangles [m], z up.
+        face_material: A number for the material of each face: walls of two materials are two walls.
+        snap_m: Ends of walls closer than this are one.
+    """
+    corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(cross, axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    real = np.flatnonzero(size > SLIVER_M * longest)
+    up = np.abs(cross[real, 2]) / size[real]
+    upright, level = real[up < LEAN], real[up > 1 - LEAN]
+    if len(upright) + len(level) < len(real) or not len(upright):
+        return None
+    z = corners[upright][:, :, 2]
+    low, high = float(z.min()), float(z.max())
+    if np.any((np.abs(z - low) > snap_m) & (np.abs(z - high) > snap_m)):
+        return None
+    floor = level[np.abs(corners[level][:, :, 2] - low).max(axis=1) < snap_m]
+    ceiling = level[np.abs(corners[level][:, :, 2] - high).max(axis=1) < snap_m]
+    if len(floor) + len(ceiling) < len(level):
+        return None
+    found = _walls(corners, upright, np.asarray(face_material), low, high, snap_m)
+    if found is None:
+        return None
+    return Extruded(
+        walls=found[0],
+        wall_face=found[1],
+        low_m=low,
+        high_m=high,
+        floor_face=int(floor[0]) if len(floor) else -1,
+        ceiling_face=int(ceiling[0]) if len(ceiling) else -1,
+    )
+
+
+def _walls(
+    corners: Float[np.ndarray, "n 3 3"],
+    faces: Int[np.ndarray, " m"],
+    face_material: Int[np.ndarray, " n"],
+    low: float,
+    high: float,
+    snap_m: float,
+) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, " k"]] | None:
+    """Segments of upright triangles, one for all side by side or on each other; None if one has gaps."""
+    triangles = corners[faces]
+    origin = triangles[:, :, :2].mean(axis=(0, 1))  # far from zero, offsets would be noise
+    xy = triangles[:, :, :2] - origin
+    sides = np.roll(xy, -1, axis=1) - xy
+    longest = np.argmax(np.linalg.norm(sides, axis=2), axis=1)
+    along = sides[np.arange(len(xy)), longest]
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    along *= np.where((along[:, 1] < -1e-9) | ((along[:, 1] < 1e-9) & (along[:, 0] < 0)), -1, 1)[:, None]
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    place = xy[np.arange(len(xy)), longest]
+    group = clusters(np.arctan2(along[:, 1], along[:, 0]), 1e-7)
+    group = clusters(np.einsum("ij,ij->i", normal, place), snap_m, group)
+    group = clusters(face_material[faces].astype(float), 0.5, group)
+    walls, wall_face = [], []
+    for members in np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1]):
+        one = members[0]
+        s = (xy[members] - place[one]) @ along[one]
+        spans = _union(s.min(axis=1), s.max(axis=1), snap_m)
+        unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
+        solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
+        if abs(solid - np.diff(spans, axis=1).sum() * (high - low)) > len(s) * snap_m * 4 * (
+            high - low + s.max()
+        ):
+            return None
+        for span in spans:
+            walls.append(origin + place[one] + span[:, None] * along[one])
+            wall_face.append(faces[members[np.argmax(s.min(axis=1) >= span[0] - snap_m)]])
+    return np.array(walls), np.array(wall_face)
+
+
+def _union(
+    start: Float[np.ndarray, " n"], stop: Float[np.ndarray, " n"], gap: float
+) -> Float[np.ndarray, "k 2"]:
+    """Intervals joined where they touch or overlap."""
+    order = np.argsort(start)
+    start, reach = start[order], np.maximum.accumulate(stop[order])
+    new = np.append(True, start[1:] > reach[:-1] + gap)
+    return np.column_stack([start[new], reach[np.append(np.flatnonzero(new)[1:] - 1, len(reach) - 1)]])

@@ -1,0 +1,273 @@
+"""Images of a point over chains of facets in space, and the windows that they look through.
+
+The point is mirrored at each patch that it sees; each image looks through its patch, at the patches of the
+next order, and so on. A window is what its cone leaves of the patch (`wireless.geometry.cones`), so that windows
+shrink with each reflection and most chains end soon, whatever the size of the building.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees, sides
+from wireless.geometry.facets import Surfaces
+from wireless.geometry.occlusion import NEAR_M, Boxes, Tree, box_holds, holds, make_boxes, make_tree, planes
+from wireless.geometry.patches import find_patches
+from wireless.support.compiled import compiled
+
+#: Patches of more triangles have the one that holds a point looked up in the tree.
+_FEW = 8
+
+
+class Space(NamedTuple):
+    """Surfaces made ready for tracing."""
+
+    surfaces: Surfaces
+    """Facets and edges, around an origin of their own."""
+    tree: Tree
+    """What hides."""
+    tree_patch: Int[np.ndarray, " t"]
+    """Patch of each triangle, in the tree's order."""
+    tree_wall: Int[np.ndarray, " t"]
+    """Wall of each triangle, in the tree's order."""
+    wall: Float[np.ndarray, "w k 3"]
+    """Corners of convex walls."""
+    wall_corners: Int[np.ndarray, " w"]
+    """Number of corners of each wall."""
+    mirrors: Bool[np.ndarray, " f"]
+    """Facets that reflect."""
+    patch_facet: Int[np.ndarray, " p"]
+    """Facet of each patch."""
+    window: Float[np.ndarray, "p k 3"]
+    """Corners of a window around each patch."""
+    corners: Int[np.ndarray, " p"]
+    """Number of corners of each window."""
+    start: Int[np.ndarray, " p1"]
+    """Where each patch's triangles begin, and an end."""
+    triangle: Float[np.ndarray, "t 3 3"]
+    """Triangles by patch."""
+    inward: Float[np.ndarray, "t 3 3"]
+    """Unit vectors into each of these from its sides."""
+    patch_boxes: Boxes
+    """Patches that reflect, sorted into boxes; numbers are those of patches."""
+    edge_boxes: Boxes
+    """Edges, sorted into boxes."""
+
+
+class Views(NamedTuple):
+    """Images with their windows, the first without one."""
+
+    order: Int[np.ndarray, " v"]
+    """Number of reflections."""
+    chain: Int[np.ndarray, "v m"]
+    """Patches that were mirrored at, the first from the source first."""
+    image: Float[np.ndarray, "v m1 3"]
+    """Source, mirrored at none of these, at one, and so on [m]."""
+    window: Float[np.ndarray, "v k 3"]
+    """Corners of the window in the last patch [m]."""
+    corners: Int[np.ndarray, " v"]
+    """Number of its corners."""
+
+
+def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
+    """Prepare what does not depend on antennas.
+
+    Args:
+        surfaces: Facets and edges.
+        mirrors: Facets that reflect.
+    """
+    patches = find_patches(surfaces)
+    tree = make_tree(surfaces.triangle)
+    patch = np.empty(len(surfaces.triangle), np.int64)
+    patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))
+    triangle = surfaces.triangle[patches.triangle]
+    shining = np.flatnonzero(mirrors[patches.facet])
+    window = patches.window[shining]
+    used = (np.arange(window.shape[1]) < patches.corners[shining, None])[..., None]
+    boxes = make_boxes(
+        np.where(used, window, np.inf).min(axis=1), np.where(used, window, -np.inf).max(axis=1)
+    )
+    return Space(
+        surfaces=surfaces,
+        tree=tree,
+        tree_patch=patch[tree.number],
+        tree_wall=patches.wall_of[tree.number],
+        wall=patches.wall,
+        wall_corners=patches.wall_corners,
+        mirrors=mirrors,
+        patch_facet=patches.facet,
+        window=patches.window,
+        corners=patches.corners,
+        start=patches.start,
+        triangle=triangle,
+        inward=planes(triangle)[1],
+        patch_boxes=boxes._replace(number=shining[boxes.number]),
+        edge_boxes=make_boxes(surfaces.edge.min(axis=1), surfaces.edge.max(axis=1)),
+    )
+
+
+@compiled
+def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
+    """Whether a point of a patch's plane lies in one of its triangles; sides count."""
+    first, last = space.start[patch], space.start[patch + 1]
+    if last - first <= _FEW:
+        return holds(space.triangle[first:last], space.inward[first:last], p)
+    tree, stack = space.tree, np.empty(64, np.int64)
+    stack[0], depth = 0, 1
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if not box_holds(tree, box, p, SLACK_M):
+            continue
+        one, other = tree.child[box]
+        if one >= 0:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+            continue
+        for t in range(-1 - one, -1 - one + other):
+            if space.tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
+                return True
+    return False
+
+
+@compiled
+def new_views(n: int, most: int) -> Views:
+    """Room for views of chains of up to `most` facets."""
+    return Views(
+        np.zeros(n, np.int64),
+        np.zeros((n, most), np.int64),
+        np.zeros((n, most + 1, 3)),
+        np.zeros((n, MAX_CORNERS, 3)),
+        np.zeros(n, np.int64),
+    )
+
+
+@compiled
+def _twice(views: Views) -> Views:
+    """The same with twice as much room."""
+    return Views(
+        np.concatenate((views.order, views.order)),
+        np.concatenate((views.chain, views.chain)),
+        np.concatenate((views.image, views.image)),
+        np.concatenate((views.window, views.window)),
+        np.concatenate((views.corners, views.corners)),
+    )
+
+
+@compiled
+def cone_of(space: Space, views: Views, v: int, plane: Float[np.ndarray, "p 4"]) -> int:
+    """Planes around what a view may reach; the last is that of its facet, its normal away from the image.
+
+    Returns:
+        Number of planes; 0 if the view has no window, and so reaches everything.
+    """
+    order = views.order[v]
+    if order == 0:
+        return 0
+    apex = views.image[v, order]
+    n = sides(apex, views.window[v], views.corners[v], plane)
+    facet = space.patch_facet[views.chain[v, order - 1]]
+    off, level = 0.0, 0.0
+    for i in range(3):
+        plane[n, i] = space.surfaces.facet_normal[facet, i]
+        level += plane[n, i] * space.surfaces.facet_point[facet, i]
+        off += plane[n, i] * apex[i]
+    sign = -1.0 if off > level else 1.0
+    for i in range(3):
+        plane[n, i] *= sign
+    plane[n, 3] = sign * level
+    return n + 1
+
+
+@compiled
+def spread(
+    space: Space,
+    views: Views,
+    v: int,
+    count: int,
+    occluding: bool,
+    plane: Float[np.ndarray, "p 4"],
+    found: Int[np.ndarray, " p"],
+    piece: Float[np.ndarray, "s k 3"],
+) -> tuple[Views, int]:
+    """Append the views of the next order that a view opens; all views and their number.
+
+    Args:
+        space: Surfaces.
+        views: Views so far.
+        v: The one to go on from.
+        count: How many there are.
+        occluding: Whether patches that are hidden are left out.
+        plane: Room for planes.
+        found: Room for patches.
+        piece: Room for polygons.
+    """
+    order = views.order[v]
+    n_planes = cone_of(space, views, v, plane)
+    apex, behind = views.image[v, order].copy(), np.zeros(4)
+    last = -1
+    if order > 0:
+        behind[:] = plane[n_planes - 1]
+        last = space.patch_facet[views.chain[v, order - 1]]
+    chain, image = views.chain[v].copy(), views.image[v].copy()
+    for h in range(meeting(space.patch_boxes, plane, n_planes, found)):
+        patch = found[h]
+        facet = space.patch_facet[patch]
+        off, reach = 0.0, -1.0
+        for i in range(3):
+            off += space.surfaces.facet_normal[facet, i] * (apex[i] - space.surfaces.facet_point[facet, i])
+        if facet == last or abs(off) < NEAR_M:
+            continue
+        n = space.corners[patch]
+        for k in range(n):
+            reach = max(
+                reach,
+                behind[0] * space.window[patch, k, 0]
+                + behind[1] * space.window[patch, k, 1]
+                + behind[2] * space.window[patch, k, 2]
+                - behind[3],
+            )
+        if order > 0 and reach <= NEAR_M:
+            continue
+        if count == len(views.order):
+            views = _twice(views)
+        window = views.window[count]
+        n = clipped(space.window[patch], n, plane, n_planes, window, piece[0])
+        if n == 0:
+            continue
+        if occluding and not sees(
+            space.tree,
+            space.tree_wall,
+            space.wall,
+            space.wall_corners,
+            apex,
+            behind,
+            window,
+            n,
+            piece,
+        ):
+            continue
+        views.order[count], views.corners[count] = order + 1, n
+        views.chain[count], views.image[count] = chain, image
+        views.chain[count, order] = patch
+        for i in range(3):
+            views.image[count, order + 1, i] = apex[i] - 2 * off * space.surfaces.facet_normal[facet, i]
+        count += 1
+    return views, count
+
+
+@compiled
+def all_views(
+    space: Space, source: Float[np.ndarray, "3"], max_order: int, occluding: bool
+) -> tuple[Views, int]:
+    """Views of a point over up to max_order facets, by order, and their number."""
+    views, count = new_views(64, max_order), 1
+    views.image[0, 0] = source
+    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
+    piece = np.empty((PIECES, MAX_CORNERS, 3))
+    now = 0
+    while now < count and views.order[now] < max_order:
+        views, count = spread(space, views, now, count, occluding, plane, found, piece)
+        now += 1
+    return views, count

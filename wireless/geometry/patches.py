@@ -1,0 +1,110 @@
+"""Facets in patches, each of which reflects as one, and in convex walls, each of which hides as one.
+
+The triangles of a facet that hang together are a patch. If they fill a convex outline with few corners, as
+the two halves of a wall do, that is its window and also one wall. Any other patch, such as a floor, is looked
+through by a window around it, and hides by triangles. Large walls hide much at once, and few patches are few
+windows.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from jaxtyping import Float, Int
+
+from wireless.geometry.facets import Surfaces
+
+#: Most corners of a patch.
+PATCH_CORNERS = 8
+#: Outlines that fill their convex hull but for cracks thinner than this are convex [m].
+_CRACK_M = 1e-12
+#: Corners nearer to the line between their neighbours are none [m].
+_STRAIGHT_M = 1e-10
+
+
+class Patches(NamedTuple):
+    """Pieces of facets, and convex walls."""
+
+    facet: Int[np.ndarray, " p"]
+    """Facet of each patch."""
+    window: Float[np.ndarray, "p k 3"]
+    """Corners around each patch [m]; zeros beyond the last."""
+    corners: Int[np.ndarray, " p"]
+    """Number of corners of each."""
+    start: Int[np.ndarray, " p1"]
+    """Where each patch's triangles begin in `triangle`, and an end."""
+    triangle: Int[np.ndarray, " t"]
+    """Triangles of the surfaces, by patch."""
+    wall: Float[np.ndarray, "w k 3"]
+    """Corners of convex walls; zeros beyond the last."""
+    wall_corners: Int[np.ndarray, " w"]
+    """Number of corners of each."""
+    wall_of: Int[np.ndarray, " t"]
+    """Wall of each triangle of the surfaces."""
+
+
+def find_patches(surfaces: Surfaces) -> Patches:
+    """Patches and walls of all facets."""
+    windows: list[np.ndarray] = []
+    members: list[np.ndarray] = []
+    facets: list[int] = []
+    walls: list[np.ndarray] = []
+    wall_of = np.empty(len(surfaces.triangle), np.int64)
+    for facet, (first, last) in enumerate(
+        zip(surfaces.facet_start[:-1], surfaces.facet_start[1:], strict=True)
+    ):
+        own = surfaces.triangle[first:last]
+        alone = [(own[0], np.zeros(1, int), True)]
+        parts = alone if len(own) == 1 else _parts(own, surfaces.facet_normal[facet])
+        for window, which, filled in parts:
+            windows.append(window)
+            members.append(first + which)
+            facets.append(facet)
+            wall_of[first + which] = len(walls) + (0 if filled else np.arange(len(which)))
+            walls += [window] if filled else list(own[which])
+    window, corners = _padded(windows)
+    wall, wall_corners = _padded(walls)
+    return Patches(
+        facet=np.array(facets, np.int64),
+        window=window,
+        corners=corners,
+        start=np.append(0, np.cumsum([len(m) for m in members])).astype(np.int64),
+        triangle=np.concatenate(members).astype(np.int64),
+        wall=wall,
+        wall_corners=wall_corners,
+        wall_of=wall_of,
+    )
+
+
+def _padded(
+    polygons: list[np.ndarray],
+) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
+    """Corners of polygons, filled up with zeros, and their numbers."""
+    corner = np.zeros((len(polygons), PATCH_CORNERS, 3))
+    for i, polygon in enumerate(polygons):
+        corner[i, : len(polygon)] = polygon
+    return corner, np.array([len(p) for p in polygons], np.int64)
+
+
+def _parts(
+    triangle: Float[np.ndarray, "n 3 3"], normal: Float[np.ndarray, "3"]
+) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
+    """Window and triangles of each part of triangles in one plane, and whether they fill the window."""
+    base = triangle[0, 0]
+    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    across = across / np.linalg.norm(across)
+    axes = np.array([across, np.cross(normal, across)])
+    flat = (triangle - base) @ axes.T
+    parts = shapely.get_parts(shapely.union_all(shapely.polygons(flat)))
+    part = shapely.STRtree(parts).nearest(shapely.points(flat.mean(axis=1)))
+    found: list[tuple[np.ndarray, np.ndarray, bool]] = []
+    for i, whole in enumerate(parts):
+        which, hull = np.flatnonzero(part == i), whole.convex_hull
+        if not len(which):
+            continue
+        outline = shapely.get_coordinates(hull.simplify(_STRAIGHT_M))[:-1]
+        filled = hull.area - whole.area <= _CRACK_M * hull.length
+        if not 3 <= len(outline) <= PATCH_CORNERS:
+            outline, filled = shapely.get_coordinates(hull.oriented_envelope)[:-1], False
+        found.append((base + outline @ axes, which, bool(filled)))
+    return found

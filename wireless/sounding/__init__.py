@@ -1,0 +1,1 @@
+"""Sounding: what a receiver measures of paths."""

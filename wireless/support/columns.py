@@ -1,0 +1,98 @@
+"""Columns of tables from files: each as expected, without empty places, its numbers within bounds.
+
+For use inside of `wireless.support.reading.reading`, which adds the file's name to what is raised.
+"""
+
+from collections.abc import Sequence
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+#: Rows of a table, and its columns.
+_MOST_ROWS, _MOST_COLUMNS = 200_000_000, 10_000
+#: Positions and whatever else is of that order are at most so large [m].
+FAR = 1e7
+
+
+def parquet_table(
+    file: BinaryIO, names: Sequence[str] | None = None, filters: list[tuple[str, str, Any]] | None = None
+) -> pa.Table:
+    """A table from a Parquet file.
+
+    Args:
+        file: The file.
+        names: Columns to read; all if not given.
+        filters: Which rows to read, as PyArrow has them.
+
+    Raises:
+        ValueError: If a column is missing, or there are more rows than any table has.
+        Exception: Whatever damage makes its reader raise.
+    """
+    told = pq.read_metadata(file)
+    if told.num_rows > _MOST_ROWS or told.num_columns > _MOST_COLUMNS:
+        raise ValueError(f"it declares {told.num_rows} rows and {told.num_columns} columns")
+    there = told.schema.to_arrow_schema().names
+    if missing := [name for name in names or () if name not in there]:
+        raise ValueError(f"column {missing[0]} is missing; there are {', '.join(there[:20])}")
+    file.seek(0)
+    return pq.read_table(file, columns=None if names is None else list(names), filters=filters)
+
+
+def values(table: pa.Table, name: str, kind: pa.DataType) -> np.ndarray:
+    """A column as an array of a type, or of texts.
+
+    Raises:
+        ValueError: If it is missing, has empty places, or cannot be of the type.
+    """
+    return _plain(table, name, pa.string() if pa.types.is_dictionary(kind) else kind).to_numpy()
+
+
+def numbers(
+    table: pa.Table, name: str, kind: pa.DataType, low: float = -FAR, high: float = FAR
+) -> np.ndarray:
+    """A column of numbers within bounds; raises as `values` does, and of the first number beyond them."""
+    found = values(table, name, kind)
+    check_within(found, name, low, high)
+    return found
+
+
+def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np.ndarray]:
+    """All entries of a column of lists, one list after the other, and the lengths of the lists.
+
+    Raises:
+        ValueError: As `values` does.
+    """
+    column = _plain(table, name, kind).combine_chunks()
+    column = pa.concat_arrays(column.chunks) if isinstance(column, pa.ChunkedArray) else column
+    entries = column.flatten()
+    if entries.null_count:
+        raise ValueError(f"column {name} has empty places in its lists")
+    return entries.to_numpy(zero_copy_only=False), pc.list_value_length(column).to_numpy(zero_copy_only=False)
+
+
+def check_within(found: np.ndarray, name: str, low: float, high: float) -> None:
+    """Refuse numbers beyond bounds, and what is no number.
+
+    Raises:
+        ValueError: Of the first.
+    """
+    wrong = ~((found >= low) & (found <= high))
+    if wrong.any():
+        row = np.argwhere(wrong)[0]
+        raise ValueError(f"{name} of row {row[0] + 1} is {found[tuple(row)]}, expected {low:g} to {high:g}")
+
+
+def _plain(table: pa.Table, name: str, kind: pa.DataType) -> pa.ChunkedArray:
+    if name not in table.column_names:
+        raise ValueError(f"column {name} is missing; there are {', '.join(table.column_names[:20])}")
+    column = table[name]
+    if column.null_count:
+        row = int(np.argmax(column.is_null().to_numpy())) + 1
+        raise ValueError(f"column {name} is empty in row {row}")
+    try:
+        return column if column.type == kind else column.cast(kind)
+    except pa.ArrowException as error:
+        raise ValueError(f"column {name} is {column.type}, expected {kind}") from error

@@ -1,0 +1,80 @@
+"""Links traced in blocks, several at a time: memory stays bounded, and all cores work.
+
+A block is some transmitters and some receivers. Blocks do not depend on the number of workers, and no link
+depends on its block, so that results are the same bit for bit however many there are. Threads suffice, since
+the inner loops let go of the interpreter lock (`wireless.support.compiled`). What fits in one block is traced at
+once: a single link pays for no threads.
+"""
+
+import itertools
+import os
+import threading
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from wireless.tracing.table import Table
+
+#: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.
+BLOCK_TX, BLOCK_RX = 16, 512
+
+#: For each transmitter, tables of receivers in a row and the first one's number.
+Rows = list[list[tuple[Table, int]]]
+
+
+def available_cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def trace_blocks(
+    n_tx: int, n_rx: int, trace: Callable[[slice, slice], Iterable[Table]], workers: int | None = None
+) -> Rows:
+    """Trace all links.
+
+    Args:
+        n_tx: Number of transmitters.
+        n_rx: Number of receivers.
+        trace: Traces a block of transmitters and receivers: a table for each of these transmitters, one by one.
+        workers: Threads; None for one on each available core.
+    """
+    blocks = [
+        (slice(i, min(i + BLOCK_TX, n_tx)), slice(j, min(j + BLOCK_RX, n_rx)))
+        for i, j in itertools.product(range(0, n_tx, BLOCK_TX), range(0, n_rx, BLOCK_RX))
+    ]
+
+    stopped = threading.Event()
+
+    def run(block: tuple[slice, slice]) -> list[Table]:
+        tables = []
+        for table in trace(*block):
+            if stopped.is_set():
+                break
+            tables.append(_packed(table))
+        return tables
+
+    threads = min(available_cores() if workers is None else workers, len(blocks))
+    if threads <= 1:
+        done = [run(block) for block in blocks]
+    else:
+        with ThreadPoolExecutor(threads) as pool:
+            try:
+                done = list(pool.map(run, blocks))
+            except BaseException:  # Ctrl-C: the pool waits for its threads, who need not finish their blocks
+                stopped.set()
+                raise
+    rows: Rows = [[] for _ in range(n_tx)]
+    for (txs, rxs), tables in zip(blocks, done, strict=True):
+        for i, table in zip(range(txs.start, txs.stop), tables, strict=True):
+            rows[i].append((table, rxs.start))
+    return rows
+
+
+def _packed(table: Table) -> Table:
+    """The same without the rows that no path fills."""
+    keep = len(table.power) // max(1, len(table.found))
+    used = (np.arange(keep) < table.found[:, None]).ravel()
+    return Table(table.found, *(column[used] for column in table[1:]))

@@ -1,0 +1,404 @@
+"""The strongest paths of links in a floor plan: views of both ends, joined at corners, weighed.
+
+Reflections come from the views of the transmitter. Diffracted paths are joined where a view of the
+transmitter and a view of the receiver share a corner. Seen from above a path is unfolded into a straight
+line, along which the height changes evenly; floor and ceiling fold the height only. What cannot enter a
+link's list is not computed: a reflection by its length, a diffraction by a bound on cot(u / 2n) F
+(`wireless.em.diffraction`).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.em.diffraction import edge_bound
+from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
+from wireless.geometry.beams import cast
+from wireless.geometry.plan import Plan
+from wireless.support.compiled import compiled
+from wireless.tracing.table import Room, Setting, Table, enter, make_room, make_table, weigh, write_row
+
+
+class Views(NamedTuple):
+    """Views of many points, one after the other, without their targets."""
+
+    view_start: Int[np.ndarray, " r1"]
+    """Where each point's views begin, and an end."""
+    image: Float[np.ndarray, "b 2"]
+    """See `wireless.geometry.beams.cast`."""
+    chain: Int[np.ndarray, "b 5"]
+    """As view of `wireless.geometry.beams.cast`; views before count from the point's first one."""
+    hit_start: Int[np.ndarray, " r1"]
+    """Where each point's corners begin, and an end."""
+    corner_hit: Int[np.ndarray, "c 2"]
+    """Pairs of corner and view."""
+
+
+@compiled
+def views_of(
+    plan: Plan,
+    points: Float[np.ndarray, "r 2"],
+    start: Int[np.ndarray, " r1"],
+    start_list: Int[np.ndarray, " s"],
+    corner_order: int,
+    max_through: int,
+) -> Views:
+    """Views of many points onto corners.
+
+    Args:
+        plan: Walls, corners and triangles.
+        points: Positions [m] around the plan's origin.
+        start: Where each point's triangles begin in start_list, and an end.
+        start_list: Triangles around points.
+        corner_order: Most reflections on the way to a corner.
+        max_through: Most walls to pass on the way.
+    """
+    n = len(points)
+    view_start, hit_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
+    image, view = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
+    hits = np.empty((1024, 2), np.int64)
+    nobody, empty = np.empty((0, 2)), np.empty(0, np.int64)
+    nothing = np.zeros(len(plan.tri_vertex) + 1, np.int64)
+    for i in range(n):
+        around = start_list[start[i] : start[i + 1]]
+        one, one_view, _, one_hit = cast(
+            plan, around, points[i], nobody, nothing, empty, -1, corner_order, max_through
+        )
+        v, h = view_start[i], hit_start[i]
+        view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)
+        while len(image) < v + len(one):
+            image, view = np.concatenate((image, image)), np.concatenate((view, view))
+        while len(hits) < h + len(one_hit):
+            hits = np.concatenate((hits, hits))
+        image[v : v + len(one)], view[v : v + len(one)] = one, one_view
+        hits[h : h + len(one_hit)] = one_hit
+    return Views(view_start, image[: view_start[n]], view[: view_start[n]], hit_start, hits[: hit_start[n]])
+
+
+@compiled
+def _mirror_point(
+    plan: Plan, wall: int, image: Float[np.ndarray, "2"], tx: float, ty: float
+) -> tuple[float, float]:
+    """Where the way from an image to a target meets the wall it was mirrored at."""
+    nx, ny = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
+    px, py = plan.wall_point[wall, 0], plan.wall_point[wall, 1]
+    a = (image[0] - px) * nx + (image[1] - py) * ny
+    b = (tx - px) * nx + (ty - py) * ny
+    f = a / (a - b) if a != b else 1.0
+    return image[0] + (tx - image[0]) * f, image[1] + (ty - image[1]) * f
+
+
+@compiled
+def _lay_flat(
+    plan: Plan,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    image: Float[np.ndarray, "b 2"],
+    view: Int[np.ndarray, "b 5"],
+    node: int,
+    corner: int,
+    far_image: Float[np.ndarray, "d 2"],
+    far_view: Int[np.ndarray, "d 5"],
+    far_node: int,
+    room: Room,
+) -> int:
+    """Points of a path seen from above; its number of interactions."""
+    flat, kind, thing = room.flat, room.flat_kind, room.flat_thing
+    n = view[node, 2] + view[node, 3]
+    x, y = rx[0], rx[1]
+    if corner >= 0:
+        x, y = plan.vertex[plan.corner_vertex[corner], 0], plan.vertex[plan.corner_vertex[corner], 1]
+        flat[n + 1, 0], flat[n + 1, 1] = x, y
+        kind[n], thing[n] = DIFFRACTION, corner
+    cx, cy = x, y
+    for j in range(n, 0, -1):
+        x, y = _mirror_point(plan, view[node, 0], image[node], x, y)
+        flat[j, 0], flat[j, 1] = x, y
+        kind[j - 1], thing[j - 1] = TRANSMISSION if view[node, 4] else REFLECTION, view[node, 0]
+        node = view[node, 1]
+    if corner >= 0:
+        n += 1
+        x, y = cx, cy
+        while far_view[far_node, 1] >= 0:
+            x, y = _mirror_point(plan, far_view[far_node, 0], far_image[far_node], x, y)
+            flat[n + 1, 0], flat[n + 1, 1] = x, y
+            kind[n], thing[n] = TRANSMISSION if far_view[far_node, 4] else REFLECTION, far_view[far_node, 0]
+            far_node = far_view[far_node, 1]
+            n += 1
+    flat[0, 0], flat[0, 1] = tx[0], tx[1]
+    flat[n + 1, 0], flat[n + 1, 1] = rx[0], rx[1]
+    return n
+
+
+@compiled
+def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: Room) -> int:
+    """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
+
+    Args:
+        plan: Walls and corners.
+        setting: Heights and materials.
+        tx_z: Height of the transmitter.
+        rx_z: Height of the receiver.
+        n: Number of interactions seen from above.
+        bounce: Reflections at floor and ceiling; positive if the ceiling comes first, negative for the floor.
+        room: Has the flat path, gets the path.
+    """
+    flat, point = room.flat, room.point
+    height = setting.high_m - setting.low_m
+    z = tx_z - setting.low_m
+    end = rx_z - setting.low_m
+    if bounce % 2:
+        end = height - end
+    end += bounce * height
+    total = 0.0
+    for j in range(n + 1):
+        total += np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
+    point[0, 0], point[0, 1], point[0, 2] = flat[0, 0], flat[0, 1], tx_z
+    m, done, way = 0, 0, 0.0
+    for j in range(n + 1):
+        step = np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
+        until = (way + step) / total if total > 0 else 1.0
+        if j == n:
+            until = 1.0
+        since = way / total if total > 0 else 0.0
+        while done < abs(bounce):
+            level = (done + 1) * height if bounce > 0 else -done * height
+            at = (level - z) / (end - z)
+            if at > until:
+                break
+            part = min(max((at - since) / (until - since), 0.0), 1.0) if until > since else 0.0
+            up = (done % 2 == 0) == (bounce > 0)
+            for i in range(2):
+                point[m + 1, i] = flat[j, i] + part * (flat[j + 1, i] - flat[j, i])
+            point[m + 1, 2] = setting.high_m if up else setting.low_m
+            room.kind[m], room.thing[m] = REFLECTION, len(setting.wall_eps) - (1 if up else 2)
+            room.normal[m, 0], room.normal[m, 1], room.normal[m, 2] = 0.0, 0.0, 1.0
+            room.eps[m] = setting.wall_eps[room.thing[m]]
+            m += 1
+            done += 1
+        way += step
+        if j == n:
+            break
+        level = z + until * (end - z)
+        folds = np.floor(level / height) if bounce != 0 else 0.0
+        level -= folds * height
+        if folds % 2 != 0:
+            level = height - level
+        point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = (
+            flat[j + 1, 0],
+            flat[j + 1, 1],
+            setting.low_m + level,
+        )
+        room.kind[m], room.thing[m] = room.flat_kind[j], room.flat_thing[j]
+        if room.kind[m] != DIFFRACTION:
+            wall = room.thing[m]
+            room.normal[m, 0], room.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
+            room.normal[m, 2] = 0.0
+            room.eps[m] = setting.wall_eps[wall]
+        m += 1
+    point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[n + 1, 0], flat[n + 1, 1], rx_z
+    return m
+
+
+@compiled
+def _most_on_a_side(m: int, room: Room) -> int:
+    """Reflections before the edge of the path in `room`, or after it if these are more."""
+    before = after = 0
+    for j in range(m):
+        if room.kind[j] == DIFFRACTION:
+            before, after = after, 0
+        elif room.kind[j] == REFLECTION:
+            after += 1
+    return max(before, after)
+
+
+@compiled
+def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tuple[float, float]:
+    """Length and power of the path in `room`, gain set; length -1 if it is none."""
+    n = 1.0
+    if corner >= 0:
+        ax, ay = plan.corner_along[corner, 0], plan.corner_along[corner, 1]
+        room.wedge[0, 2] = 1.0
+        room.wedge[1, 0], room.wedge[1, 1] = ax, ay
+        room.wedge[2, 0], room.wedge[2, 1] = -ay, ax
+        n = plan.corner_gap_rad[corner] / np.pi
+        for i in range(2):
+            room.wedge_eps[i] = setting.wall_eps[plan.corner_walls[corner, i]]
+    return weigh(setting, m, n, room)
+
+
+@compiled
+def _try_bounces(
+    plan: Plan,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    image: Float[np.ndarray, "b 2"],
+    view: Int[np.ndarray, "b 5"],
+    node: int,
+    corner: int,
+    far_image: Float[np.ndarray, "d 2"],
+    far_view: Int[np.ndarray, "d 5"],
+    far_node: int,
+    room: Room,
+    rank: Float[np.ndarray, "k 5"],
+    who: Int[np.ndarray, "k 4"],
+    count: int,
+) -> int:
+    """Enter a flat path into the list, with each allowed number of reflections at floor and ceiling."""
+    n = _lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, room)
+    most = setting.max_reflections - view[node, 2]
+    if corner >= 0:
+        most = setting.edge_reflections - view[node, 2] - far_view[far_node, 2]
+    up = min(most, 1 if not setting.has_floor else most) if setting.has_ceiling else 0
+    down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
+    new = np.empty(5)
+    for bounce in range(-down, up + 1):
+        m = _raise(plan, setting, tx[2], rx[2], n, bounce, room)
+        if m > setting.max_interactions:
+            continue
+        if corner >= 0 and bounce != 0 and _most_on_a_side(m, room) > setting.side_reflections:
+            continue
+        length, power = _weigh(plan, setting, corner, m, room)
+        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
+            continue
+        new[0], new[1] = power, length
+        p = room.point
+        new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0])
+        new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0])
+        new[4] = 1000 * m + bounce + (500 if corner >= 0 else 0)
+        count, place = enter(rank, who, count, new)
+        if place >= 0:
+            who[place, 0], who[place, 1], who[place, 2], who[place, 3] = node, corner, far_node, bounce
+    return count
+
+
+@compiled
+def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, float]:
+    """Distance of a point from a corner, and its angle from the first wall."""
+    v = plan.corner_vertex[corner]
+    dx, dy = x - plan.vertex[v, 0], y - plan.vertex[v, 1]
+    ax, ay = plan.corner_along[corner, 0], plan.corner_along[corner, 1]
+    angle = np.arctan2(ax * dy - ay * dx, ax * dx + ay * dy)
+    return np.hypot(dx, dy), angle if angle >= 0 else angle + 2 * np.pi
+
+
+@compiled
+def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
+    """Second entries sorted by the first ones (in order among equals), and where each begins."""
+    start = np.zeros(n + 1, np.int64)
+    for i in range(len(pairs)):
+        start[pairs[i, 0] + 1] += 1
+    for i in range(n):
+        start[i + 1] += start[i]
+    fill, second = start.copy(), np.empty(len(pairs), np.int64)
+    for i in range(len(pairs)):
+        second[fill[pairs[i, 0]]] = pairs[i, 1]
+        fill[pairs[i, 0]] += 1
+    return start, second
+
+
+@compiled
+def trace_links(
+    plan: Plan,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    around_tx: Int[np.ndarray, " s"],
+    rx: Float[np.ndarray, "r 3"],
+    target_start: Int[np.ndarray, " t1"],
+    target_list: Int[np.ndarray, " tr"],
+    far: Views,
+) -> Table:
+    """Strongest paths from one transmitter to many receivers.
+
+    Args:
+        plan: Walls, corners and triangles.
+        setting: Physics and limits.
+        tx: Position of the transmitter, around the plan's origin [m].
+        around_tx: Triangles that it lies in.
+        rx: Positions of receivers.
+        target_start: Where each triangle's receivers begin in target_list, and an end.
+        target_list: Receivers by triangle.
+        far: Views of the receivers onto corners.
+    """
+    n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx))
+    image, view, hit, corner_hit = cast(
+        plan,
+        around_tx,
+        tx[:2].copy(),
+        rx[:, :2].copy(),
+        target_start,
+        target_list,
+        setting.max_reflections,
+        setting.side_reflections,
+        setting.max_through,
+    )
+    hit_start, hit_view = _by_first(hit, n_rx)
+    near_start, near_view = _by_first(corner_hit, len(plan.corner_vertex))
+    near_sight = np.empty((len(near_view), 2))
+    for c in range(len(plan.corner_vertex)):
+        for j in range(near_start[c], near_start[c + 1]):
+            near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
+    room, rank, who = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    for i in range(n_rx):
+        count = 0
+        v = far.view_start[i]
+        far_image, far_view = far.image[v : far.view_start[i + 1]], far.chain[v : far.view_start[i + 1]]
+        for j in range(hit_start[i], hit_start[i + 1]):
+            node = hit_view[j]
+            if view[node, 2] + view[node, 3] > setting.max_interactions:
+                continue
+            if count == keep:
+                length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
+                if (2 * setting.wavenumber * length) ** -2 < rank[count - 1, 0]:
+                    continue
+            count = _try_bounces(
+                plan, setting, tx, rx[i], image, view, node, -1, image, view, 0, room, rank, who, count
+            )
+        for h in range(far.hit_start[i], far.hit_start[i + 1]):
+            corner, far_node = far.corner_hit[h]
+            if near_start[corner] == near_start[corner + 1]:
+                continue
+            after, phi = _corner_sight(plan, corner, far_image[far_node, 0], far_image[far_node, 1])
+            for j in range(near_start[corner], near_start[corner + 1]):
+                node = near_view[j]
+                if view[node, 2] + far_view[far_node, 2] > setting.edge_reflections:
+                    continue
+                through = view[node, 3] + far_view[far_node, 3]
+                if through > setting.max_through:
+                    continue
+                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_interactions:
+                    continue
+                before = near_sight[j, 0]
+                if before < NOWHERE_M or after < NOWHERE_M:
+                    continue
+                if count == keep:
+                    gap, k = plan.corner_gap_rad[corner], setting.wavenumber
+                    if edge_bound(phi, near_sight[j, 1], gap, k, before, after) < rank[count - 1, 0]:
+                        continue
+                count = _try_bounces(
+                    plan,
+                    setting,
+                    tx,
+                    rx[i],
+                    image,
+                    view,
+                    node,
+                    corner,
+                    far_image,
+                    far_view,
+                    far_node,
+                    room,
+                    rank,
+                    who,
+                    count,
+                )
+        table.found[i] = count
+        for j in range(count):
+            node, corner, far_node, bounce = who[j]
+            n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, room)
+            m = _raise(plan, setting, tx[2], rx[i, 2], n, bounce, room)
+            length, power = _weigh(plan, setting, corner, m, room)
+            write_row(table, i * keep + j, length, power, m, room)
+    return table

@@ -1,0 +1,270 @@
+"""The strongest paths of links among any triangles: images over facets, bent at edges, each leg looked at.
+
+Chains of images of the transmitter are walked depth first (`wireless.geometry.images`). For each receiver in the cone
+of an image the way is walked back from the receiver, and is a path if each point lies in its facet and its
+legs meet no more walls than may be passed. At an edge the ways from both ends are unfolded into one straight
+line (the ray leaves at the angle it arrives, Keller's law), which gives the point on the edge: edges that
+images of the transmitter see are joined with those in the cones of the receiver's images.
+
+Nothing is sampled. What cannot enter a link's list is not computed, by the bounds that floor plans have too
+(`wireless.tracing.plan_engine`), which are faster and find the same paths.
+"""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.em.diffraction import edge_bound
+from wireless.em.fields import NOWHERE_M
+from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
+from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread
+from wireless.geometry.occlusion import NEAR_M, Boxes
+from wireless.support.compiled import compiled
+from wireless.tracing.space_paths import (
+    ASIDE_M,
+    edge_sight,
+    images_over,
+    is_open,
+    lay,
+    pass_walls,
+    try_path,
+    weigh_path,
+)
+from wireless.tracing.table import Room, Setting, Table, make_room, make_table, most_interactions, write_row
+
+#: With fewer receivers, asking each costs less than finding out whether the last patch is seen at all.
+_FEW = 32
+
+
+@compiled
+def _reflect(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    rx_boxes: Boxes,
+    room: Room,
+    rank: Float[np.ndarray, "r k 5"],
+    best: Int[np.ndarray, "r k w"],
+    count: Int[np.ndarray, " r"],
+) -> None:
+    """Enter all ways without diffraction into the lists of their links; chains are walked depth first."""
+    most, keep, k2 = most_interactions(setting), rank.shape[1], 2 * setting.wavenumber
+    views, n = new_views(64, setting.max_reflections), 1
+    views.image[0, 0] = tx
+    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
+    piece, points, who = np.empty((PIECES, MAX_CORNERS, 3)), np.empty((most, 3)), np.zeros(3 + most, np.int64)
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    here = np.empty(len(rx), np.int64)
+    while n > 0:
+        n -= 1
+        order = views.order[n]
+        n_planes = cone_of(space, views, n, plane)
+        image, chain = views.image[n], views.chain[n]
+        who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
+        for h in range(meeting(rx_boxes, plane, n_planes, here)):
+            r = here[h]
+            inside = True
+            for k in range(n_planes):
+                depth = SLACK_M - plane[k, 3]
+                for i in range(3):
+                    depth += plane[k, i] * rx[r, i]
+                inside = inside and depth >= 0
+            if not inside:
+                continue
+            if count[r] == keep:
+                length2 = 0.0
+                for i in range(3):
+                    length2 += (image[order, i] - rx[r, i]) ** 2
+                if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
+                    continue
+            m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
+            if m >= 0:
+                count[r] = try_path(
+                    space, setting, tx, rx[r], points, m, who, room, where, which, rank[r], best[r], count[r]
+                )
+        if order < setting.max_reflections:
+            worth = order + 1 < setting.max_reflections or len(rx) > _FEW
+            occluding = worth and setting.max_through == 0
+            views, n = spread(space, views, n, n, occluding, plane, found, piece)
+
+
+@compiled
+def _widen(
+    line: Float[np.ndarray, "k 3"], image: Float[np.ndarray, "3"], strip: Float[np.ndarray, "4 3"]
+) -> None:
+    """Make a strip across the view of a line, so narrow that it is seen if the line is seen or touched."""
+    size, across = 0.0, np.empty(3)
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        across[i] = (line[1, a] - line[0, a]) * (image[b] - line[0, b]) - (line[1, b] - line[0, b]) * (
+            image[a] - line[0, a]
+        )
+        size += across[i] ** 2
+    across *= ASIDE_M / np.sqrt(size) if size > 0 else 0.0
+    for i in range(3):
+        strip[0, i], strip[1, i] = line[0, i] - across[i], line[1, i] - across[i]
+        strip[2, i], strip[3, i] = line[1, i] + across[i], line[0, i] + across[i]
+
+
+@compiled
+def _lit_edges(
+    space: Space, views: Views, n: int, occluding: bool
+) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
+    """Pairs of edge and view that sees it, by edge, and where the image is (`edge_sight`)."""
+    found, pair, sight, h = (
+        np.empty(len(space.surfaces.edge), np.int64),
+        np.empty((64, 2), np.int64),
+        np.empty((64, 3)),
+        0,
+    )
+    plane, piece = np.empty((MAX_CORNERS + 1, 4)), np.empty((PIECES, MAX_CORNERS, 3))
+    line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
+    strip = np.empty((4, 3))
+    for v in range(n):
+        n_planes = cone_of(space, views, v, plane)
+        if n_planes > 0:
+            behind[:] = plane[n_planes - 1]
+        image = views.image[v, views.order[v]]
+        for j in range(meeting(space.edge_boxes, plane, n_planes, found)):
+            edge = found[j]
+            z, distance, angle = edge_sight(space, edge, image)
+            if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
+                continue
+            ends[:] = space.surfaces.edge[edge]
+            if clipped(ends, 2, plane, n_planes, line, piece[0]) == 0:
+                continue
+            _widen(line, image, strip)
+            if occluding and not sees(
+                space.tree, space.tree_wall, space.wall, space.wall_corners, image, behind, strip, 4, piece
+            ):
+                continue
+            if h == len(pair):
+                pair, sight = np.concatenate((pair, pair)), np.concatenate((sight, sight))
+            pair[h, 0], pair[h, 1] = edge, v
+            sight[h, 0], sight[h, 1], sight[h, 2] = z, distance, angle
+            h += 1
+    order = np.argsort(pair[:h, 0], kind="mergesort")
+    return pair[order], sight[order]
+
+
+@compiled
+def _bend(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    room: Room,
+    rank: Float[np.ndarray, "r k 5"],
+    best: Int[np.ndarray, "r k w"],
+    count: Int[np.ndarray, " r"],
+) -> None:
+    """Enter all ways over an edge into the lists of their links."""
+    most, keep, orders = most_interactions(setting), rank.shape[1], setting.edge_reflections
+    occluding = setting.max_through == 0
+    side = setting.side_reflections
+    near, n_near = all_views(space, tx, side, occluding)
+    pair, sight = _lit_edges(space, near, n_near, occluding)
+    start = np.searchsorted(pair[:, 0], np.arange(len(space.surfaces.edge) + 1))
+    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.surfaces.edge), np.int64)
+    points, who = np.empty((most, 3)), np.zeros(3 + most, np.int64)
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    for r in range(len(rx)):
+        far, n_far = all_views(space, rx[r], side, occluding)
+        for v in range(n_far):
+            after = far.order[v]
+            image = far.image[v, after]
+            n_planes = cone_of(space, far, v, plane)
+            for e in range(meeting(space.edge_boxes, plane, n_planes, found)):
+                edge = found[e]
+                if start[edge] == start[edge + 1]:
+                    continue
+                gap = space.surfaces.edge_gap_rad[edge]
+                far_z, far_m, phi = edge_sight(space, edge, image)
+                if far_m < NOWHERE_M or not is_open(gap, far_m, phi):
+                    continue
+                end = 0.0
+                for i in range(3):
+                    end += space.surfaces.edge_wedge[edge, 0, i] * (
+                        space.surfaces.edge[edge, 1, i] - space.surfaces.edge[edge, 0, i]
+                    )
+                for j in range(start[edge], start[edge + 1]):
+                    w = pair[j, 1]
+                    before = near.order[w]
+                    near_z, near_m = sight[j, 0], sight[j, 1]
+                    z = (near_z * far_m + far_z * near_m) / (near_m + far_m)
+                    if before + after > orders:  # views come by order
+                        break
+                    if z < -NEAR_M or z > end + NEAR_M:
+                        continue
+                    if count[r] == keep:
+                        most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
+                        if most_power < rank[r, keep - 1, 0]:
+                            continue
+                    m = lay(
+                        space,
+                        tx,
+                        rx[r],
+                        (near.image[w], near.chain[w], before),
+                        edge,
+                        (far.image[v], far.chain[v], after),
+                        points,
+                        room,
+                    )
+                    if m < 0:
+                        continue
+                    who[0], who[1], who[2] = edge, before, after
+                    who[3 : 3 + before] = near.chain[w, :before]
+                    who[3 + before : 3 + before + after] = far.chain[v, :after]
+                    count[r] = try_path(
+                        space,
+                        setting,
+                        tx,
+                        rx[r],
+                        points,
+                        m,
+                        who,
+                        room,
+                        where,
+                        which,
+                        rank[r],
+                        best[r],
+                        count[r],
+                    )
+
+
+@compiled
+def trace_space(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    rx_boxes: Boxes,
+) -> Table:
+    """Strongest paths from one transmitter to many receivers.
+
+    Args:
+        space: Surfaces.
+        setting: Physics and limits; permittivities are those of facets.
+        tx: Position of the transmitter, around the space's origin [m].
+        rx: Positions of receivers.
+        rx_boxes: Receivers, sorted into boxes.
+    """
+    keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
+    rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
+    room, points, count = make_room(setting), np.empty((most, 3)), table.found
+    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, count)
+    if setting.edge_reflections >= 0 and len(space.surfaces.edge):
+        _bend(space, setting, tx, rx, room, rank, best, count)
+    for r in range(len(rx)):
+        for j in range(count[r]):
+            edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
+            near = best[r, j, 3 : 3 + before]
+            far = best[r, j, 3 + before : 3 + before + after]
+            ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
+            m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
+            if setting.max_through > 0:
+                m = pass_walls(space, setting, m, room, where, which)
+            length, power = weigh_path(space, setting, m, room)
+            write_row(table, r * keep + j, length, power, m, room)
+    return table

@@ -1,0 +1,204 @@
+"""Tables of the strongest paths of links, and the arrays in which one path is worked out and weighed.
+
+Floor plans and spaces find paths in their own ways, and lay out, weigh and keep them alike.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Complex, Float, Int
+
+from wireless.em.fields import path_gain
+from wireless.support.compiled import compiled
+
+
+class Setting(NamedTuple):
+    """What paths are made of and which are kept."""
+
+    wall_eps: Complex[np.ndarray, " n"]
+    """Relative permittivity of each wall, then of floor and ceiling."""
+    low_m: float
+    """Height of the floor."""
+    high_m: float
+    """Height of the ceiling."""
+    has_floor: bool
+    """Whether the floor reflects."""
+    has_ceiling: bool
+    """Whether the ceiling reflects."""
+    wavenumber: float
+    """2 pi over the wavelength [1/m]."""
+    max_reflections: int
+    """Most reflections on a path without diffraction."""
+    edge_reflections: int
+    """Most reflections on a path with diffraction; -1 for no diffraction."""
+    side_reflections: int
+    """Most of them before the edge, and after it; at most edge_reflections."""
+    max_through: int
+    """Most walls that a path passes."""
+    max_interactions: int
+    """Most interactions of a path, of all kinds."""
+    wall_m: tuple[float, float]
+    """Thickness of a layer of all walls, 0 for half-spaces, and of the air between two of them."""
+    vertical: float
+    """Weight of the power from theta to theta."""
+    horizontal: float
+    """Weight of the power from phi to phi."""
+    crossed: float
+    """Weight of the power from either to the other."""
+    keep: int
+    """Most paths of a link."""
+
+
+class Table(NamedTuple):
+    """Paths of links, `keep` rows for each receiver, strongest first."""
+
+    found: Int[np.ndarray, " r"]
+    """Paths of each receiver."""
+    power: Float[np.ndarray, " q"]
+    """Power gain by the setting's weights."""
+    gain: Complex[np.ndarray, "q 2 2"]
+    """See `wireless.em.fields.path_gain`."""
+    length_m: Float[np.ndarray, " q"]
+    """Unfolded length."""
+    order: Int[np.ndarray, " q"]
+    """Number of interactions."""
+    kind: Int[np.ndarray, "q m"]
+    """Kind of each interaction, 0 beyond the last."""
+    thing: Int[np.ndarray, "q m"]
+    """Wall (floor and ceiling after the last) or corner; -1 beyond the last."""
+    point: Float[np.ndarray, "q m2 3"]
+    """Transmitter, interactions, receiver, around the plan's origin [m]; zeros beyond."""
+
+
+class Room(NamedTuple):
+    """Arrays to work in."""
+
+    flat: Float[np.ndarray, "m2 2"]
+    flat_kind: Int[np.ndarray, " m"]
+    flat_thing: Int[np.ndarray, " m"]
+    point: Float[np.ndarray, "m2 3"]
+    kind: Int[np.ndarray, " m"]
+    thing: Int[np.ndarray, " m"]
+    normal: Float[np.ndarray, "m 3"]
+    eps: Complex[np.ndarray, " m"]
+    wedge: Float[np.ndarray, "3 3"]
+    wedge_eps: Complex[np.ndarray, "2"]
+    gain: Complex[np.ndarray, "2 2"]
+    work: Float[np.ndarray, "8 3"]
+    field: Complex[np.ndarray, "2 3"]
+
+
+@compiled
+def most_interactions(setting: Setting) -> int:
+    """How many interactions a path can have."""
+    return max(setting.max_reflections, setting.edge_reflections + 1, 1) + setting.max_through
+
+
+@compiled
+def make_table(setting: Setting, n_rx: int) -> Table:
+    """Table with room for all paths of so many receivers, and none in it."""
+    most, rows = most_interactions(setting), n_rx * setting.keep
+    return Table(
+        np.zeros(n_rx, np.int64),
+        np.zeros(rows),
+        np.zeros((rows, 2, 2), np.complex128),
+        np.zeros(rows),
+        np.zeros(rows, np.int64),
+        np.zeros((rows, most), np.int64),
+        np.full((rows, most), -1, np.int64),
+        np.zeros((rows, most + 2, 3)),
+    )
+
+
+@compiled
+def make_room(setting: Setting) -> Room:
+    """Arrays to work out one path in."""
+    most = most_interactions(setting)
+    return Room(
+        np.zeros((most + 2, 2)),
+        np.zeros(most, np.int64),
+        np.zeros(most, np.int64),
+        np.zeros((most + 2, 3)),
+        np.zeros(most, np.int64),
+        np.zeros(most, np.int64),
+        np.zeros((most, 3)),
+        np.zeros(most, np.complex128),
+        np.zeros((3, 3)),
+        np.zeros(2, np.complex128),
+        np.zeros((2, 2), np.complex128),
+        np.zeros((8, 3)),
+        np.zeros((2, 3), np.complex128),
+    )
+
+
+@compiled
+def write_row(table: Table, row: int, length_m: float, power: float, m: int, room: Room) -> None:
+    """Put the path of m interactions in `room` into a table."""
+    table.length_m[row], table.power[row] = length_m, power
+    table.gain[row], table.order[row] = room.gain, m
+    table.kind[row, :m], table.thing[row, :m] = room.kind[:m], room.thing[:m]
+    table.point[row, : m + 2] = room.point[: m + 2]
+
+
+@compiled
+def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
+    """Power of a path by the setting's weights of polarisations."""
+    power = setting.vertical * abs(gain[0, 0]) ** 2 + setting.horizontal * abs(gain[1, 1]) ** 2
+    return power + setting.crossed * (abs(gain[0, 1]) ** 2 + abs(gain[1, 0]) ** 2)
+
+
+@compiled
+def weigh(setting: Setting, m: int, n: float, room: Room) -> tuple[float, float]:
+    """Length and power of the path of m interactions laid out in `room`, gain set; length -1 if it is none.
+
+    A wedge on the way, if there is one, fills an angle of (2 - n) pi.
+    """
+    length = path_gain(
+        room.point,
+        room.kind,
+        m,
+        room.normal,
+        room.eps,
+        room.wedge,
+        n,
+        room.wedge_eps,
+        setting.wavenumber,
+        setting.wall_m,
+        room.gain,
+        room.work,
+        room.field,
+    )
+    if length < 0:
+        return length, 0.0
+    return length, weighted(setting, room.gain)
+
+
+@compiled
+def enter(
+    rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k 4"], count: int, new: Float[np.ndarray, "5"]
+) -> tuple[int, int]:
+    """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
+
+    Rows of rank are power, length, directions at both ends and a number for the sequence of interactions:
+    what agrees in all is one path, found twice because it passes an end of a wall.
+    """
+    place = count
+    while place > 0 and rank[place - 1, 0] < new[0]:
+        place -= 1
+    for step in (-1, 1):
+        j = place - 1 if step < 0 else place
+        while 0 <= j < count and abs(rank[j, 0] - new[0]) <= 1e-6 * new[0]:
+            same = abs(rank[j, 1] - new[1]) < 1e-8 and rank[j, 4] == new[4]
+            for i in (2, 3):
+                off = abs(rank[j, i] - new[i])
+                same = same and min(off, 2 * np.pi - off) < 1e-6
+            if same:
+                return count, -1
+            j += step
+    if place >= len(rank):
+        return count, -1
+    count = min(count + 1, len(rank))
+    for j in range(count - 1, place, -1):
+        rank[j], who[j] = rank[j - 1], who[j - 1]
+    rank[place] = new
+    return count, place

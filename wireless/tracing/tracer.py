@@ -1,0 +1,427 @@
+"""Radio paths between points in a building: line of sight, reflections, diffraction, by exact geometry.
+
+    paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
+
+A mesh that was extruded from a floor plan is traced as one: views through its exact outline
+(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh is traced in
+space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The building's own
+work (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
+
+Left out: more than one diffraction on a path, scattering by rough walls.
+"""
+
+import logging
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import trimesh
+from jaxtyping import Complex, Float, Int, Integer
+from scipy.constants import speed_of_light
+
+from wireless.em.materials import permittivity
+from wireless.geometry.extruded import Extruded, find_extruded
+from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
+from wireless.geometry.images import make_space
+from wireless.geometry.occlusion import make_boxes
+from wireless.geometry.plan import REACH_M, Locator, make_plan
+from wireless.paths import Paths
+from wireless.tracing.blocks import Rows, trace_blocks
+from wireless.tracing.plan_engine import trace_links, views_of
+from wireless.tracing.space_engine import trace_space
+from wireless.tracing.table import Setting, Table
+
+logger = logging.getLogger(__name__)
+
+#: Most reflections of a path, walls that it passes, and paths of a link. The list of a link takes memory for each of
+#: its paths; each reflection more takes a half to three times longer (12 of them: a second a link of a home's exact
+#: outline, where 3 take 30 ms), and costs a drywall's path some 10 dB.
+MOST_IN_A_ROW, MOST_PATHS = 12, 5000
+#: Thickest layer of a wall, and widest gap between two [m].
+THICKEST_M = 100.0
+#: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
+MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
+#: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
+POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
+
+
+class SceneError(ValueError):
+    """A mesh that cannot be traced."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TracerConfig:
+    """Which paths are looked for, and how many are kept."""
+
+    max_reflections: int = 3
+    """Most reflections on a path without diffraction; 12 at most."""
+    diffraction: bool = True
+    """Whether edges diffract."""
+    diffraction_reflections: int = 1
+    """Most reflections, before and after together, on a path with diffraction; 12 at most."""
+    diffraction_side_reflections: int | None = None
+    """Most of them on either side of the edge; None for no such limit."""
+    floor_ceiling: bool = False
+    """Whether floor and ceiling reflect; these reflections count like those of walls."""
+    max_transmissions: int = 0
+    """Most walls that a path goes straight through, 12 at most; needs wall_thickness_m."""
+    max_interactions: int | None = None
+    """Most interactions on a path, walls that it passes included; None for no such limit."""
+    wall_thickness_m: float | None = None
+    """Thickness of all walls, which are layers then [m]; None for half-spaces."""
+    wall_gap_m: float = 0.0
+    """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
+    max_paths: int = 25
+    """Most paths of a link, 5000 at most; the strongest are kept."""
+    polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
+    """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
+    scene: Literal["auto", "plan", "space"] = "auto"
+    """Trace as floor plan, in space, or as floor plan if it is one."""
+    snap_m: float = 1e-6
+    """Ends of walls closer than this are one [m]."""
+
+    def __post_init__(self) -> None:
+        if self.scene not in ("auto", "plan", "space"):
+            raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        for name, low, high in (
+            ("max_reflections", 0, MOST_IN_A_ROW),
+            ("diffraction_reflections", 0, MOST_IN_A_ROW),
+            ("max_transmissions", 0, MOST_IN_A_ROW),
+            ("max_paths", 1, MOST_PATHS),
+        ):
+            value = getattr(self, name)
+            if not (_whole(value) and low <= value <= high):
+                raise ValueError(f"{name} is {_cut(value)}, expected a whole number from {low} to {high}.")
+        for name in ("diffraction_side_reflections", "max_interactions"):
+            value = getattr(self, name)
+            if value is not None and not (_whole(value) and 0 <= value <= MOST_INTERACTIONS):
+                raise ValueError(
+                    f"{name} is {_cut(value)}, expected a whole number from 0 to {MOST_INTERACTIONS}, or None."
+                )
+        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m <= THICKEST_M:
+            raise ValueError(
+                f"wall_thickness_m is {self.wall_thickness_m}, expected more than 0 and at most {THICKEST_M:g} m, or "
+                "None."
+            )
+        if not 0 <= self.wall_gap_m <= THICKEST_M:
+            raise ValueError(
+                f"wall_gap_m is {self.wall_gap_m}, expected 0 (walls of one layer) to {THICKEST_M:g} m."
+            )
+        if self.wall_gap_m and self.wall_thickness_m is None:
+            raise ValueError(
+                f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
+                "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
+            )
+        if self.max_transmissions and self.wall_thickness_m is None:
+            raise ValueError(
+                f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
+                "Give wall_thickness_m, such as 0.1."
+            )
+        if self.polarisation not in POLARISATIONS:
+            raise ValueError(
+                f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
+            )
+        if not 1e-9 <= self.snap_m <= 1e-2:
+            raise ValueError(
+                f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
+            )
+
+
+def _cut(value: object) -> str:
+    """A value as messages show it."""
+    text = str(value)
+    return text if len(text) <= 60 else f"{text[:60]}..."
+
+
+def _whole(value: object) -> bool:
+    """Whether a value is a whole number."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+class _PlanScene:
+    """A floor plan, and how its links are traced."""
+
+    def __init__(
+        self,
+        extruded: Extruded,
+        face_eps: Complex[np.ndarray, " n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        self.plan = make_plan(extruded.walls, config.snap_m)
+        self.extruded = extruded
+        self.origin = np.append(self.plan.origin, 0.0)
+        self._locate = Locator(self.plan, 2 * config.snap_m)
+        faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
+        self._setting = setting(face_eps[faces])._replace(
+            low_m=extruded.low_m,
+            high_m=extruded.high_m,
+            has_floor=config.floor_ceiling and extruded.floor_face >= 0,
+            has_ceiling=config.floor_ceiling and extruded.ceiling_face >= 0,
+        )
+        logger.info(
+            "Floor plan of %d walls and %d corners", len(extruded.walls), len(self.plan.corner_vertex)
+        )
+
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
+        low, high = self.extruded.low_m, self.extruded.high_m
+        for name, points in (("tx", tx), ("rx", rx)):
+            z = points[:, 2]
+            if not np.all((z >= low) & (z <= high)):
+                raise ValueError(
+                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
+                    "floor and ceiling. Trace other points with scene='space'."
+                )
+        around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
+        order, through = self._setting.side_reflections, self._setting.max_through
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
+            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
+            targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
+            tx_start, tx_triangle = _part(*around_tx, txs)
+            for i, one in enumerate(tx[txs]):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                yield trace_links(self.plan, self._setting, one, around, some, *targets, views)
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
+
+
+class _SpaceScene:
+    """Any triangles, and how links among them are traced."""
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        face_material: Int[np.ndarray, " n"],
+        face_eps: Complex[np.ndarray, " n"],
+        setting: Callable[[np.ndarray], Setting],
+        config: TracerConfig,
+    ):
+        self.origin = np.round(mesh.bounds.mean(axis=0), 3)
+        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(moved, face_material, config.snap_m)
+        ground = floor_and_ceiling(surfaces)
+        surfaces = without_rims(surfaces, ground)
+        mirrors = ~ground | config.floor_ceiling
+        self.space = make_space(surfaces, mirrors)
+        self._setting = setting(face_eps[surfaces.facet_face])
+        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            some = rx[rxs]
+            boxes = make_boxes(some, some)
+            for one in tx[txs]:
+                yield trace_space(self.space, self._setting, one, some, boxes)
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
+
+
+class Tracer:
+    """A building made ready for tracing.
+
+    Args:
+        mesh: Walls (and floor and ceiling) as triangles [m], z up. Which way they face does not matter.
+        materials: Radio materials, by the names of `wireless.em.materials`.
+        face_material: What each face is made of, index into materials; None if all are of the first.
+        frequency_hz: Carrier frequency.
+        config: Which paths to look for; None for the defaults.
+
+    Raises:
+        ValueError: If a material is unknown at this frequency, or face_material does not fit.
+        SceneError: If the mesh has no area, corners that it does not have or that are not finite, or is so large
+            that it cannot be in metres.
+    """
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        *,
+        materials: tuple[str, ...] = ("drywall",),
+        face_material: Integer[np.ndarray, " n_faces"] | None = None,
+        frequency_hz: float = 28e9,
+        config: TracerConfig | None = None,
+    ):
+        self.config = config or TracerConfig()
+        self.frequency_hz = float(frequency_hz)
+        _check_mesh(mesh, self.config.snap_m)
+        n_faces = len(mesh.faces)
+        of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
+        if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
+            raise ValueError(
+                f"face_material has shape {of_face.shape} of {of_face.dtype}, expected ({n_faces},) whole numbers."
+            )
+        if of_face.min() < 0 or of_face.max() >= len(materials):
+            raise ValueError(
+                f"face_material has values {of_face.min()} to {of_face.max()}, expected indices into "
+                f"{len(materials)} materials."
+            )
+        of_face = of_face.astype(np.int64)
+        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
+        plan = None
+        if self.config.scene != "space":
+            plan = find_extruded(mesh, of_face, self.config.snap_m)
+        if plan is None and self.config.scene == "plan":
+            raise SceneError(
+                "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
+                "Trace it with scene='space'."
+            )
+        if plan is not None:
+            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, eps, self._setting, self.config)
+        else:
+            self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
+
+    def trace(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        *,
+        workers: int | None = None,
+    ) -> Paths:
+        """Paths of all links between transmitters and receivers.
+
+        A point on a wall (within 1e-9 m) is on both sides of it, and has no reflection at it. A path shorter than the
+        wavelength over 2 pi (1.7 mm at 28 GHz), where there is no far field yet, is as strong as at that length: no
+        more arrives than was sent. A receiver where the transmitter is gets echoes only, as no direction leads there.
+
+        Args:
+            tx: Positions of transmitters [m].
+            rx: Positions of receivers [m].
+            workers: Threads that many links are traced in; None for one on each available core. The paths
+                do not depend on it.
+
+        Returns:
+            Paths by transmitter, receiver and falling power.
+
+        Raises:
+            ValueError: If there are no points, or one is not finite, kilometres away, or in a floor plan not
+                between floor and ceiling, or there is no worker.
+        """
+        tx, rx = np.asarray(tx, float), np.asarray(rx, float)
+        for name, points in (("tx", tx), ("rx", rx)):
+            if points.ndim != 2 or points.shape[1] != 3 or not len(points) or not np.isfinite(points).all():
+                raise ValueError(
+                    f"{name} has shape {points.shape}, expected (n, 3), one or more finite positions [m]."
+                )
+            far = np.abs(points - self.scene.origin).max()
+            if far >= REACH_M:
+                raise ValueError(
+                    f"{name} has a position {far:g} m from the middle of the mesh, expected under {REACH_M:g} m."
+                )
+        if workers is not None and not (_whole(workers) and workers >= 1):
+            raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
+        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
+        return self._paths(tx, rx, tables)
+
+    def _setting(self, eps: Complex[np.ndarray, " n"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets of some permittivities."""
+        config = self.config
+        vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
+        bent, side = config.diffraction_reflections, config.diffraction_side_reflections
+        return Setting(
+            wall_eps=eps,
+            low_m=0.0,
+            high_m=0.0,
+            has_floor=False,
+            has_ceiling=False,
+            wavenumber=2 * np.pi * self.frequency_hz / speed_of_light,
+            max_reflections=config.max_reflections,
+            edge_reflections=bent if config.diffraction else -1,
+            side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
+            max_through=config.max_transmissions,
+            max_interactions=np.iinfo(np.int64).max
+            if config.max_interactions is None
+            else config.max_interactions,
+            wall_m=(config.wall_thickness_m or 0.0, config.wall_gap_m),
+            vertical=vertical,
+            horizontal=horizontal,
+            crossed=crossed,
+            keep=config.max_paths,
+        )
+
+    def _paths(
+        self,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        rows: Rows,
+    ) -> Paths:
+        tables = [table for row in rows for table, _ in row]
+        owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
+        sender = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
+
+        def column(name: str) -> np.ndarray:
+            return np.concatenate([getattr(table, name) for table in tables])
+
+        order, point = column("order"), column("point")
+        row = np.arange(len(order))
+        out, back = point[row, 1] - point[row, 0], point[row, order] - point[row, order + 1]
+        inner = point[:, 1:-1] + self.scene.origin
+        inner[np.arange(inner.shape[1]) >= order[:, None]] = np.nan
+        return Paths(
+            tx_position=tx,
+            rx_position=rx,
+            frequency_hz=self.frequency_hz,
+            tx=np.concatenate(sender),
+            rx=np.concatenate(owner),
+            gain=column("gain"),
+            power=column("power"),
+            delay_s=column("length_m") / speed_of_light,
+            aoa_az=np.arctan2(back[:, 1], back[:, 0]),
+            aoa_el=np.arctan2(back[:, 2], np.hypot(back[:, 0], back[:, 1])),
+            aod_az=np.arctan2(out[:, 1], out[:, 0]),
+            aod_el=np.arctan2(out[:, 2], np.hypot(out[:, 0], out[:, 1])),
+            order=order.astype(np.uint8),
+            interaction=column("kind").astype(np.uint8),
+            thing=column("thing"),
+            point=inner,
+        )
+
+
+def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
+    """Raise SceneError for a mesh that is none, or in no metres."""
+    vertex, face = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
+    if not len(face) or not np.isfinite(vertex).all():
+        raise SceneError(f"The mesh has {len(face)} faces and must have some, with finite vertices.")
+    wrong = np.flatnonzero(((face < 0) | (face >= len(vertex))).any(axis=1))
+    if len(wrong):
+        raise SceneError(
+            f"Face {wrong[0]} of the mesh has the vertices {face[wrong[0]].tolist()}, expected numbers from 0 to "
+            f"{len(vertex) - 1}, as there are {len(vertex)} vertices."
+        )
+    with np.errstate(over="ignore"):
+        span = np.ptp(vertex, axis=0).max()
+    if span >= REACH_M:
+        raise SceneError(f"The mesh is {span:g} m long, expected under {REACH_M:g} m. Is it in millimetres?")
+    side = np.diff(vertex[face[:, [0, 1, 2, 0]]], axis=1)
+    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
+    if not np.any(area > snap_m * np.linalg.norm(side, axis=2).max(axis=1)):
+        raise SceneError(
+            f"None of the {len(face)} triangles of the mesh is wider than {snap_m:g} m: it has no walls. "
+            "Is it in metres?"
+        )
+
+
+def _by_triangle(
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
+) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
+    """Points of each triangle, from the triangles of each point."""
+    point = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    order = np.argsort(triangle, kind="stable")
+    return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
+
+
+def _part(
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
+) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
+    """The triangles of some points in a row, counted from their own first."""
+    first, last = start[some.start], start[some.stop]
+    return start[some.start : some.stop + 1] - first, triangle[first:last]
