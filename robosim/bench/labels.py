@@ -132,7 +132,7 @@ def _key(data: Path, plan: Path, unit: Unit) -> str:
         Path(label_adjacent.__file__),
         Path(label_links.__file__),
         Path(label_walls.__file__),
-        *sorted(Path(wireless.__file__).parent.glob("*.py")),
+        *sorted(Path(wireless.__file__).parent.rglob("*.py")),
     ]
     code = b"".join(path.read_bytes() for path in sources)
     return hashlib.sha256(repr(TRACER).encode() + code + content).hexdigest()[:16]

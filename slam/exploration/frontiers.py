@@ -48,7 +48,7 @@ def find_frontiers(
         given_up: Places (x, y) [m] whose surroundings are ignored.
     """
     edge = _edge(box, given_up)
-    label = cv2.connectedComponents(edge.astype(np.uint8), connectivity=8)[1]
+    label = np.asarray(cv2.connectedComponents(edge.astype(np.uint8), connectivity=8)[1], np.int32)
     cells = np.argwhere(edge)
     run = label[cells[:, 0], cells[:, 1]]
     size = np.bincount(run, minlength=1)

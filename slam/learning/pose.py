@@ -15,13 +15,10 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor
 
-from slam.networks.pose_network import INPUTS, UNIT, PoseNetwork, PoseNetworkConfig, surprise
+from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork, PoseNetworkConfig, surprise
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
 from slam.support.checks import check_numbers
-
-#: Standard deviation of predicted poses in training: x, y [m], yaw [rad].
-SPREAD = UNIT
 
 
 @dataclass(frozen=True, kw_only=True)

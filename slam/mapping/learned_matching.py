@@ -18,11 +18,10 @@ import numpy as np
 import torch
 from jaxtyping import Float
 
-from slam.learning.pose import SPREAD
 from slam.mapping.occupancy import OccupancyGrid
 from slam.mapping.scan_matching import Match
 from slam.networks.features import Features
-from slam.networks.pose_network import INPUTS, UNIT, PoseNetwork
+from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
 from slam.poses import compose
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan

@@ -20,6 +20,8 @@ from slam.support.checks import check_numbers
 INPUTS = 5
 #: What counts as 1 in the network's answers: x, y [m], yaw [rad].
 UNIT = (0.05, 0.05, 0.04)
+#: Standard deviation of predicted poses in training, the prior in the answers: x, y [m], yaw [rad].
+SPREAD = UNIT
 #: Channels of a scale, and weights of the layer that sees the whole patch.
 WIDEST, MOST_WEIGHTS = 512, 20_000_000
 

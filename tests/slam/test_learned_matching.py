@@ -8,10 +8,10 @@ import torch
 from scipy.stats import multivariate_normal
 from torch import nn
 
-from slam.learning.pose import SPREAD, Pairs, PoseRecipe, batch_of, pose_scores, train_pose
+from slam.learning.pose import Pairs, PoseRecipe, batch_of, pose_scores, train_pose
 from slam.mapping.learned_matching import LearnedMatchConfig, LearnedMatcher
 from slam.mapping.occupancy import OccupancyGrid
-from slam.networks.pose_network import UNIT, PoseNetwork, PoseNetworkConfig, surprise
+from slam.networks.pose_network import SPREAD, UNIT, PoseNetwork, PoseNetworkConfig, surprise
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
 from slam.sensing.projection import Scan

@@ -392,5 +392,5 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
 @pytest.mark.parametrize("name", ["compiled", "compiled_files"])
 def test_slam_and_wireless_compile_alike(name):
     """Neither package imports the other, so that both have these files: one text."""
-    one, other = (inspect.getsource(getattr(package, name)) for package in (wireless, slam))
+    one, other = (inspect.getsource(getattr(package.support, name)) for package in (wireless, slam))
     assert one == other

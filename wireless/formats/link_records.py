@@ -239,7 +239,7 @@ def read_rays(path: str | PathLike[str]) -> Rays:
     with reading(Path(path), _WHAT, _REMEDY) as file:
         table = _table(file, ["n_paths", *(f"path_{name}" for name in names)])
         count = values(table, "n_paths", COLUMNS["n_paths"][0]).astype(np.int64)
-        there = np.arange(max(1, count.max(initial=0))) < count[:, None]
+        there = np.arange(max(1, int(count.max(initial=0)))) < count[:, None]
 
         def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n most"]:
             entries, lengths = lists(table, f"path_{name}", _FLOATS)
