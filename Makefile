@@ -28,6 +28,7 @@ test: $(VENV)/.test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
 
 # Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.

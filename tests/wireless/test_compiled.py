@@ -377,7 +377,7 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
             except KeyboardInterrupt:
                 print("stopped")
     """
-    root = Path(wireless.support.compiled.__file__).parents[1]
+    root = Path(wireless.support.compiled.__file__).parents[2]
     process = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(program)],
         cwd=root,
