@@ -80,7 +80,7 @@ class Paths:
     """Number of interactions, 0 for line of sight."""
     interaction: UInt8[np.ndarray, "n m"]
     """`Interaction` at each point, from transmitter to receiver; 0 beyond the last."""
-    thing: Int[np.ndarray, "n m"]
+    primitive: Int[np.ndarray, "n m"]
     """Facet or edge at each point, by the tracer's numbers; -1 beyond the last."""
     point: Float[np.ndarray, "n m 3"]
     """Position of each interaction [m]; NaN beyond the last."""
@@ -159,7 +159,7 @@ class Paths:
             columns[name + ("_rad" if name[0] == "a" else "")] = getattr(self, name)
         width = self.interaction.shape[1]
         columns["interaction"] = _lists(self.interaction, width)
-        columns["thing"] = _lists(self.thing, width)
+        columns["primitive"] = _lists(self.primitive, width)
         columns["point_m"] = _lists(self.point.reshape(len(self), 3 * width), 3 * width)
         scene = {
             "frequency_hz": repr(self.frequency_hz),
@@ -215,7 +215,7 @@ class Paths:
             gain=gain,
             order=numbers(table, "order", pa.uint8(), 0, width),
             interaction=_matrix(table, "interaction", pa.uint8(), width),
-            thing=_matrix(table, "thing", pa.int64(), width),
+            primitive=_matrix(table, "primitive", pa.int64(), width),
             point=_matrix(table, "point_m", pa.float64(), 3 * width).reshape(-1, width, 3),
             **plain,
         )

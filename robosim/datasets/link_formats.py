@@ -41,9 +41,9 @@ def csv_files(
     return files
 
 
-def transmitters_file(name: str, senders: Float[np.ndarray, "n 3"]) -> Files:
+def transmitters_file(name: str, transmitters: Float[np.ndarray, "n 3"]) -> Files:
     """`NAME_tx_pos.csv`: where transmitters are."""
-    rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(senders)]
+    rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(transmitters)]
     return {f"{name}_tx_pos.csv": ("\n".join([",x,y,z", *rows]) + "\n").encode("ascii")}
 
 

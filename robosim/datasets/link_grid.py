@@ -153,11 +153,13 @@ def _trace_unit(
 ) -> list[bytes]:
     """Paths from some transmitters to receivers in a row, a file of each transmitter."""
     scene, grid = prepared(site, config, grid_m)
-    paths = scene.tracer.trace(site.senders[txs], grid.position[first:end], workers=1)
+    paths = scene.tracer.trace(site.transmitters[txs], grid.position[first:end], workers=1)
     tables = []
     for j, tx in enumerate(txs):
         some = paths.select(paths.tx == j)
         buffer = io.BytesIO()
-        replace(some, tx_position=site.senders[tx : tx + 1], tx=np.zeros_like(some.tx)).write_parquet(buffer)
+        replace(some, tx_position=site.transmitters[tx : tx + 1], tx=np.zeros_like(some.tx)).write_parquet(
+            buffer
+        )
         tables.append(buffer.getvalue())
     return tables

@@ -83,7 +83,7 @@ class Site:
     """Of the plan, see `FloorPlan.digest`."""
     plan: FloorPlan = field(compare=False)
     """What it is made of."""
-    senders: Float[np.ndarray, "n 3"] = field(compare=False)
+    transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Where its transmitters are [m]."""
     n_rx: int = field(compare=False)
     """How many receivers it has."""
@@ -106,14 +106,14 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
         The files of the unit by their paths below the folder of the data set, the table of links last.
     """
     scene, grid = prepared(site, config.radio, config.grid_m)
-    paths = scene.tracer.trace(site.senders[tx : tx + 1], grid.position, workers=1)
+    paths = scene.tracer.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
     rng = stream(config.seed, site.digest, tx)
     heading = np.zeros(len(grid.position))
     if config.headings == "random":
         heading = rng.uniform(-np.pi, np.pi, len(grid.position))
     rays = Rays.from_paths(paths, rx_heading_rad=heading)
     estimates = _estimate(rays, config, rng).turned(rx_heading_rad=heading)
-    paths = replace(paths, tx_position=site.senders, tx=paths.tx + tx)
+    paths = replace(paths, tx_position=site.transmitters, tx=paths.tx + tx)
     table = link_table(
         paths,
         tx,

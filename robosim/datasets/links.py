@@ -35,7 +35,7 @@ from robosim.datasets.link_units import (
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioScene
-from robosim.radio.transmitters import random_senders
+from robosim.radio.transmitters import random_transmitters
 from robosim.support.files import write_files, write_json
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
@@ -80,7 +80,7 @@ def make_dataset(
     with tracked(plans, "plans", console) as shown:
         sites = [_site(plan, config) for plan in shown]
     with run_folder(out, "dataset", _settings(sites, config)):
-        with link_progress(console, sum(len(s.senders) * s.n_rx for s in sites), out) as progress:
+        with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
             _make_units(sites, config, out, workers, cluster, progress)
         manifest = _manifest(sites, config, out)
         _finish_formats(sites, config, out, manifest)
@@ -102,8 +102,10 @@ def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
     building = make_building(plan, config=config.radio.building)
     digest, height_m = plan.digest(), config.radio.height_m
     grid = receiver_grid(building, config.grid_m, height_m)
-    senders = random_senders(building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES))
-    return Site(digest, plan, senders, len(grid.position))
+    transmitters = random_transmitters(
+        building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES)
+    )
+    return Site(digest, plan, transmitters, len(grid.position))
 
 
 def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
@@ -112,7 +114,7 @@ def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
         "version": importlib.metadata.version("robosim"),
         "config": plain_config(config),
         "plans": [
-            {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.senders}
+            {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.transmitters}
             for site in sites
         ],
     }
@@ -127,7 +129,7 @@ def _make_units(
     progress: LinkProgress,
 ) -> None:
     """Make the units that have no file."""
-    units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.senders))]
+    units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.transmitters))]
     missing = [(site, tx) for site, tx in units if not unit_path(out, site.plan.name, tx).exists()]
     total = sum(site.n_rx for site, _ in units)
     done = total - sum(site.n_rx for site, _ in missing)
@@ -145,7 +147,7 @@ def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, 
     """What the data set holds."""
     units: list[dict[str, Any]] = []
     for site in sites:
-        for tx in range(len(site.senders)):
+        for tx in range(len(site.transmitters)):
             path = unit_path(out, site.plan.name, tx)
             state = read_columns(path, ["link_state"])["link_state"]
             counts = np.bincount(state, minlength=len(LinkState))
@@ -182,11 +184,11 @@ def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifes
     for site in sites:
         name = site.plan.name
         if "mmwrobotnav" in config.formats:
-            write_files(out / MMWROBOTNAV / name, transmitters_file(name, site.senders))
+            write_files(out / MMWROBOTNAV / name, transmitters_file(name, site.transmitters))
         if "deepmimo" in config.formats:
             reached = np.zeros(site.n_rx, bool)
-            for tx in range(len(site.senders)):
+            for tx in range(len(site.transmitters)):
                 reached |= read_columns(unit_path(out, name, tx), ["n_paths"])["n_paths"] > 0
             scene = RadioScene(site.plan, config.radio)
-            files = deepmimo_scene(scene, len(site.senders), site.n_rx, int(reached.sum()))
+            files = deepmimo_scene(scene, len(site.transmitters), site.n_rx, int(reached.sum()))
             write_files(deepmimo_folder(out, name), files)

@@ -80,24 +80,24 @@ def trace_plan(
     check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
     check_terminals(tx, rx, config.height_m)
-    scene, senders = _prepare(plan, config, tx, console)
+    scene, transmitters = _prepare(plan, config, tx, console)
     asked = None if rx is None else scene.places((rx,), "rx")[0]
     grid = receiver_grid(scene.building, grid_m, config.height_m)
-    links = LinkGrid(plan, config, grid_m, senders, grid.position)
-    with run_folder(out, "trace", _settings(scene, senders, grid)):
-        with link_progress(console, len(senders) * len(grid.position), out) as progress:
+    links = LinkGrid(plan, config, grid_m, transmitters, grid.position)
+    with run_folder(out, "trace", _settings(scene, transmitters, grid)):
+        with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
             path = links.trace(out, workers=workers, cluster=cluster, report=progress.report)
         seconds = progress.seconds
-        states = _write_formats(scene, senders, grid, path, out, console)
+        states = _write_formats(scene, transmitters, grid, path, out, console)
         if plots:
-            for i in range(len(senders)):
-                with console.status(f"drawing transmitter {i + 1} of {len(senders)} ..."):
+            for i in range(len(transmitters)):
+                with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
                     _plot(scene, grid, read_transmitter(path, i), i, asked, out)
         result = {
             "plan": plan.name,
-            "tx_m": senders,
+            "tx_m": transmitters,
             "receivers": len(grid.position),
-            "links": len(senders) * len(grid.position),
+            "links": len(transmitters) * len(grid.position),
             "states": {one.name.lower(): int(states[one]) for one in LinkState},
             "deepmimo": scenario_name(plan.name),
             "config": asdict(config),
@@ -130,11 +130,11 @@ def trace_link(
     out, console = Path(out), console or Console(quiet=True)
     check_terminals(tx, rx, config.height_m)
     with run_folder(out, "trace --rx"):
-        scene, senders = _prepare(plan, config, tx, console)
-        paths = scene.tracer.trace(senders, scene.places((rx,), "rx"))
+        scene, transmitters = _prepare(plan, config, tx, console)
+        paths = scene.tracer.trace(transmitters, scene.places((rx,), "rx"))
         with whole_file(out / "paths.parquet") as partial:
             paths.write_parquet(partial)
-        for i in range(len(senders)):
+        for i in range(len(transmitters)):
             plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
     return paths
 
@@ -172,14 +172,16 @@ def _prepare(
     """The building, and where transmitters are; tells of those in small parts of it."""
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
-    senders = scene.places(tx, "tx")
-    for at in senders:
+    transmitters = scene.places(tx, "tx")
+    for at in transmitters:
         if told := scene.cut_off(at):
             console.print(told, style="yellow", highlight=False)
-    return scene, senders
+    return scene, transmitters
 
 
-def _settings(scene: RadioScene, senders: Float[np.ndarray, "n 3"], grid: ReceiverGrid) -> dict[str, Any]:
+def _settings(
+    scene: RadioScene, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid
+) -> dict[str, Any]:
     """All that the paths depend on."""
     return {
         "plan": scene.building.plan.name,
@@ -188,7 +190,7 @@ def _settings(scene: RadioScene, senders: Float[np.ndarray, "n 3"], grid: Receiv
         "version": importlib.metadata.version("robosim"),
         "frequency_hz": scene.config.frequency_hz,
         **asdict(scene.config.tracer),
-        "tx_m": senders,
+        "tx_m": transmitters,
         "receivers": len(grid.position),
         "receivers_per_unit": UNIT_RX,
         "receivers_sha256": hashlib.sha256(grid.position.tobytes()).hexdigest()[:16],
@@ -197,7 +199,7 @@ def _settings(scene: RadioScene, senders: Float[np.ndarray, "n 3"], grid: Receiv
 
 def _write_formats(
     scene: RadioScene,
-    senders: Float[np.ndarray, "n 3"],
+    transmitters: Float[np.ndarray, "n 3"],
     grid: ReceiverGrid,
     path: Path,
     out: Path,
@@ -210,15 +212,15 @@ def _write_formats(
         whole_folder(deepmimo_folder(out, name)) as folder,
         console.status("writing ...") as status,
     ):
-        for i in range(len(senders)):
-            status.update(f"writing transmitter {i + 1} of {len(senders)} ...")
+        for i in range(len(transmitters)):
+            status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
             paths = read_transmitter(path, i)
             states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
             reached |= paths.count()[i] > 0
             write_files(folder, deepmimo_paths(scene, paths, i))
             write_files(out, csv_files(scene, grid, paths, i))
-        write_files(folder, deepmimo_scene(scene, len(senders), len(grid.position), int(reached.sum())))
-    write_files(out, transmitters_file(name, senders))
+        write_files(folder, deepmimo_scene(scene, len(transmitters), len(grid.position), int(reached.sum())))
+    write_files(out, transmitters_file(name, transmitters))
     return states
 
 

@@ -63,7 +63,7 @@ def adopted(paths: Paths, cell: Int[np.ndarray, "n_rx 2"]) -> Bool[np.ndarray, "
         paths: Paths to receivers at these cells.
         cell: Row and column of each.
     """
-    rows = np.column_stack([paths.interaction.astype(np.int64), paths.thing])
+    rows = np.column_stack([paths.interaction.astype(np.int64), paths.primitive])
     sequence = np.unique(rows, axis=0, return_inverse=True)[1].ravel().astype(np.int64)
     n_sequences = int(sequence.max(initial=0)) + 1
     full = fully_traced(cell)

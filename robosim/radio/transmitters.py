@@ -11,7 +11,7 @@ from robosim.plans.floorplan import MapError
 CLEARANCE_M = 0.1
 
 
-def random_senders(
+def random_transmitters(
     building: Building, count: int, height_m: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "count 3"]:
     """Places drawn evenly over free space [m], rounded to millimetres; more of them begin with the same ones.

@@ -40,7 +40,7 @@ class Ways:
     """Building of each."""
 
 
-def ways_of(links: Links, *, to_sender: bool = False) -> Ways:
+def ways_of(links: Links, *, to_transmitter: bool = False) -> Ways:
     """The same ways for everybody, between random places or to the transmitter."""
     rng = np.random.default_rng(0)
     rows: list[np.ndarray] = []
@@ -48,7 +48,7 @@ def ways_of(links: Links, *, to_sender: bool = False) -> Ways:
     for number in np.unique(links.transmitter):
         mine = np.flatnonzero(links.transmitter == number)
         position = links.position[mine].astype(float)
-        goal = links.sender[mine[0]].astype(float) if to_sender else None
+        goal = links.tx_position[mine[0]].astype(float) if to_transmitter else None
         found = make_ways(position, _step_m(position), WAYS, rng, goal=goal)
         rows += [mine[way] for way in found]
         building += [int(links.building[mine[0]])] * len(found)
@@ -113,8 +113,8 @@ def score_ways(classifier: LinkStateClassifier, links: Links) -> dict[str, dict[
     """
     told = classifier.predict_tokens(links.tokens)
     result = {}
-    for name, to_sender in (("between places", False), ("to the transmitter", True)):
-        ways = ways_of(links, to_sender=to_sender)
+    for name, to_transmitter in (("between places", False), ("to the transmitter", True)):
+        ways = ways_of(links, to_transmitter=to_transmitter)
         row = np.concatenate(ways.rows)
         there = links.state[row], reached(links.tokens[row]), links.building[row], links.names
         result[name] = {"places": len(row), "alone": scores(told[row], *there)}

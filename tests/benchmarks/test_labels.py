@@ -193,7 +193,7 @@ def test_two_weak_paths_in_one_beam_beat_a_strong_one():
                 "aod_el",
                 "order",
                 "interaction",
-                "thing",
+                "primitive",
                 "point",
             )
         },

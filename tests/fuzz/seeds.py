@@ -263,7 +263,7 @@ def _paths() -> Paths:
         frequency_hz=28e9, tx=tx, rx=rx, gain=gain, power=np.abs(gain[:, 0, 0]) ** 2,
         delay_s=rng.uniform(1e-9, 9e-9, n), aoa_az=rng.uniform(-3, 3, n), aoa_el=rng.uniform(-1, 1, n),
         aod_az=rng.uniform(-3, 3, n), aod_el=rng.uniform(-1, 1, n), order=order, interaction=kind,
-        thing=np.where(kind > 0, 4, -1), point=np.where(kind[..., None] > 0, 1.0, np.nan).repeat(3, axis=2),
+        primitive=np.where(kind > 0, 4, -1), point=np.where(kind[..., None] > 0, 1.0, np.nan).repeat(3, axis=2),
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def made_of(links):
         **{name: np.zeros(n) for name in ("delay_s", "aoa_az", "aoa_el", "aod_az", "aod_el")},
         order=order.astype(np.uint8),
         interaction=np.zeros((n, 3), np.uint8),
-        thing=np.full((n, 3), -1),
+        primitive=np.full((n, 3), -1),
         point=np.zeros((n, 3, 3)),
     )
 
@@ -75,7 +75,7 @@ def test_points_make_up_the_delay_and_the_angles(traced):
         points = np.array([ends[0], *traced.point[i, :n], ends[1]])
         legs = np.diff(points, axis=0)
         assert abs(np.linalg.norm(legs, axis=1).sum() - traced.delay_s[i] * 299792458.0) < 1e-9
-        assert np.isnan(traced.point[i, n:]).all() and (traced.thing[i, n:] == -1).all()
+        assert np.isnan(traced.point[i, n:]).all() and (traced.primitive[i, n:] == -1).all()
         assert abs(np.arctan2(legs[0, 1], legs[0, 0]) - traced.aod_az[i]) < 1e-9
         assert abs(np.arctan2(-legs[-1, 1], -legs[-1, 0]) - traced.aoa_az[i]) < 1e-9
 

@@ -178,7 +178,7 @@ def test_headings_turn_what_terminals_see():
         aod_el=np.zeros(3),
         order=np.zeros(3, np.uint8),
         interaction=np.zeros((3, 1), np.uint8),
-        thing=np.full((3, 1), -1),
+        primitive=np.full((3, 1), -1),
         point=np.full((3, 1, 3), np.nan),
     )
     got = Rays.from_paths(paths, rx_heading_rad=np.array([0.5, -0.5]), tx_heading_rad=1.0)

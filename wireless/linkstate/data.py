@@ -35,7 +35,7 @@ class Links:
     """Number of the transmitter of each link, different between buildings."""
     position: Float32[np.ndarray, "n 2"]
     """Where the receiver of each link is [m]."""
-    sender: Float32[np.ndarray, "n 2"]
+    tx_position: Float32[np.ndarray, "n 2"]
     """Where its transmitter is [m]."""
     names: tuple[str, ...]
     """Names of the buildings, sorted."""
@@ -64,7 +64,7 @@ class _Unit:
     tokens: Float32[np.ndarray, "n 5 5"]
     state: UInt8[np.ndarray, " n"]
     position: Float32[np.ndarray, "n 2"]
-    sender: Float32[np.ndarray, "2"]
+    tx_position: Float32[np.ndarray, "2"]
 
 
 def read_links(data: Path) -> Links:
@@ -81,7 +81,7 @@ def read_links(data: Path) -> Links:
         building=np.concatenate([np.full(len(u.state), names.index(u.building)) for u in units]),
         transmitter=np.concatenate([np.full(len(unit.state), i) for i, unit in enumerate(units)]),
         position=np.concatenate([unit.position for unit in units]),
-        sender=np.concatenate([np.tile(unit.sender, (len(unit.state), 1)) for unit in units]),
+        tx_position=np.concatenate([np.tile(unit.tx_position, (len(unit.state), 1)) for unit in units]),
         names=names,
     )
 
@@ -98,8 +98,10 @@ def _public(data: Path) -> list[_Unit]:
         links = read_measurements(data, name, number)
         tokens = make_tokens(links.aoa_az, links.snr_db, aod_rad=links.aod_az, peak=links.peak_fraction)
         position = links.rx_position.astype(np.float32)
-        sender = links.tx_position[:2].astype(np.float32)
-        units.append(_Unit(building=name, tokens=tokens, state=links.state, position=position, sender=sender))
+        tx_position = links.tx_position[:2].astype(np.float32)
+        units.append(
+            _Unit(building=name, tokens=tokens, state=links.state, position=position, tx_position=tx_position)
+        )
     return units
 
 
@@ -119,8 +121,14 @@ def _data_set(data: Path) -> list[_Unit]:
         paths = links.estimates
         tokens = make_tokens(paths.aoa_rad, paths.snr_db, aod_rad=paths.aod_rad, delay_s=paths.delay_s)
         position = links.rx_position[:, :2].astype(np.float32)
-        sender = links.tx_position[:2].astype(np.float32)
+        tx_position = links.tx_position[:2].astype(np.float32)
         units.append(
-            _Unit(building=links.plan, tokens=tokens, state=links.state, position=position, sender=sender)
+            _Unit(
+                building=links.plan,
+                tokens=tokens,
+                state=links.state,
+                position=position,
+                tx_position=tx_position,
+            )
         )
     return units

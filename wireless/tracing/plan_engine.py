@@ -17,7 +17,7 @@ from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
 from wireless.geometry.beams import cast
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
-from wireless.tracing.table import Room, Setting, Table, enter, make_room, make_table, weigh, write_row
+from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, write_row
 
 
 class Views(NamedTuple):
@@ -101,21 +101,21 @@ def _lay_flat(
     far_image: Float[np.ndarray, "d 2"],
     far_view: Int[np.ndarray, "d 5"],
     far_node: int,
-    room: Room,
+    scratch: Scratch,
 ) -> int:
     """Points of a path seen from above; its number of interactions."""
-    flat, kind, thing = room.flat, room.flat_kind, room.flat_thing
+    flat, kind, primitive = scratch.flat, scratch.flat_kind, scratch.flat_primitive
     n = view[node, 2] + view[node, 3]
     x, y = rx[0], rx[1]
     if corner >= 0:
         x, y = plan.vertex[plan.corner_vertex[corner], 0], plan.vertex[plan.corner_vertex[corner], 1]
         flat[n + 1, 0], flat[n + 1, 1] = x, y
-        kind[n], thing[n] = DIFFRACTION, corner
+        kind[n], primitive[n] = DIFFRACTION, corner
     cx, cy = x, y
     for j in range(n, 0, -1):
         x, y = _mirror_point(plan, view[node, 0], image[node], x, y)
         flat[j, 0], flat[j, 1] = x, y
-        kind[j - 1], thing[j - 1] = TRANSMISSION if view[node, 4] else REFLECTION, view[node, 0]
+        kind[j - 1], primitive[j - 1] = TRANSMISSION if view[node, 4] else REFLECTION, view[node, 0]
         node = view[node, 1]
     if corner >= 0:
         n += 1
@@ -123,7 +123,10 @@ def _lay_flat(
         while far_view[far_node, 1] >= 0:
             x, y = _mirror_point(plan, far_view[far_node, 0], far_image[far_node], x, y)
             flat[n + 1, 0], flat[n + 1, 1] = x, y
-            kind[n], thing[n] = TRANSMISSION if far_view[far_node, 4] else REFLECTION, far_view[far_node, 0]
+            kind[n], primitive[n] = (
+                TRANSMISSION if far_view[far_node, 4] else REFLECTION,
+                far_view[far_node, 0],
+            )
             far_node = far_view[far_node, 1]
             n += 1
     flat[0, 0], flat[0, 1] = tx[0], tx[1]
@@ -132,7 +135,9 @@ def _lay_flat(
 
 
 @compiled
-def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, room: Room) -> int:
+def _raise(
+    plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, scratch: Scratch
+) -> int:
     """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
 
     Args:
@@ -142,9 +147,9 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
         rx_z: Height of the receiver.
         n: Number of interactions seen from above.
         bounce: Reflections at floor and ceiling; positive if the ceiling comes first, negative for the floor.
-        room: Has the flat path, gets the path.
+        scratch: Has the flat path, gets the path.
     """
-    flat, point = room.flat, room.point
+    flat, point = scratch.flat, scratch.point
     height = setting.high_m - setting.low_m
     z = tx_z - setting.low_m
     end = rx_z - setting.low_m
@@ -172,9 +177,9 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
             for i in range(2):
                 point[m + 1, i] = flat[j, i] + part * (flat[j + 1, i] - flat[j, i])
             point[m + 1, 2] = setting.high_m if up else setting.low_m
-            room.kind[m], room.thing[m] = REFLECTION, len(setting.wall_eps) - (1 if up else 2)
-            room.normal[m, 0], room.normal[m, 1], room.normal[m, 2] = 0.0, 0.0, 1.0
-            room.eps[m] = setting.wall_eps[room.thing[m]]
+            scratch.kind[m], scratch.primitive[m] = REFLECTION, len(setting.wall_eps) - (1 if up else 2)
+            scratch.normal[m, 0], scratch.normal[m, 1], scratch.normal[m, 2] = 0.0, 0.0, 1.0
+            scratch.eps[m] = setting.wall_eps[scratch.primitive[m]]
             m += 1
             done += 1
         way += step
@@ -190,42 +195,42 @@ def _raise(plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounc
             flat[j + 1, 1],
             setting.low_m + level,
         )
-        room.kind[m], room.thing[m] = room.flat_kind[j], room.flat_thing[j]
-        if room.kind[m] != DIFFRACTION:
-            wall = room.thing[m]
-            room.normal[m, 0], room.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
-            room.normal[m, 2] = 0.0
-            room.eps[m] = setting.wall_eps[wall]
+        scratch.kind[m], scratch.primitive[m] = scratch.flat_kind[j], scratch.flat_primitive[j]
+        if scratch.kind[m] != DIFFRACTION:
+            wall = scratch.primitive[m]
+            scratch.normal[m, 0], scratch.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
+            scratch.normal[m, 2] = 0.0
+            scratch.eps[m] = setting.wall_eps[wall]
         m += 1
     point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[n + 1, 0], flat[n + 1, 1], rx_z
     return m
 
 
 @compiled
-def _most_on_a_side(m: int, room: Room) -> int:
-    """Reflections before the edge of the path in `room`, or after it if these are more."""
+def _most_on_a_side(m: int, scratch: Scratch) -> int:
+    """Reflections before the edge of the path in `scratch`, or after it if these are more."""
     before = after = 0
     for j in range(m):
-        if room.kind[j] == DIFFRACTION:
+        if scratch.kind[j] == DIFFRACTION:
             before, after = after, 0
-        elif room.kind[j] == REFLECTION:
+        elif scratch.kind[j] == REFLECTION:
             after += 1
     return max(before, after)
 
 
 @compiled
-def _weigh(plan: Plan, setting: Setting, corner: int, m: int, room: Room) -> tuple[float, float]:
-    """Length and power of the path in `room`, gain set; length -1 if it is none."""
+def _weigh(plan: Plan, setting: Setting, corner: int, m: int, scratch: Scratch) -> tuple[float, float]:
+    """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
     n = 1.0
     if corner >= 0:
         ax, ay = plan.corner_along[corner, 0], plan.corner_along[corner, 1]
-        room.wedge[0, 2] = 1.0
-        room.wedge[1, 0], room.wedge[1, 1] = ax, ay
-        room.wedge[2, 0], room.wedge[2, 1] = -ay, ax
+        scratch.wedge[0, 2] = 1.0
+        scratch.wedge[1, 0], scratch.wedge[1, 1] = ax, ay
+        scratch.wedge[2, 0], scratch.wedge[2, 1] = -ay, ax
         n = plan.corner_gap_rad[corner] / np.pi
         for i in range(2):
-            room.wedge_eps[i] = setting.wall_eps[plan.corner_walls[corner, i]]
-    return weigh(setting, m, n, room)
+            scratch.wedge_eps[i] = setting.wall_eps[plan.corner_walls[corner, i]]
+    return weigh(setting, m, n, scratch)
 
 
 @compiled
@@ -241,13 +246,13 @@ def _try_bounces(
     far_image: Float[np.ndarray, "d 2"],
     far_view: Int[np.ndarray, "d 5"],
     far_node: int,
-    room: Room,
+    scratch: Scratch,
     rank: Float[np.ndarray, "k 5"],
     who: Int[np.ndarray, "k 4"],
     count: int,
 ) -> int:
     """Enter a flat path into the list, with each allowed number of reflections at floor and ceiling."""
-    n = _lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, room)
+    n = _lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, scratch)
     most = setting.max_reflections - view[node, 2]
     if corner >= 0:
         most = setting.edge_reflections - view[node, 2] - far_view[far_node, 2]
@@ -255,16 +260,16 @@ def _try_bounces(
     down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
     new = np.empty(5)
     for bounce in range(-down, up + 1):
-        m = _raise(plan, setting, tx[2], rx[2], n, bounce, room)
+        m = _raise(plan, setting, tx[2], rx[2], n, bounce, scratch)
         if m > setting.max_interactions:
             continue
-        if corner >= 0 and bounce != 0 and _most_on_a_side(m, room) > setting.side_reflections:
+        if corner >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
             continue
-        length, power = _weigh(plan, setting, corner, m, room)
+        length, power = _weigh(plan, setting, corner, m, scratch)
         if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
             continue
         new[0], new[1] = power, length
-        p = room.point
+        p = scratch.point
         new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0])
         new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0])
         new[4] = 1000 * m + bounce + (500 if corner >= 0 else 0)
@@ -340,7 +345,7 @@ def trace_links(
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
             near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
-    room, rank, who = make_room(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]
@@ -354,7 +359,7 @@ def trace_links(
                 if (2 * setting.wavenumber * length) ** -2 < rank[count - 1, 0]:
                     continue
             count = _try_bounces(
-                plan, setting, tx, rx[i], image, view, node, -1, image, view, 0, room, rank, who, count
+                plan, setting, tx, rx[i], image, view, node, -1, image, view, 0, scratch, rank, who, count
             )
         for h in range(far.hit_start[i], far.hit_start[i + 1]):
             corner, far_node = far.corner_hit[h]
@@ -389,7 +394,7 @@ def trace_links(
                     far_image,
                     far_view,
                     far_node,
-                    room,
+                    scratch,
                     rank,
                     who,
                     count,
@@ -397,8 +402,8 @@ def trace_links(
         table.found[i] = count
         for j in range(count):
             node, corner, far_node, bounce = who[j]
-            n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, room)
-            m = _raise(plan, setting, tx[2], rx[i, 2], n, bounce, room)
-            length, power = _weigh(plan, setting, corner, m, room)
-            write_row(table, i * keep + j, length, power, m, room)
+            n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
+            m = _raise(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
+            length, power = _weigh(plan, setting, corner, m, scratch)
+            write_row(table, i * keep + j, length, power, m, scratch)
     return table

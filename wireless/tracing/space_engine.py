@@ -29,7 +29,15 @@ from wireless.tracing.space_paths import (
     try_path,
     weigh_path,
 )
-from wireless.tracing.table import Room, Setting, Table, make_room, make_table, most_interactions, write_row
+from wireless.tracing.table import (
+    Scratch,
+    Setting,
+    Table,
+    make_scratch,
+    make_table,
+    most_interactions,
+    write_row,
+)
 
 #: With fewer receivers, asking each costs less than finding out whether the last patch is seen at all.
 _FEW = 32
@@ -42,7 +50,7 @@ def _reflect(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     rx_boxes: Boxes,
-    room: Room,
+    scratch: Scratch,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
     count: Int[np.ndarray, " r"],
@@ -77,10 +85,22 @@ def _reflect(
                     length2 += (image[order, i] - rx[r, i]) ** 2
                 if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
                     continue
-            m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, room)
+            m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, scratch)
             if m >= 0:
                 count[r] = try_path(
-                    space, setting, tx, rx[r], points, m, who, room, where, which, rank[r], best[r], count[r]
+                    space,
+                    setting,
+                    tx,
+                    rx[r],
+                    points,
+                    m,
+                    who,
+                    scratch,
+                    where,
+                    which,
+                    rank[r],
+                    best[r],
+                    count[r],
                 )
         if order < setting.max_reflections:
             worth = order + 1 < setting.max_reflections or len(rx) > _FEW
@@ -153,7 +173,7 @@ def _bend(
     setting: Setting,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
-    room: Room,
+    scratch: Scratch,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
     count: Int[np.ndarray, " r"],
@@ -208,7 +228,7 @@ def _bend(
                         edge,
                         (far.image[v], far.chain[v], after),
                         points,
-                        room,
+                        scratch,
                     )
                     if m < 0:
                         continue
@@ -223,7 +243,7 @@ def _bend(
                         points,
                         m,
                         who,
-                        room,
+                        scratch,
                         where,
                         which,
                         rank[r],
@@ -251,20 +271,20 @@ def trace_space(
     """
     keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
     rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
-    room, points, count = make_room(setting), np.empty((most, 3)), table.found
+    scratch, points, count = make_scratch(setting), np.empty((most, 3)), table.found
     where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
-    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, count)
+    _reflect(space, setting, tx, rx, rx_boxes, scratch, rank, best, count)
     if setting.edge_reflections >= 0 and len(space.surfaces.edge):
-        _bend(space, setting, tx, rx, room, rank, best, count)
+        _bend(space, setting, tx, rx, scratch, rank, best, count)
     for r in range(len(rx)):
         for j in range(count[r]):
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
             near = best[r, j, 3 : 3 + before]
             far = best[r, j, 3 + before : 3 + before + after]
             ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
-            m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, room)
+            m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, scratch)
             if setting.max_through > 0:
-                m = pass_walls(space, setting, m, room, where, which)
-            length, power = weigh_path(space, setting, m, room)
-            write_row(table, r * keep + j, length, power, m, room)
+                m = pass_walls(space, setting, m, scratch, where, which)
+            length, power = weigh_path(space, setting, m, scratch)
+            write_row(table, r * keep + j, length, power, m, scratch)
     return table

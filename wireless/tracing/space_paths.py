@@ -13,7 +13,7 @@ from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
 from wireless.geometry.images import Space, on_patch
 from wireless.geometry.occlusion import FREE, HIDDEN, NEAR_M, TOUCHED, crosses, hidden, passed, sight
 from wireless.support.compiled import compiled
-from wireless.tracing.table import Room, Setting, enter, weigh
+from wireless.tracing.table import Scratch, Setting, enter, weigh
 
 #: How far beside a target [m], and at how many places around, a path is looked for that is free.
 ASIDE_M, _TURNS = 1e-6, 16
@@ -76,16 +76,16 @@ def lay(
     edge: int,
     far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
     points: Float[np.ndarray, "m 3"],
-    room: Room,
+    scratch: Scratch,
 ) -> int:
-    """Put a path into `room`; its number of interactions, -1 if there is none. Legs may be hidden.
+    """Put a path into `scratch`; its number of interactions, -1 if there is none. Legs may be hidden.
 
     Near and far are images, patches and number of reflections, from the transmitter and from the receiver.
     """
     n, m, target = near[2], near[2], rx
-    room.point[0] = tx
+    scratch.point[0] = tx
     if edge >= 0:
-        target = room.point[n + 1]
+        target = scratch.point[n + 1]
         z, a, _ = edge_sight(space, edge, near[0][n])
         end, b, _ = edge_sight(space, edge, far[0][far[2]])
         if a < NEAR_M or b < NEAR_M:
@@ -99,38 +99,38 @@ def lay(
             return -1
         m = n + 1 + far[2]
         for j in range(n + 1, m):
-            room.point[j + 1], room.kind[j] = points[j - n - 1], REFLECTION
-            room.thing[j] = space.patch_facet[far[1][m - 1 - j]]
-        room.kind[n], room.thing[n] = DIFFRACTION, edge
-    room.point[m + 1] = rx
+            scratch.point[j + 1], scratch.kind[j] = points[j - n - 1], REFLECTION
+            scratch.primitive[j] = space.patch_facet[far[1][m - 1 - j]]
+        scratch.kind[n], scratch.primitive[n] = DIFFRACTION, edge
+    scratch.point[m + 1] = rx
     if not _walk_back(space, near[0], near[1], n, target, points):
         return -1
     for j in range(n):
-        room.point[j + 1], room.kind[j] = points[n - 1 - j], REFLECTION
-        room.thing[j] = space.patch_facet[near[1][j]]
+        scratch.point[j + 1], scratch.kind[j] = points[n - 1 - j], REFLECTION
+        scratch.primitive[j] = space.patch_facet[near[1][j]]
     if edge >= 0:
         gap = space.surfaces.edge_gap_rad[edge]
         for j in (n, n + 2):
-            _, distance, angle = edge_sight(space, edge, room.point[j])
+            _, distance, angle = edge_sight(space, edge, scratch.point[j])
             if not is_open(gap, distance, angle):
                 return -1
     return m
 
 
 @compiled
-def weigh_path(space: Space, setting: Setting, m: int, room: Room) -> tuple[float, float]:
-    """Length and power of the path in `room`, gain set; length -1 if it is none."""
+def weigh_path(space: Space, setting: Setting, m: int, scratch: Scratch) -> tuple[float, float]:
+    """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
     surfaces, n = space.surfaces, 1.0
     for j in range(m):
-        thing = room.thing[j]
-        if room.kind[j] != DIFFRACTION:
-            room.normal[j], room.eps[j] = surfaces.facet_normal[thing], setting.wall_eps[thing]
+        primitive = scratch.primitive[j]
+        if scratch.kind[j] != DIFFRACTION:
+            scratch.normal[j], scratch.eps[j] = surfaces.facet_normal[primitive], setting.wall_eps[primitive]
         else:
-            room.wedge[:] = surfaces.edge_wedge[thing]
-            n = surfaces.edge_gap_rad[thing] / np.pi
+            scratch.wedge[:] = surfaces.edge_wedge[primitive]
+            n = surfaces.edge_gap_rad[primitive] / np.pi
             for i in range(2):
-                room.wedge_eps[i] = setting.wall_eps[surfaces.edge_facets[thing, i]]
-    return weigh(setting, m, n, room)
+                scratch.wedge_eps[i] = setting.wall_eps[surfaces.edge_facets[primitive, i]]
+    return weigh(setting, m, n, scratch)
 
 
 @compiled
@@ -138,7 +138,7 @@ def pass_walls(
     space: Space,
     setting: Setting,
     m: int,
-    room: Room,
+    scratch: Scratch,
     where: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
 ) -> int:
@@ -146,7 +146,7 @@ def pass_walls(
     left = setting.max_through
     leg, end = 0, m
     while leg <= end:
-        p, q = room.point[leg].copy(), room.point[leg + 1].copy()
+        p, q = scratch.point[leg].copy(), scratch.point[leg + 1].copy()
         if left == 0:
             if hidden(space.tree, p, q):
                 return -1
@@ -156,27 +156,27 @@ def pass_walls(
         if n < 0:
             return -1
         for j in range(end + 1, leg, -1):
-            room.point[j + n] = room.point[j]
+            scratch.point[j + n] = scratch.point[j]
         for j in range(end - 1, leg - 1, -1):
-            room.kind[j + n], room.thing[j + n] = room.kind[j], room.thing[j]
+            scratch.kind[j + n], scratch.primitive[j + n] = scratch.kind[j], scratch.primitive[j]
         for j in range(n):
             for i in range(3):
-                room.point[leg + 1 + j, i] = p[i] + where[j] * (q[i] - p[i])
-            room.kind[leg + j] = TRANSMISSION
-            room.thing[leg + j] = space.surfaces.triangle_facet[space.tree.number[which[j]]]
+                scratch.point[leg + 1 + j, i] = p[i] + where[j] * (q[i] - p[i])
+            scratch.kind[leg + j] = TRANSMISSION
+            scratch.primitive[leg + j] = space.surfaces.triangle_facet[space.tree.number[which[j]]]
         left, end, leg = left - n, end + n, leg + n + 1
     return end
 
 
 @compiled
-def _look(space: Space, m: int, room: Room) -> int:
-    """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie the path in `room` is taken to be."""
+def _look(space: Space, m: int, scratch: Scratch) -> int:
+    """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie the path in `scratch` is taken to be."""
     found = FREE
     for leg in range(m + 1):
-        found = max(found, sight(space.tree, room.point[leg], room.point[leg + 1]))
+        found = max(found, sight(space.tree, scratch.point[leg], scratch.point[leg + 1]))
     for j in range(m):
-        if found == FREE and room.kind[j] == REFLECTION:
-            found = _turn(space, room.point[j], room.point[j + 1], room.point[j + 2])
+        if found == FREE and scratch.kind[j] == REFLECTION:
+            found = _turn(space, scratch.point[j], scratch.point[j + 1], scratch.point[j + 2])
     return found
 
 
@@ -243,29 +243,29 @@ def try_path(
     points: Float[np.ndarray, "m 3"],
     m: int,
     who: Int[np.ndarray, " w"],
-    room: Room,
+    scratch: Scratch,
     where: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k w"],
     count: int,
 ) -> int:
-    """Enter the path in `room` into a link's list, unless it is hidden; new length of the list."""
-    length, power = weigh_path(space, setting, m, room)
+    """Enter the path in `scratch` into a link's list, unless it is hidden; new length of the list."""
+    length, power = weigh_path(space, setting, m, scratch)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
     bare, seen = m, FREE
     if setting.max_through > 0:
-        m = pass_walls(space, setting, m, room, where, which)
+        m = pass_walls(space, setting, m, scratch, where, which)
     else:
-        seen = _look(space, m, room)
+        seen = _look(space, m, scratch)
     if m < 0 or m > setting.max_interactions or seen == HIDDEN:
         return count
     if m > bare:
-        length, power = weigh_path(space, setting, m, room)
+        length, power = weigh_path(space, setting, m, scratch)
         if count == len(rank) and power <= rank[count - 1, 0]:
             return count
-    p, new = room.point, np.empty(5)
+    p, new = scratch.point, np.empty(5)
     new[0], new[1] = power, length
     new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
     new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length

@@ -64,21 +64,21 @@ class Table(NamedTuple):
     """Number of interactions."""
     kind: Int[np.ndarray, "q m"]
     """Kind of each interaction, 0 beyond the last."""
-    thing: Int[np.ndarray, "q m"]
+    primitive: Int[np.ndarray, "q m"]
     """Wall (floor and ceiling after the last) or corner; -1 beyond the last."""
     point: Float[np.ndarray, "q m2 3"]
     """Transmitter, interactions, receiver, around the plan's origin [m]; zeros beyond."""
 
 
-class Room(NamedTuple):
+class Scratch(NamedTuple):
     """Arrays to work in."""
 
     flat: Float[np.ndarray, "m2 2"]
     flat_kind: Int[np.ndarray, " m"]
-    flat_thing: Int[np.ndarray, " m"]
+    flat_primitive: Int[np.ndarray, " m"]
     point: Float[np.ndarray, "m2 3"]
     kind: Int[np.ndarray, " m"]
-    thing: Int[np.ndarray, " m"]
+    primitive: Int[np.ndarray, " m"]
     normal: Float[np.ndarray, "m 3"]
     eps: Complex[np.ndarray, " m"]
     wedge: Float[np.ndarray, "3 3"]
@@ -111,10 +111,10 @@ def make_table(setting: Setting, n_rx: int) -> Table:
 
 
 @compiled
-def make_room(setting: Setting) -> Room:
+def make_scratch(setting: Setting) -> Scratch:
     """Arrays to work out one path in."""
     most = most_interactions(setting)
-    return Room(
+    return Scratch(
         np.zeros((most + 2, 2)),
         np.zeros(most, np.int64),
         np.zeros(most, np.int64),
@@ -132,12 +132,12 @@ def make_room(setting: Setting) -> Room:
 
 
 @compiled
-def write_row(table: Table, row: int, length_m: float, power: float, m: int, room: Room) -> None:
-    """Put the path of m interactions in `room` into a table."""
+def write_row(table: Table, row: int, length_m: float, power: float, m: int, scratch: Scratch) -> None:
+    """Put the path of m interactions in `scratch` into a table."""
     table.length_m[row], table.power[row] = length_m, power
-    table.gain[row], table.order[row] = room.gain, m
-    table.kind[row, :m], table.thing[row, :m] = room.kind[:m], room.thing[:m]
-    table.point[row, : m + 2] = room.point[: m + 2]
+    table.gain[row], table.order[row] = scratch.gain, m
+    table.kind[row, :m], table.primitive[row, :m] = scratch.kind[:m], scratch.primitive[:m]
+    table.point[row, : m + 2] = scratch.point[: m + 2]
 
 
 @compiled
@@ -148,29 +148,29 @@ def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
 
 
 @compiled
-def weigh(setting: Setting, m: int, n: float, room: Room) -> tuple[float, float]:
-    """Length and power of the path of m interactions laid out in `room`, gain set; length -1 if it is none.
+def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, float]:
+    """Length and power of the path of m interactions laid out in `scratch`, gain set; length -1 if it is none.
 
     A wedge on the way, if there is one, fills an angle of (2 - n) pi.
     """
     length = path_gain(
-        room.point,
-        room.kind,
+        scratch.point,
+        scratch.kind,
         m,
-        room.normal,
-        room.eps,
-        room.wedge,
+        scratch.normal,
+        scratch.eps,
+        scratch.wedge,
         n,
-        room.wedge_eps,
+        scratch.wedge_eps,
         setting.wavenumber,
         setting.wall_m,
-        room.gain,
-        room.work,
-        room.field,
+        scratch.gain,
+        scratch.work,
+        scratch.field,
     )
     if length < 0:
         return length, 0.0
-    return length, weighted(setting, room.gain)
+    return length, weighted(setting, scratch.gain)
 
 
 @compiled

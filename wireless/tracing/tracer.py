@@ -356,7 +356,7 @@ class Tracer:
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
         owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
-        sender = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
+        transmitter = [np.full(len(t.power), i) for i, row in enumerate(rows) for t, _ in row]
 
         def column(name: str) -> np.ndarray:
             return np.concatenate([getattr(table, name) for table in tables])
@@ -370,7 +370,7 @@ class Tracer:
             tx_position=tx,
             rx_position=rx,
             frequency_hz=self.frequency_hz,
-            tx=np.concatenate(sender),
+            tx=np.concatenate(transmitter),
             rx=np.concatenate(owner),
             gain=column("gain"),
             power=column("power"),
@@ -381,7 +381,7 @@ class Tracer:
             aod_el=np.arctan2(out[:, 2], np.hypot(out[:, 0], out[:, 1])),
             order=order.astype(np.uint8),
             interaction=column("kind").astype(np.uint8),
-            thing=column("thing"),
+            primitive=column("primitive"),
             point=inner,
         )
 
