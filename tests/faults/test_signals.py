@@ -58,7 +58,7 @@ def test_sigkill_at_any_moment(bench, name, moments, tmp_path):
 
 test_ctrl_c_at_any_moment.daily = ("replay", "dataset", "train mapper")
 test_sigterm_at_any_moment.daily = ("collect",)
-test_sigkill_at_any_moment.daily = ("episode", "evaluate")
+test_sigkill_at_any_moment.daily = ("episode", "trace")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
