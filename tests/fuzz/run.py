@@ -8,6 +8,7 @@ A failure is kept with its damaged files and what was said in --out/failures; th
 
 import argparse
 import json
+import math
 import selectors
 import shutil
 import subprocess
@@ -61,10 +62,10 @@ class Tally:
 
 
 def cases_of(count: int, seed: int, targets: Sequence[str], seeds: Path) -> list[Case]:
-    """So many cases, spread over the targets by their weights; one of each at least."""
+    """So many cases at least, spread over the targets by their weights; one of each at least."""
     there = [name for name in targets if (seeds / TARGETS[name].seed).is_dir()]
     total = sum(TARGETS[name].weight for name in there)
-    numbers = {name: max(1, round(count * TARGETS[name].weight / total)) for name in there}
+    numbers = {name: math.ceil(count * TARGETS[name].weight / total) for name in there}
     return [Case(name, number, seed) for name in there for number in range(numbers[name])]
 
 
