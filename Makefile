@@ -32,7 +32,7 @@ test: $(VENV)/.test-installed
 	$(BIN)/pytest -n auto --dist worksteal
 
 # Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.
-# An hour or so; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.
+# A quarter of an hour; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.
 fuzz: $(VENV)/.test-installed
 	$(BIN)/python -m tests.fuzz.run $(FUZZ)
 
