@@ -14,7 +14,6 @@ import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import groupby, product
-from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +75,7 @@ class LinkGrid:
             report: Told the number of links done and of all links, at first and whenever some are on disk.
 
         Returns:
-            The file of all paths, for `Paths.read_parquet` or `read_transmitter`.
+            The file of all paths, for `Paths.read_parquet`.
         """
         total = len(self._tx) * len(self._rx)
         if not (folder / PATHS).exists():
@@ -133,19 +132,6 @@ class LinkGrid:
             finally:
                 if writer is not None:
                     writer.close()
-
-
-def read_transmitter(path: str | PathLike[str], tx: int) -> Paths:
-    """The paths of one transmitter out of a file of many, without reading the others.
-
-    Args:
-        path: What `LinkGrid.trace` or `Paths.write_parquet` wrote.
-        tx: Number of the transmitter.
-
-    Raises:
-        DataError: If the file is not one of radio paths, or damaged.
-    """
-    return Paths.read_parquet(path, tx)
 
 
 def _trace_unit(

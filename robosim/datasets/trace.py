@@ -22,7 +22,7 @@ from robosim.datasets.link_formats import (
     deepmimo_scene,
     transmitters_file,
 )
-from robosim.datasets.link_grid import UNIT_RX, LinkGrid, read_transmitter
+from robosim.datasets.link_grid import UNIT_RX, LinkGrid
 from robosim.datasets.link_progress import link_progress
 from robosim.drawing.radio import choose_link, plot_grid, plot_rays
 from robosim.plans.floorplan import FloorPlan
@@ -92,7 +92,7 @@ def trace_plan(
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
-                    _plot(scene, grid, read_transmitter(path, i), i, asked, out)
+                    _plot(scene, grid, Paths.read_parquet(path, i), i, asked, out)
         result = {
             "plan": plan.name,
             "tx_m": transmitters,
@@ -214,7 +214,7 @@ def _write_formats(
     ):
         for i in range(len(transmitters)):
             status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
-            paths = read_transmitter(path, i)
+            paths = Paths.read_parquet(path, i)
             states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
             reached |= paths.count()[i] > 0
             write_files(folder, deepmimo_paths(scene, paths, i))

@@ -14,7 +14,6 @@ from rich.console import Console
 
 from robosim.cli import main
 from robosim.datasets.collect import collect
-from robosim.datasets.link_grid import read_transmitter
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import read_episode, read_head
 from robosim.evaluation.manifest import settings_of
@@ -143,7 +142,7 @@ def _records(folder: Path, file: Path) -> None:
 
 def _paths(folder: Path, file: Path) -> None:
     paths = Paths.read_parquet(file)
-    read_transmitter(file, 1)
+    Paths.read_parquet(file, 1)
     paths.link_state(), paths.digits
 
 

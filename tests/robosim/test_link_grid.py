@@ -7,7 +7,7 @@ import pytest
 
 from robosim.building.building import BuildingConfig
 from robosim.datasets import link_grid
-from robosim.datasets.link_grid import LinkGrid, read_transmitter
+from robosim.datasets.link_grid import LinkGrid
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from tests.robosim.plans import two_rooms
@@ -56,7 +56,7 @@ def test_units_joined_are_the_paths_traced_at_once(links, scene, rx, tmp_path):
     assert same(Paths.read_parquet(path), at_once)
     assert not (tmp_path / "units").exists()
     for i in range(3):
-        assert same(read_transmitter(path, i), at_once.select(at_once.tx == i))
+        assert same(Paths.read_parquet(path, i), at_once.select(at_once.tx == i))
 
 
 def test_an_interrupted_run_goes_on_to_the_same_bytes(links, rx, tmp_path):

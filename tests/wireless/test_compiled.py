@@ -16,6 +16,8 @@ import pytest
 
 import slam.support.compiled
 import slam.support.compiled_files
+import slam.support.restoring
+import wireless.linkstate.restoring
 import wireless.support.compiled
 import wireless.support.compiled_files
 from wireless.support.compiled_files import KEPT
@@ -389,8 +391,15 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
     assert process.returncode == 0 and process.stdout.split() == ["stopped"] * 4, process.stderr
 
 
-@pytest.mark.parametrize("name", ["compiled", "compiled_files"])
-def test_slam_and_wireless_compile_alike(name):
-    """Neither package imports the other, so that both have these files: one text."""
-    one, other = (inspect.getsource(getattr(package.support, name)) for package in (wireless, slam))
-    assert one == other
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (wireless.support.compiled, slam.support.compiled),
+        (wireless.support.compiled_files, slam.support.compiled_files),
+        (wireless.linkstate.restoring, slam.support.restoring),
+    ],
+    ids=["compiled", "compiled_files", "restoring"],
+)
+def test_slam_and_wireless_have_one_text(one, other):
+    """Neither package imports the other, so that both have these files."""
+    assert inspect.getsource(one) == inspect.getsource(other)
