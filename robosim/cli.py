@@ -24,7 +24,7 @@ from robosim.commands.machine import doctor
 from robosim.commands.replay import replay, view
 from robosim.commands.scenes import generate, plan
 from robosim.commands.trace import trace
-from robosim.support.interrupt import SIGNALLED, terminated_like_interrupted
+from robosim.support.interrupt import SIGNALLED, unwinding
 
 _Commands = dict[str, Callable[..., None]]
 #: Errors of a disk that is full, or of a limit on what may be written.
@@ -86,11 +86,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
     try:
-        with terminated_like_interrupted():
+        with unwinding() as interrupt:
             _run(words)
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
     except Exception as error:
+        if interrupt.asked:
+            sys.exit(SIGNALLED + interrupt.signal)
         status, line = _explained(error)
         if debug:
             traceback.print_exception(error)

@@ -10,7 +10,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
@@ -72,29 +72,42 @@ def noted_interrupt(
         interrupt.signal = number
         tell(f"Stopping after {waits_for}. Press Ctrl-C again to end at once.")
 
-    # One that is ignored, as in a job that a shell runs in the background, stays ignored.
-    heeded = [number for number in signals if signal.getsignal(number) is not signal.SIG_IGN]
-    before = {number: signal.signal(number, note) for number in heeded}
-    try:
+    with _handled(signals, note):
         yield interrupt
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager
-def terminated_like_interrupted() -> Iterator[None]:
-    """Let SIGTERM unwind the program, as Ctrl-C does, so that files that are not whole are removed on the way."""
+def unwinding() -> Iterator[Interrupt]:
+    """Let SIGTERM unwind the program, as Ctrl-C does, so that files that are not whole are removed on the way.
+
+    Yields:
+        What came. A library that is being imported may swallow the interruption and fail of what is then missing: an
+        error after a signal is told as the signal.
+    """
+    interrupt = Interrupt()
 
     def end(number: int, frame: FrameType | None) -> None:
-        signal.signal(number, signal.SIG_IGN)
-        raise SystemExit(SIGNALLED + number)
+        if number == signal.SIGTERM:
+            signal.signal(number, signal.SIG_IGN)
+        interrupt.signal = number
+        interrupt.stop()
 
-    before = signal.signal(signal.SIGTERM, end)
+    with _handled((signal.SIGINT, signal.SIGTERM), end):
+        yield interrupt
+
+
+@contextmanager
+def _handled(
+    numbers: tuple[signal.Signals, ...], handler: Callable[[int, FrameType | None], None]
+) -> Iterator[None]:
+    """Have signals handled inside of the block, but for those that are ignored, as a shell does for its background."""
+    heeded = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handler) for number in heeded}
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler_before in before.items():
+            signal.signal(number, handler_before)
 
 
 def tell(line: str) -> None:

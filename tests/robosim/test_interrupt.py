@@ -1,11 +1,13 @@
 """Ctrl-C in a loop: noted once, raised when it is pressed again, and as it was afterwards."""
 
+import contextlib
 import signal
 import threading
 
 import pytest
 
-from robosim.support.interrupt import noted_interrupt, terminated_like_interrupted
+from robosim.cli import main
+from robosim.support.interrupt import noted_interrupt, unwinding
 
 
 def test_the_first_is_noted_and_the_second_raises(capfd):
@@ -30,9 +32,24 @@ def test_sigterm_is_noted_where_that_is_asked_for():
 
 
 def test_sigterm_unwinds():
-    with pytest.raises(SystemExit) as stop, terminated_like_interrupted():
+    with pytest.raises(SystemExit) as stop, unwinding():
         signal.raise_signal(signal.SIGTERM)
     assert stop.value.code == 143
+
+
+def test_what_fails_of_a_swallowed_interruption_is_told_as_the_interruption(monkeypatch, capsys):
+    """SciPy's import ends so in a NameError."""
+
+    def importing(words):
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        raise NameError("name '_ndimage_api' is not defined")
+
+    monkeypatch.setattr("robosim.cli._run", importing)
+    with pytest.raises(SystemExit) as stop:
+        main(["plan"])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == ""
 
 
 @pytest.mark.parametrize("presses", [0, 1])
