@@ -1,7 +1,8 @@
 """One episode: a robot searches a target in a building it does not know.
 
-This is the whole system on one page. Read `run_episode`: each turn of its loop is one decision, each line of
-the loop one part of the system. The mapper never sees the true pose, and only the oracle sees the target.
+This is the whole system on one page. Read `drive`: each turn of its loop is one decision, each line of the loop one
+part of the system. `run_episode` looks on and judges; whoever collects frames or teaches looks on in other ways. The
+mapper never sees the true pose, and only the oracle sees the target.
 """
 
 from collections.abc import Callable
@@ -15,13 +16,14 @@ from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
-from robosim.navigation import MAPPERS, ControllerName, make_navigator
+from robosim.navigation import MAPPERS, ControllerName, Navigator, make_navigator
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import GoalName, GoalPolicy, make_policy
-from robosim.policies.moment import Moment
+from robosim.policies.situation import Situation
 from robosim.radio.link_state import read_classifier
-from robosim.radio.measurement import TRUE_STATES, Heard, Listener
+from robosim.radio.measurement import TRUE_STATES, Interpreter, Measurement
+from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.assets import shipped_weights
 from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
@@ -70,20 +72,42 @@ class EpisodeConfig:
         check_numbers(self, seed=SEED, max_steps=STEPS)
 
 
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """What an onlooker may see of one turn of the loop."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Turn:
+    """What was sensed in one turn of the loop, and what was made of it; with the truth beside it, for onlookers."""
 
-    log: EpisodeLog
+    pose: Float[np.ndarray, "3"]
+    """True pose: x [m], y [m], yaw [rad] in `map`."""
+    before: Action | None
+    """The action that led here; None at the first."""
+    motion: Motion | None
+    """What it truly did; None at the first."""
     view: Observation
+    """What the robot sensed."""
     estimate: MapEstimate
-    heard: Heard | None
+    """Map and pose as the robot has them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision(Turn):
+    """A turn with what was decided in it."""
+
+    measurement: Measurement | None
+    """What the robot makes of what its radio measured; None without a radio."""
     paths: Paths | None
     """True radio paths; None without a radio."""
     belief: TargetBelief | None
+    """Where its policy takes the target to be; None if it keeps no such belief."""
     goal: Float[np.ndarray, "2"]
+    """Where to go, in `map` [m]."""
     plan: Plan
+    """How to get there."""
     action: Action
+    """What is done next."""
+
+
+#: Is told of each decision, after the action is chosen and before it is done.
+Onlooker = Callable[[EpisodeLog, Decision], None]
 
 
 def check_weights(config: EpisodeConfig) -> None:
@@ -100,12 +124,75 @@ def check_weights(config: EpisodeConfig) -> None:
         )
 
 
+def drive(
+    simulator: Simulator,
+    navigator: Navigator,
+    policy: GoalPolicy,
+    task: Task,
+    rng: np.random.Generator,
+    judge: Callable[[Turn], bool],
+    on_decision: Callable[[Decision], None] = lambda decision: None,
+    *,
+    interpret: Callable[[Observation, MapEstimate], Measurement | None] = lambda view, estimate: None,
+    watch: Stopwatch | None = None,
+) -> tuple[Turn, bool]:
+    """Let a robot drive, one decision after another.
+
+    Args:
+        simulator: The robot in its building.
+        navigator: Who maps, plans and steers.
+        policy: Who chooses the goals.
+        task: Where the robot starts, and where the target stands.
+        rng: Source of all noise.
+        judge: Whether the robot goes on; asked in each turn before anything is decided.
+        on_decision: Is told of each decision before it is done.
+        interpret: What to make of what the radio measured.
+        watch: Collects the time by stage.
+
+    Returns:
+        The last turn, and whether it was the policy that had no goal any more, rather than the judge who ended it.
+    """
+    watch = watch or Stopwatch()
+    mapper, planner, controller, _ = navigator
+    view, motion, action = simulator.reset(task, rng), None, None
+    mapper.reset(task.start)
+    while True:
+        with watch.stage("mapper"):
+            estimate = mapper.update(view.depth, action, view.odometry)
+        turn = Turn(pose=simulator.pose, before=action, motion=motion, view=view, estimate=estimate)
+        with watch.stage("judging"):
+            if not judge(turn):
+                return turn, False
+        with watch.stage("link state"):
+            measurement = interpret(view, estimate)
+        with watch.stage("goal"):
+            goal = policy.goal(Situation(estimate, measurement, view.target))
+        if goal is None:
+            return turn, True
+        with watch.stage("planner"):
+            plan = planner.plan(estimate, goal)
+            action = controller.act(estimate.pose, plan)
+        paths = simulator.radio.paths if simulator.radio else None
+        on_decision(
+            Decision(
+                **vars(turn),
+                measurement=measurement,
+                paths=paths,
+                belief=policy.belief,
+                goal=goal,
+                plan=plan,
+                action=action,
+            )
+        )
+        view, motion = simulator.step(action)
+
+
 def run_episode(
     building: Building,
     reach: Reach,
     task: Task,
     config: EpisodeConfig,
-    on_decision: Callable[[Decision], None] = lambda decision: None,
+    on_decision: Onlooker = lambda log, decision: None,
     watch: Stopwatch | None = None,
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
@@ -125,44 +212,38 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    mapper, planner, controller, explorer = make_navigator(
-        config.simulator, config.explorer, config.mapper, config.controller
+    navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
+    policy = make_policy(config.goal, task, navigator.explorer, config.fused)
+    simulator = Simulator(
+        building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )
-    policy = make_policy(config.goal, task, explorer, config.fused)
-    simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
-    listener = Listener(simulator.radio, config.link_states) if simulator.radio else None
+    radio = simulator.radio
+    interpreter = Interpreter(radio, config.link_states) if radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
+    rng = np.random.default_rng([config.seed, 1])
+
+    def judge(turn: Turn) -> bool:
+        coverage.update(turn.pose, simulator.true_depth)
+        log.add_pose(turn.motion, turn.pose, turn.estimate.pose, coverage.fraction)
+        log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
+        return log.ended == "running"
+
+    def interpret(view: Observation, estimate: MapEstimate) -> Measurement | None:
+        measurement = interpreter.interpret(view.paths, estimate.pose) if interpreter else None
+        log.add_link(measurement, radio)
+        return measurement
+
+    def look(decision: Decision) -> None:
+        on_decision(log, decision)
 
     with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
-        view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
-        mapper.reset(task.start)
-        action = None
-        while True:
-            with watch.stage("mapper"):
-                estimate = mapper.update(view.depth, action, view.odometry)
-            with watch.stage("judging"):
-                coverage.update(simulator.pose, simulator.true_depth)
-                log.see(simulator.pose, estimate.pose, coverage.fraction)
-                log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
-            if log.ended != "running":
-                break
-            with watch.stage("link state"):
-                heard = listener.hear(view.heard, estimate.pose) if listener else None
-                log.hear(heard, simulator.radio)
-            with watch.stage("goal"):
-                goal = policy.goal(Moment(estimate, heard, view.target))
-            if goal is None:
-                log.ended = "explored"
-                break
-            with watch.stage("planner"):
-                plan = planner.plan(estimate, goal)
-                action = controller.act(estimate.pose, plan)
-            paths = simulator.radio.paths if simulator.radio else None
-            on_decision(Decision(log, view, estimate, heard, paths, policy.belief, goal, plan, action))
-            view, motion = simulator.step(action)
-            log.motions.append(motion)
-    return log, estimate
+        last, explored = drive(
+            simulator, navigator, policy, task, rng, judge, look, interpret=interpret, watch=watch
+        )
+    if explored:
+        log.ended = "explored"
+    return log, last.estimate
 
 
 def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:

@@ -118,18 +118,18 @@ def _record(
             files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
-        def look(decision: Decision) -> None:
-            text = _status(decision)
-            progress.update(bar, completed=decision.log.steps, note=text)
+        def look(log: EpisodeLog, decision: Decision) -> None:
+            text = _status(log, decision)
+            progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
-                moment = _snapshot(decision, f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}")
-                decisions.add(moment)
+                snapshot = _snapshot(decision, f"{plan.name}  {config.goal}  step {log.steps}  {text}")
+                decisions.add(snapshot)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(picture.draw(moment))
+                    writer.add(picture.draw(snapshot))
             if recording is not None:
                 with watch.stage("rerun"):
-                    recording.add(decision)
+                    recording.add(log, decision)
 
         log, estimate = run_episode(building, places, task, config, look, watch)
     # The result last: where it is, all is. An impatient second Ctrl-C shall not cost it.
@@ -172,25 +172,24 @@ def _snapshot(decision: Decision, text: str) -> Snapshot:
     return Snapshot(
         rgb=decision.view.rgb,
         depth_mm=whole_mm(decision.view.depth),
-        pose=decision.log.poses[-1],
+        pose=decision.pose,
         estimate=decision.estimate.pose,
         built=built_layer(decision.estimate),
         goal=decision.goal,
         path=decision.plan.path,
-        arrivals=None if decision.heard is None else arrivals(decision.heard),
+        arrivals=None if decision.measurement is None else arrivals(decision.measurement),
         belief=None if decision.belief is None else belief_layer(decision.belief),
         text=text,
     )
 
 
-def _status(decision: Decision) -> str:
-    log = decision.log
+def _status(log: EpisodeLog, decision: Decision) -> str:
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
     text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
-    if decision.heard is None:
+    if decision.measurement is None:
         return text
-    return f"{text}, {decision.heard.state.name.lower().replace('_', ' ')}"
+    return f"{text}, {decision.measurement.state.name.lower().replace('_', ' ')}"
 
 
 def _progress(console: Console) -> Progress:

@@ -50,7 +50,7 @@ class SimulatorConfig:
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
-    """How the target sends and the robot listens."""
+    """How the target sends, and how the robot measures."""
     recognition: Recognition = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
@@ -69,7 +69,7 @@ class Observation:
     """Metres along the camera's axis, as measured; 0 where nothing was."""
     odometry: Float[np.ndarray, "3"]
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
-    heard: PathEstimates | None = None
+    paths: PathEstimates | None = None
     """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
@@ -84,8 +84,8 @@ class Simulator:
         config: SimulatorConfig | None = None,
         watch: Stopwatch | None = None,
         *,
-        listens: bool = False,
-        looks: bool = False,
+        uses_radio: bool = False,
+        uses_camera: bool = False,
     ) -> None:
         """Build the scene: the walls' collision shapes, and the picture of the building with its light.
 
@@ -93,8 +93,8 @@ class Simulator:
             building: Where.
             config: What is simulated.
             watch: Collects the time by stage.
-            listens: Whether the robot has a radio.
-            looks: Whether the target is looked for in pictures.
+            uses_radio: Whether the robot has a radio.
+            uses_camera: Whether the target is looked for in pictures.
         """
         self.building = building
         self.config = config or SimulatorConfig()
@@ -103,10 +103,10 @@ class Simulator:
             kind = World if self.config.physics == "dynamic" else KinematicWorld
             self.world = kind(building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
-            self.radio = RadioLink(building, self.config.radio) if listens else None
+            self.radio = RadioLink(building, self.config.radio) if uses_radio else None
         image, perfect = self.config.image, self.config.recognition == "perfect"
-        self._oracle_eye = PerfectRecogniser(image) if looks and perfect else None
-        self._marker_eye = MarkerRecogniser(image) if looks and not perfect else None
+        self._oracle_eye = PerfectRecogniser(image) if uses_camera and perfect else None
+        self._marker_eye = MarkerRecogniser(image) if uses_camera and not perfect else None
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
         self._rng = self._radio_rng = self._depth_rng = np.random.default_rng()
@@ -171,10 +171,10 @@ class Simulator:
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("radio"):
-            heard = None if self.radio is None else self.radio.listen(self.pose, self._radio_rng)
+            paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
         with self.watch.stage("recognition"):
             target = self._recognise(frame)
-        return Observation(frame.rgb, measured, odometry, heard, target)
+        return Observation(frame.rgb, measured, odometry, paths, target)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
         if self._marker_eye is not None:

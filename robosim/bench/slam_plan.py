@@ -43,7 +43,6 @@ from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task, make_task
-from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.neural import NeuralMapper
 from slam.mapping.occupancy import OccupancyGrid
@@ -128,7 +127,7 @@ def measure_plan(path: str | Path, settings: SlamSettings) -> tuple[dict[str, An
     # Whatever is compiled or loaded at first use is not to be found in the times.
     run_episode(building, places, task, replace(settings.episode(settings.mapper, plan.name), max_steps=3))
     walks = {}
-    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda decision: None)):
+    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda log, decision: None)):
         log, estimate = run_episode(building, places, task, settings.episode(mapper, plan.name), watch)
         walks["classical" if mapper == "classical" else "learned"] = _walk(log)
     row = {
@@ -188,7 +187,6 @@ class _Shadow:
         self._learned = learned
         self._learned.reset(task.start)
         self._truth = TruePatches(building, hfov_deg=config.image.hfov_deg)
-        self._task, self._action = task, None
         self.frames = 0
         self.scores = {teller: PatchScores() for teller in TELLERS}
         self._true: list[np.ndarray] = []
@@ -203,14 +201,12 @@ class _Shadow:
         if self._opencv is not None:
             self._tracks[OPENCV] = Track(self._opencv, task.start)
 
-    _action: Action | None
-
-    def look(self, decision: Decision) -> None:
+    def look(self, log: EpisodeLog, decision: Decision) -> None:
         """Take in one decision."""
-        view, pose = decision.view, decision.log.poses[-1]
-        estimate = self._learned.update(view.depth, self._action, view.odometry)
+        view, pose, action = decision.view, decision.pose, decision.before
+        estimate = self._learned.update(view.depth, action, view.odometry)
         for track in self._tracks.values():
-            track.update(view, self._action)
+            track.update(view, action)
         self._true.append(np.array(pose))
         self._matched.append(np.array(decision.estimate.pose))
         if self.frames % EVERY == 0:
@@ -218,7 +214,6 @@ class _Shadow:
             for teller, told in told_ahead(self._learned, estimate, view.depth).items():
                 self.scores[teller].add(told, patch[OBSTACLE], patch[SEEN], patch[MATTERS])
         self.frames += 1
-        self._action = decision.action
 
     def pose_errors(self) -> dict[str, dict[str, float]]:
         """Errors of each way to know the pose, over the whole walk and after `TOLD_AT` decisions."""

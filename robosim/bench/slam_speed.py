@@ -34,6 +34,7 @@ from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
+from robosim.task.record import EpisodeLog
 from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Mapper
@@ -159,12 +160,9 @@ class _Walk:
         places = reach(building, settings.simulator.robot.radius_m)
         self._task = settings.task(places, building.plan.name)
         self._frames: list[tuple[np.ndarray, np.ndarray, Action | None]] = []
-        action: Action | None = None
 
-        def record(decision: Decision) -> None:
-            nonlocal action
-            self._frames.append((decision.log.poses[-1].copy(), decision.view.odometry.copy(), action))
-            action = decision.action
+        def record(log: EpisodeLog, decision: Decision) -> None:
+            self._frames.append((decision.pose.copy(), decision.view.odometry.copy(), decision.before))
 
         config = replace(settings.episode("classical", building.plan.name), max_steps=frames)
         run_episode(building, places, self._task, config, record)

@@ -42,7 +42,7 @@ def configured(config: EpisodeConfig, policy: PolicyName) -> EpisodeConfig:
 
 
 def _no_vision(config: EpisodeConfig) -> EpisodeConfig:
-    return replace(config, fused=replace(config.fused, looks=False))
+    return replace(config, fused=replace(config.fused, uses_camera=False))
 
 
 def _no_aod(config: EpisodeConfig) -> EpisodeConfig:

@@ -1,7 +1,7 @@
 """One episode of an evaluation: what it needs to run in any process, and all that is kept of it.
 
 What is kept is one compressed NumPy file: the scores as a row of the table, times, both trajectories, the goals, what
-the radio heard, and the map that the robot had built in the end. It holds enough to draw the episode without running
+the radio measured, and the map that the robot had built in the end. It holds enough to draw the episode without running
 it again, in some 20 kB. A process keeps the building of the last plan, since jobs come ordered by plan.
 """
 
@@ -151,7 +151,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     task = _task(places, job.task)
     goals: list[np.ndarray] = []
 
-    def look(decision: Decision) -> None:
+    def look(log: EpisodeLog, decision: Decision) -> None:
         goals.append(np.array(decision.goal, float))
 
     log, estimate = run_episode(building, places, task, job.config, look, watch)

@@ -1,7 +1,7 @@
 """Goal policies: where the robot wants to be, given what it knows.
 
-A policy is handed a `Moment`: the map and pose that the robot has estimated, what its radio heard, where its camera
-saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar that
+A policy is handed a `Situation`: the map and pose that the robot has estimated, what its radio measured, where its
+camera saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar that
 the others' arrival times are measured against. All policies are asked once a decision, and all arrive by one rule.
 
     oracle         knows the target
@@ -23,7 +23,7 @@ from jaxtyping import Float
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import Fused, FusedConfig
-from robosim.policies.moment import Moment
+from robosim.policies.situation import Situation
 from robosim.support.checks import check_choice
 from robosim.task.tasks import Task
 from slam.exploration.explorer import FrontierExplorer
@@ -50,13 +50,13 @@ class GoalPolicy(Protocol):
     #: Whether the policy looks for the target, so that an episode ends on arrival.
     seeks_target: bool
     #: Whether it needs the radio.
-    listens: bool
+    uses_radio: bool
     #: Whether it needs the target recognised in pictures.
-    looks: bool
+    uses_camera: bool
     #: Where it takes the target to be; None if it keeps no such belief.
     belief: TargetBelief | None
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
         ...
 
@@ -64,13 +64,13 @@ class GoalPolicy(Protocol):
 class Oracle:
     """Knows where the target is."""
 
-    seeks_target, listens, looks = True, False, False
+    seeks_target, uses_radio, uses_camera = True, False, False
     belief: TargetBelief | None = None
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """The target."""
         return self._target
 
@@ -78,48 +78,48 @@ class Oracle:
 class Explore:
     """Goes where the map ends, until it ends nowhere."""
 
-    seeks_target, listens, looks = False, False, False
+    seeks_target, uses_radio, uses_camera = False, False, False
     belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer) -> None:
         self._explorer = explorer
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A frontier, or None when all that can be reached is explored."""
-        return self._explorer.goal(moment.estimate)
+        return self._explorer.goal(situation.estimate)
 
 
 class Visual:
     """Explores until the target is seen, then goes to where it was seen last."""
 
-    seeks_target, listens, looks = True, False, True
+    seeks_target, uses_radio, uses_camera = True, False, True
     belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer) -> None:
         self._explorer = explorer
         self._seen: np.ndarray | None = None
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """The target if it was ever seen, else a frontier."""
-        if moment.target is not None:
-            self._seen = to_map(moment.estimate.pose, moment.target)
-        return self._explorer.goal(moment.estimate) if self._seen is None else self._seen
+        if situation.target is not None:
+            self._seen = to_map(situation.estimate.pose, situation.target)
+        return self._explorer.goal(situation.estimate) if self._seen is None else self._seen
 
 
 class Wireless:
     """Follows the strongest path in trusted link states, and explores in others."""
 
-    seeks_target, listens, looks = True, True, False
+    seeks_target, uses_radio, uses_camera = True, True, False
     belief: TargetBelief | None = None
 
     def __init__(self, explorer: FrontierExplorer, trusted: tuple[LinkState, ...]) -> None:
         self._explorer = explorer
         self._follow = FollowArrival(trusted)
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""
-        ahead = self._follow.goal(moment.listened(), moment.estimate.pose)
-        return self._explorer.goal(moment.estimate) if ahead is None else ahead
+        ahead = self._follow.goal(situation.measured(), situation.estimate.pose)
+        return self._explorer.goal(situation.estimate) if ahead is None else ahead
 
 
 def make_policy(

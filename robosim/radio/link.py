@@ -36,7 +36,7 @@ SQUARE_M = 0.15
 
 @dataclass(frozen=True, kw_only=True)
 class RadioLinkConfig:
-    """How the target sends, and how the robot listens."""
+    """How the target sends, and how the robot measures."""
 
     engine: RadioEngine = "live"
     """live: traced at the robot's true place. cached: at the middle of its square of 0.15 m."""
@@ -102,7 +102,7 @@ class RadioLink:
             self._target, self._traced = at, {}
         self.paths = None
 
-    def listen(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
+    def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
         """Sound the channel at a true pose, and estimate its paths.
 
         Args:
@@ -120,7 +120,7 @@ class RadioLink:
     def state(self) -> LinkState:
         """True link state where the robot last listened."""
         if self.paths is None:
-            raise RuntimeError("The radio has not listened yet. Call listen first.")
+            raise RuntimeError("The radio has not measured yet. Call measure first.")
         return LinkState(int(self.paths.link_state()[0, 0]))
 
     @property

@@ -8,7 +8,7 @@ public            trained on the public measurements of mmwRobotNav, and on gene
                   angles of arrival and departure, SNR, heights of peaks
 
 SNR means different things in the two, and states follow different rules: take the one that fits the measurements.
-In generated homes heard by the public receiver, `public` tells 89.5 % of our states rightly; of public links,
+In generated homes measurement by the public receiver, `public` tells 89.5 % of our states rightly; of public links,
 `generated-no-sync`, which alone finds there all that it needs, tells 52 %.
 
 All but `generated-no-sync` can also remember the robot's way (`wireless.linkstate.follower`): along ways to the

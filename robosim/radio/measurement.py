@@ -20,7 +20,7 @@ TRUE_STATES = "true"
 
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class Measurement:
     """One measurement as the robot understands it; the strongest path first."""
 
     pose: Float[np.ndarray, "3"]
@@ -44,7 +44,7 @@ class Heard:
         return LinkState(int(np.argmax(self.probability)))
 
 
-class Listener:
+class Interpreter:
     """Understands measurements."""
 
     def __init__(self, radio: RadioLink, classifier: str) -> None:
@@ -60,7 +60,7 @@ class Listener:
         self._radio = radio
         self._classifier = None if classifier == TRUE_STATES else read_classifier(classifier)
 
-    def hear(self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"]) -> Heard:
+    def interpret(self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"]) -> Measurement:
         """Directions in `map` and link state of a measurement.
 
         Args:
@@ -77,7 +77,7 @@ class Listener:
             probability = self._classifier.predict(
                 turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
             )[0]
-        return Heard(
+        return Measurement(
             pose=np.array(pose),
             aoa_rad=turned.aoa_rad[0, :n],
             aod_rad=turned.aod_rad[0, :n],

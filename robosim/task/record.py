@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.radio.link import RadioLink
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from robosim.robot.dynamic import Motion
 from robosim.support.files import whole_file
 from robosim.task.tasks import ARRIVAL_M, Task
@@ -48,29 +48,37 @@ class EpisodeLog:
     coverage: list[float] = field(default_factory=list)
     """Part of the reachable floor seen, at each pose."""
     links: list[Link] = field(default_factory=list)
-    """What the radio heard at each decision, if there is one."""
+    """What the radio measured at each decision, if there is one."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
 
-    def see(self, pose: Float[np.ndarray, "3"], estimate: Float[np.ndarray, "3"], coverage: float) -> None:
-        """Add a moment: the true and the estimated pose, and the coverage so far."""
+    def add_pose(
+        self,
+        motion: Motion | None,
+        pose: Float[np.ndarray, "3"],
+        estimate: Float[np.ndarray, "3"],
+        coverage: float,
+    ) -> None:
+        """Add a turn: what the action before it did, the true and the estimated pose, and the coverage so far."""
+        if motion is not None:
+            self.motions.append(motion)
         self.poses.append(np.array(pose))
         self.estimates.append(np.array(estimate))
         self.coverage.append(coverage)
 
-    def hear(self, heard: Heard | None, radio: RadioLink | None) -> None:
-        """Add what the radio heard, beside the truth; nothing without a radio."""
-        if heard is None or radio is None:
+    def add_link(self, measurement: Measurement | None, radio: RadioLink | None) -> None:
+        """Add what the radio measured, beside the truth; nothing without a radio."""
+        if measurement is None or radio is None:
             return
-        found = len(heard.snr_db) > 0
+        found = len(measurement.snr_db) > 0
         self.links.append(
             Link(
                 state=radio.state,
-                believed=heard.state,
-                snr_db=float(heard.snr_db[0]) if found else -np.inf,
-                aoa_error_rad=abs(wrap(float(heard.aoa_rad[0]) - radio.bearing)) if found else np.nan,
+                believed=measurement.state,
+                snr_db=float(measurement.snr_db[0]) if found else -np.inf,
+                aoa_error_rad=abs(wrap(float(measurement.aoa_rad[0]) - radio.bearing)) if found else np.nan,
             )
         )
 

@@ -21,7 +21,7 @@ from robosim.task.tasks import Task, make_task
 from tests.robosim.plans import two_rooms
 
 CHANGED = {
-    "fused-no-vision": {"fused.looks": False},
+    "fused-no-vision": {"fused.uses_camera": False},
     "fused-no-aod": {"fused.belief.departures": False, "link_states": "generated-no-aod"},
     "fused-no-memory": {"fused.belief.remembers": False},
     "fused-true-states": {"link_states": "true"},
@@ -51,7 +51,7 @@ def test_without_vision_the_target_before_the_camera_is_not_seen():
     for name in ("fused", "fused-no-vision"):
         config = configured(EpisodeConfig(simulator=SimulatorConfig(physics="kinematic")), name)
         policy = make_policy(config.goal, task, make_navigator(config.simulator).explorer, config.fused)
-        simulator = Simulator(building, config.simulator, looks=policy.looks)
+        simulator = Simulator(building, config.simulator, uses_camera=policy.uses_camera)
         seen[name] = simulator.reset(task, np.random.default_rng(0)).target
         simulator.close()
     assert seen["fused"] == pytest.approx([1.1, 0.0], abs=0.05)
