@@ -9,31 +9,41 @@ from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from signal import SIGINT, SIGTERM
-from typing import get_args
+from typing import Annotated
 
 import numpy as np
+import tyro
 from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
-from robosim.navigation import MAPPERS, ControllerName, Navigator, make_navigator
+from robosim.navigation import Navigator, make_navigator
+from robosim.parts import (
+    CLASSIFIER,
+    CONTROLLER,
+    EXPLORER,
+    GOAL,
+    MAPPER,
+    ClassifierPart,
+    ControllerPart,
+    ExplorerPart,
+    GoalPart,
+    MapperPart,
+)
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
-from robosim.policies.goals import GoalName, GoalPolicy, make_policy
+from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
 from robosim.policies.situation import Situation
-from robosim.radio.link_state import read_classifier
-from robosim.radio.measurement import TRUE_STATES, Interpreter, Measurement
+from robosim.radio.measurement import Interpreter, Measurement, check_classifier
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.support.assets import shipped_weights
-from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
+from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.actions import Action
-from slam.exploration.explorer import ExplorerName
 from slam.grid import MapEstimate
 from slam.planning.planner import Plan
 from wireless.paths import Paths
@@ -43,32 +53,33 @@ from wireless.paths import Paths
 class EpisodeConfig:
     """How an episode is run."""
 
-    goal: GoalName = "fused"
+    goal: Annotated[GoalPart, tyro.conf.Suppress] = "fused"
     """Who chooses the goals."""
-    explorer: ExplorerName = "learned"
+    explorer: ExplorerPart = "learned"
     """Who chooses among frontiers when the goal is to explore."""
-    controller: ControllerName = "planned"
+    controller: ControllerPart = "planned"
     """Who chooses actions: a search over turns and runs, or a network that has watched it."""
-    mapper: str = "neural"
+    mapper: MapperPart = "neural"
     """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
-    seed: int = 0
+    seed: Annotated[int, tyro.conf.Suppress] = 0
     """Seed of everything random in the episode."""
     max_steps: int = 1000
     """Actions before the episode is given up."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """How the plan becomes a building."""
-    simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
+    simulator: Annotated[SimulatorConfig, tyro.conf.arg(name="")] = field(default_factory=SimulatorConfig)
     """What is simulated."""
-    link_states: str = "generated"
+    link_states: ClassifierPart = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
-        for name, kind in (("goal", GoalName), ("explorer", ExplorerName), ("controller", ControllerName)):
-            check_choice(name, getattr(self, name), get_args(kind))
-        check_network("mapper", self.mapper, MAPPERS)
-        check_network("link_states", self.link_states, (*shipped_weights(), TRUE_STATES))
+        GOAL.check("goal", self.goal)
+        EXPLORER.check("explorer", self.explorer)
+        MAPPER.check("mapper", self.mapper)
+        CONTROLLER.check("controller", self.controller)
+        CLASSIFIER.check("link_states", self.link_states)
         check_numbers(self, seed=SEED, max_steps=STEPS)
 
 
@@ -117,11 +128,7 @@ def check_weights(config: EpisodeConfig) -> None:
         ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
     """
     make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    if config.link_states != TRUE_STATES and "peak" in read_classifier(config.link_states).inputs:
-        raise ValueError(
-            f"link_states is {config.link_states!r}, a classifier that needs heights of peaks, which are not measured "
-            "here. Take one without, such as generated."
-        )
+    check_classifier(config.link_states)
 
 
 def drive(
@@ -213,7 +220,8 @@ def run_episode(
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    policy = make_policy(config.goal, task, navigator.explorer, config.fused)
+    context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=task.target)
+    policy = make_policy(config.goal, context)
     simulator = Simulator(
         building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )

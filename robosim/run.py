@@ -3,7 +3,6 @@
 import importlib.metadata
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.support.files import write_json
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.parts import described, told
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
@@ -43,6 +43,10 @@ FILES = (
     DECISIONS,
     "episode.mp4",
 )
+
+
+#: Mappers that guess nothing where they have not looked.
+_OBSERVERS = ("classical", "learned-pose")
 
 
 def record_episode(
@@ -107,7 +111,7 @@ def _record(
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
-    picture = Picture(rings, task.target, anticipates=config.mapper not in ("classical", "learned-pose"))
+    picture = Picture(rings, task.target, anticipates=config.mapper not in _OBSERVERS)
     decisions = DecisionWriter(rings, task.target)
     with ExitStack() as files, _progress(console) as progress:
         writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
@@ -122,7 +126,7 @@ def _record(
             text = _status(log, decision)
             progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
-                snapshot = _snapshot(decision, f"{plan.name}  {config.goal}  step {log.steps}  {text}")
+                snapshot = _snapshot(decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}")
                 decisions.add(snapshot)
             if writer is not None:
                 with watch.stage("video"):
@@ -218,11 +222,11 @@ def _result(
     loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
     return {
         "plan": plan.name,
-        "goal": config.goal,
+        "goal": told(config.goal),
         "seed": config.seed,
         **log.result(),
         "walls": len(building.walls_2d),
-        "config": asdict(config),
+        "config": described(config),
         "versions": {name: importlib.metadata.version(name) for name in ("robosim", "mujoco", "numpy")},
         "timing": {
             "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},

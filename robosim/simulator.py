@@ -6,40 +6,36 @@ differs from what it did (sensing), both after Active Neural SLAM, and its depth
 """
 
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
-from robosim.camera.cameras import Backend, make_camera
+from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
-from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
+from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
+from robosim.parts import CAMERA, PHYSICS, RECOGNISER, CameraPart, PhysicsPart, RecogniserPart
 from robosim.radio.link import RadioLink, RadioLinkConfig
-from robosim.robot.dynamic import Motion, World
-from robosim.robot.kinematic import KinematicWorld
+from robosim.robot.motion import Motion, Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
-from robosim.support.checks import check_choice
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.poses import between
 from wireless.estimates import PathEstimates
 
-Physics = Literal["dynamic", "kinematic"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorConfig:
     """What is simulated, and how faithfully."""
 
-    physics: Physics = "dynamic"
+    physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
-    camera: Backend = "pyrender"
+    camera: CameraPart = "pyrender"
     """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
@@ -51,13 +47,13 @@ class SimulatorConfig:
     """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
     """How the target sends, and how the robot measures."""
-    recognition: Recognition = "marker"
+    recognition: RecogniserPart = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
     def __post_init__(self) -> None:
-        check_choice("physics", self.physics, get_args(Physics))
-        check_choice("camera", self.camera, get_args(Backend))
-        check_choice("recognition", self.recognition, get_args(Recognition))
+        PHYSICS.check("physics", self.physics)
+        CAMERA.check("camera", self.camera)
+        RECOGNISER.check("recognition", self.recognition)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,13 +96,14 @@ class Simulator:
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            kind = World if self.config.physics == "dynamic" else KinematicWorld
-            self.world = kind(building, robot=self.config.robot)
+            self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
             self.radio = RadioLink(building, self.config.radio) if uses_radio else None
-        image, perfect = self.config.image, self.config.recognition == "perfect"
-        self._oracle_eye = PerfectRecogniser(image) if uses_camera and perfect else None
-        self._marker_eye = MarkerRecogniser(image) if uses_camera and not perfect else None
+        self._recogniser: Recogniser | None = None
+        if uses_camera:
+            self._recogniser = RECOGNISER.make(
+                self.config.recognition, self.config.image, field="recognition"
+            )
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
         self._rng = self._radio_rng = self._depth_rng = np.random.default_rng()
@@ -177,11 +174,9 @@ class Simulator:
         return Observation(frame.rgb, measured, odometry, paths, target)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
-        if self._marker_eye is not None:
-            return self._marker_eye.find(frame.rgb)
-        if self._oracle_eye is not None:
-            return self._oracle_eye.find(frame.depth, self.pose, np.array(self._target))
-        return None
+        if self._recogniser is None or self._target is None:
+            return None
+        return self._recogniser.find(frame, between(self.pose, np.array([*self._target, 0.0]))[:2])
 
     def _place_target(self, target: np.ndarray) -> None:
         self.close()

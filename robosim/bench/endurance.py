@@ -32,7 +32,7 @@ from robosim.simulator import Simulator
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.stopwatch import Stopwatch
-from slam.exploration.explorer import FrontierExplorer
+from slam.exploration.explorer import Explorer
 from slam.grid import MapEstimate
 
 #: Rows of the table.
@@ -109,7 +109,7 @@ class Wanderer:
     seeks_target, uses_radio, uses_camera = False, False, False
     belief: TargetBelief | None = None
 
-    def __init__(self, explorer: FrontierExplorer, rng: np.random.Generator) -> None:
+    def __init__(self, explorer: Explorer, rng: np.random.Generator) -> None:
         self._explorer, self._rng = explorer, rng
         self._place: Float[np.ndarray, 2] | None = None
         self._left = 0

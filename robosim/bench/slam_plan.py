@@ -16,7 +16,7 @@ in the shadow of the classical one there, and takes the poses of that one: what 
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -34,11 +34,12 @@ from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.navigation import MAPPERS, make_navigator
+from robosim.navigation import make_navigator
+from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import read_plan
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Physics, SimulatorConfig
-from robosim.support.checks import LEVEL, SEED, STEPS, check_choice, check_network, check_numbers
+from robosim.simulator import SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, STEPS, check_numbers
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
@@ -65,7 +66,7 @@ LEARNED, MATCHED = "learned pose", "scan matching"
 class SlamSettings:
     """What is run in each plan."""
 
-    mapper: str = "neural"
+    mapper: MapperPart = "neural"
     """Learned mapper, as in `robosim.navigation`."""
     steps: int = 1000
     """Most decisions of each walk."""
@@ -75,12 +76,12 @@ class SlamSettings:
     """Level of actuation and odometry noise."""
     depth_noise: float = 1.0
     """Level of the depth camera's noise."""
-    physics: Physics = "kinematic"
+    physics: PhysicsPart = "kinematic"
     """How the robot is moved."""
 
     def __post_init__(self) -> None:
-        check_network("mapper", self.mapper, MAPPERS)
-        check_choice("physics", self.physics, get_args(Physics))
+        MAPPER.check("mapper", self.mapper)
+        PHYSICS.check("physics", self.physics)
         check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL, steps=STEPS)
 
     @property

@@ -27,9 +27,10 @@ from robosim.camera.rendering.shading import shaded_mesh
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.drawing.plots import save_figure
 from robosim.episode import Decision, run_episode
-from robosim.navigation import MAPPERS, make_navigator
+from robosim.navigation import make_navigator
+from robosim.parts import MAPPER
 from robosim.plans.files import read_plan
-from robosim.support.checks import SIZE_PX, check_network, check_numbers
+from robosim.support.checks import SIZE_PX, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
@@ -60,7 +61,7 @@ class SpeedSettings:
     def __post_init__(self) -> None:
         check_numbers(self, sizes=SIZE_PX, plans=(1, 10_000), frames=(1, 100_000))
         for mapper in self.mappers:
-            check_network("others", mapper, MAPPERS)
+            MAPPER.check("others", mapper)
 
 
 def speeds(

@@ -1,11 +1,10 @@
 """`robosim bench`: speed against error."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.episode_options import DEFAULT_OPTIONS
 from robosim.commands.terminal import (
     ALL_CORES,
     WorkOptions,
@@ -16,6 +15,7 @@ from robosim.commands.terminal import (
     read,
     results_in,
 )
+from robosim.parts import EXPLORER, ExplorerPart, MapperPart, PhysicsPart
 from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
 
 
@@ -60,8 +60,8 @@ def navigation(
     goals: tuple[Literal["oracle", "explore"], ...] = ("oracle", "explore"),
     seed: int = 1,
     noise: float = 1.0,
-    mapper: str = DEFAULT_OPTIONS.mapper,
-    explorer: Literal["nearest", "cheapest", "gain", "learned"] = DEFAULT_OPTIONS.explorer,
+    mapper: MapperPart = "neural",
+    explorer: ExplorerPart = "learned",
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
@@ -107,12 +107,12 @@ def navigation(
 def exploration(
     plans: Positional[tuple[str, ...]],
     *,
-    explorers: tuple[Literal["nearest", "cheapest", "gain", "learned"], ...] = ("nearest", "gain"),
+    explorers: tuple[Annotated[str, EXPLORER.option()], ...] = ("nearest", "gain"),
     seed: int = 1,
     noise: float = 1.0,
     depth_noise: float = 0.0,
-    physics: Literal["dynamic", "kinematic"] = "dynamic",
-    mapper: str = DEFAULT_OPTIONS.mapper,
+    physics: PhysicsPart = "dynamic",
+    mapper: MapperPart = "neural",
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
@@ -165,7 +165,7 @@ def slam(
     seed: int = 1,
     noise: float = 1.0,
     depth_noise: float = 1.0,
-    physics: Literal["dynamic", "kinematic"] = "kinematic",
+    physics: PhysicsPart = "kinematic",
     sizes: tuple[int, ...] = (64, 96, 128, 192, 256),
     others: tuple[str, ...] = (),
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,

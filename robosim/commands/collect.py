@@ -18,7 +18,7 @@ def collect(
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
-    """Collect frames to train a mapper on: a robot explores invented homes, the truth is kept beside what it senses.
+    """Collect frames to train a mapper on: a robot explores made homes; the truth is kept beside what it senses.
 
     One file a home, the same for any number of workers. An interrupted run goes on when the command is given again,
     and more homes may be added later.

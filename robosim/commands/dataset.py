@@ -20,6 +20,7 @@ from robosim.commands.terminal import (
     going_on,
     read,
 )
+from robosim.parts import EstimatorPart
 from robosim.support.checks import check_number
 
 
@@ -30,7 +31,7 @@ def dataset(
     tx_per_plan: int = 10,
     grid: float = 0.15,
     seed: int = 0,
-    estimator: Literal["sage", "pca"] = "sage",
+    estimator: EstimatorPart = "sage",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
     tolerance: float = 0.05,

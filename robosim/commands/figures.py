@@ -106,7 +106,7 @@ def wireless(
 def search(
     results: Positional[Path], *, stuck: str = "snr", better: str = "los-or-first", out: Path | None = None
 ) -> None:
-    """Draw the published figures of the search from an evaluation: arrival rates, relative arrival times, an example.
+    """Draw the published figures of the search from an evaluation: arrival rates, relative times, an example.
 
     The example is one start with two policies, where following paths of higher order gets stuck; it is found in the
     episodes. index.html in the folder shows all of them with captions and the published numbers. An evaluation

@@ -14,6 +14,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
+from robosim.parts import ReaderPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.interrupt import SIGNALLED
@@ -71,6 +72,8 @@ class PlanOptions:
     """Axis of a mesh that points up; auto goes by its format and floors."""
     unit: float = 1.0
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
+    reader: ReaderPart = "auto"
+    """Who reads the file: auto goes by its ending; module:Name is one of your own."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -95,6 +98,7 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         floor_height_m=options.floor_height,
         up=options.up,
         unit_m=options.unit,
+        reader=options.reader,
     )
 
 

@@ -171,7 +171,7 @@ def pose(
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the learned pose on collected frames: how far off a predicted pose is, from the map there and the frame.
+    """Train the learned pose on collected frames: how far off a predicted pose is, from map and frame.
 
     Writes pose.safetensors with its card, and result.json. Every tenth home is held out for the scores. Takes minutes;
     an interrupted run begins anew.

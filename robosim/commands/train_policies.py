@@ -73,7 +73,7 @@ def steering(
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives through invented homes.
+    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives in made homes.
 
     Writes steering.safetensors with its card, on which both are compared in homes held out. An interrupted run goes on
     when the same command is given again; the result does not depend on the number of workers.

@@ -27,12 +27,13 @@ from robosim.drawing.links import choose_telling, link_figure
 from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import draw_state
 from robosim.figures.training import draw_training
+from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link_state import read_classifier
 from robosim.radio.receivers import check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.assets import shipped_weights
-from robosim.support.checks import SEED, check_network, check_numbers
+from robosim.support.checks import SEED, check_numbers
 from robosim.support.progress import tracked
 from wireless.antennas.codebook import terminal_named
 from wireless.antennas.figures import arrays_figure
@@ -69,7 +70,7 @@ class FiguresConfig:
         check_step(self.grid_m)
         check_tolerance(self.tolerance_m)
         if self.classifier is not None:
-            check_network("classifier", self.classifier, shipped_weights())
+            CLASSIFIER.check("classifier", self.classifier)
 
     @property
     def radio(self) -> RadioConfig:

@@ -18,7 +18,7 @@ from robosim.policies.sightlines import in_sight, knowledge
 from robosim.policies.situation import Situation
 from robosim.support.checks import check_numbers
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.exploration.explorer import FrontierExplorer
+from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import Frontier, find_frontiers
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box
@@ -75,7 +75,7 @@ class Fused:
 
     seeks_target, uses_radio = True, True
 
-    def __init__(self, explorer: FrontierExplorer, config: FusedConfig | None = None) -> None:
+    def __init__(self, explorer: Explorer, config: FusedConfig | None = None) -> None:
         self.config = config or FusedConfig()
         self.uses_camera = self.config.uses_camera
         self._explorer = explorer

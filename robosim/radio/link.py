@@ -19,11 +19,12 @@ import shapely
 from jaxtyping import Float
 
 from robosim.building.building import Building
+from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.scene import make_tracer
 from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
-from wireless.antennas.codebook import TERMINALS, terminal_named
+from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
-from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
+from wireless.estimation.estimators import PathEstimator
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import TracerConfig
@@ -44,12 +45,12 @@ class RadioLinkConfig:
     """Carrier frequency."""
     height_m: float = 1.5
     """Height of both antennas above the floor [m]."""
-    transmitter: str = "gnb"
-    """The target's arrays, by their name in `wireless.antennas.codebook`; they face 0 and ±120 degrees in `map`."""
-    receiver: str = "ue"
-    """The robot's arrays; they turn with it."""
-    estimator: str = "sage"
-    """What reads paths out of a measurement, by its name in `wireless.estimation.estimators`."""
+    transmitter: TerminalPart = "gnb"
+    """The target's arrays; gnb, the published base station's, face 0 and ±120 degrees in `map`."""
+    receiver: TerminalPart = "ue"
+    """The robot's arrays, which turn with it; ue is the published robot's."""
+    estimator: EstimatorPart = "sage"
+    """What reads paths out of a measurement: sage by likelihood, pca as published."""
     sounding: SoundingConfig = field(default_factory=SoundingConfig)
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
@@ -57,19 +58,20 @@ class RadioLinkConfig:
 
     def __post_init__(self) -> None:
         check_choice("engine", self.engine, get_args(RadioEngine))
-        check_choice("transmitter", self.transmitter, TERMINALS)
-        check_choice("receiver", self.receiver, TERMINALS)
-        check_choice("estimator", self.estimator, ESTIMATORS)
+        TERMINAL.check("transmitter", self.transmitter)
+        TERMINAL.check("receiver", self.receiver)
+        ESTIMATOR.check("estimator", self.estimator)
         check_numbers(self, frequency_hz=FREQUENCY_HZ, height_m=(0, 100, "m"))
 
 
 @cache
 def _receiver(
-    transmitter: str, receiver: str, estimator: str, sounding: SoundingConfig
+    transmitter: Part, receiver: Part, estimator: Part, sounding: SoundingConfig
 ) -> tuple[Sounder, PathEstimator]:
     """What measures and what estimates; its tables take seconds to make, and serve any building."""
-    sounder = Sounder(terminal_named(transmitter), terminal_named(receiver), sounding)
-    return sounder, estimator_named(estimator, sounder)
+    ends = TERMINAL.make(transmitter, field="transmitter"), TERMINAL.make(receiver, field="receiver")
+    sounder = Sounder(*ends, sounding)
+    return sounder, ESTIMATOR.make(estimator, sounder, field="estimator")
 
 
 class RadioLink:

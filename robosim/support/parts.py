@@ -17,11 +17,11 @@ import sys
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import tyro
 
-from robosim.support.checks import shown
+from robosim.support.checks import check_choice, shown
 
 #: A part in a configuration: a name, `module:Name`, or an object.
 Part = Any
@@ -116,19 +116,20 @@ class Kind:
             )
         return made
 
-    def option(self) -> Any:
-        """The type of a field of a configuration that holds such a part, as the command line takes it."""
-        shown_names = [*self.shipped, *(f"FILE{suffix}" for suffix in self.suffixes), "MODULE:NAME"]
-        return Annotated[
-            Any,
-            tyro.constructors.PrimitiveConstructorSpec(
-                nargs=1,
-                metavar=f"{{{','.join(shown_names)}}}",
-                instance_from_str=lambda words: words[0],
-                is_instance=lambda value: True,
-                str_from_instance=lambda value: [told(value)],
-            ),
-        ]
+    def option(self, *more: str) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+        """How the command line takes such a part: what a field that holds one is annotated with.
+
+        Args:
+            more: Other words that the field may hold.
+        """
+        shown_names = [*more, *self.shipped, *(f"FILE{suffix}" for suffix in self.suffixes), "MODULE:NAME"]
+        return tyro.constructors.PrimitiveConstructorSpec(
+            nargs=1,
+            metavar=f"{{{','.join(shown_names)}}}",
+            instance_from_str=lambda words: words[0],
+            is_instance=lambda value: True,
+            str_from_instance=lambda value: [told(value)],
+        )
 
     def _is_file(self, part: str) -> bool:
         return Path(part).suffix in self.suffixes
@@ -178,3 +179,59 @@ def _imported(field: str, name: str) -> Any:
             raise ValueError(f"{field} is {shown(name)}, but {module!r} has no {attribute!r}.{hint}")
         found = getattr(found, attribute)
     return found
+
+
+def is_part(field: "dataclasses.Field[Any]") -> bool:
+    """Whether a field of a configuration holds a part."""
+    return get_origin(field.type) is Annotated and Any in get_args(field.type)
+
+
+def described(config: Any) -> dict[str, Any]:
+    """A configuration in plain values, as `dataclasses.asdict` gives it; parts by their names.
+
+    Args:
+        config: A dataclass. A part that is an object is told by its class, and by its fields if it is a dataclass.
+    """
+    plain = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if is_part(field) and not isinstance(value, str):
+            of_its_own = described(value) if dataclasses.is_dataclass(value) else {}
+            plain[field.name] = {"part": told(value), **of_its_own}
+        else:
+            plain[field.name] = _described(value)
+    return plain
+
+
+def _described(value: Any) -> Any:
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return described(value)
+    return [_described(item) for item in value] if isinstance(value, (tuple, list)) else value
+
+
+def restored(kind: type, values: Mapping[str, Any]) -> Any:
+    """A configuration from what `described` told of it; what is not told is as by default.
+
+    Raises:
+        ValueError: If a field is unknown, or a value none that the field may have.
+    """
+    hints = get_type_hints(kind)
+    known = [field.name for field in dataclasses.fields(kind)]
+    for name in values:
+        check_choice(f"a setting of {kind.__name__}", name, known)
+    return kind(**{name: _restored(hints[name], value) for name, value in values.items()})
+
+
+def _restored(hint: Any, value: Any) -> Any:
+    if hint is Any and isinstance(value, dict) and "part" in value:
+        found = _imported("part", str(value["part"]))
+        rest = {name: one for name, one in value.items() if name != "part"}
+        return restored(found, rest) if rest else found
+    if isinstance(value, dict) and dataclasses.is_dataclass(hint):
+        return restored(hint, value)  # type: ignore[arg-type]
+    if isinstance(value, list) and get_origin(hint) is tuple:
+        inner = get_args(hint)
+        return tuple(
+            _restored(inner[0] if inner[-1] is ... else inner[i], one) for i, one in enumerate(value)
+        )
+    return value

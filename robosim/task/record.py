@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Measurement
-from robosim.robot.dynamic import Motion
+from robosim.robot.motion import Motion
 from robosim.support.files import whole_file
 from robosim.task.tasks import ARRIVAL_M, Task
 from slam.poses import wrap

@@ -6,19 +6,19 @@ from robosim.plans.floorplan import FloorPlan
 
 #: Commands, and words of what is said of them; {} is a folder in which nothing is.
 REFUSED = [
-    ("episode flat --noise nan", "noise level is nan, expected 0 to 100"),
-    ("episode flat --noise inf", "noise level is inf"),
-    ("episode flat --noise -1", "noise level is -1.0"),
-    ("episode flat --depth-noise 101", "depth noise level is 101.0, expected 0 to 100"),
-    ("episode flat --size 7", "width is 7, expected a whole number from 8 to 4096 pixels"),
-    ("episode flat --size 5000", "width is 5000"),
+    ("episode flat --noise.level nan", "noise level is nan, expected 0 to 100"),
+    ("episode flat --noise.level inf", "noise level is inf"),
+    ("episode flat --noise.level -1", "noise level is -1.0"),
+    ("episode flat --depth-noise.level 101", "depth noise level is 101.0, expected 0 to 100"),
+    ("episode flat --image.width 7", "width is 7, expected a whole number from 8 to 4096 pixels"),
+    ("episode flat --image.width 5000", "width is 5000"),
     ("episode flat --max-steps 0", "max_steps is 0, expected a whole number from 1 to 1000000"),
     ("episode flat --max-steps 1000001", "max_steps is 1000001"),
     (
-        "episode flat --tolerance 100",
+        "episode flat --building.tolerance-m 100",
         "tolerance_m is 100.0, expected 0 to 0.5 m. Use 0 for the exact outline",
     ),
-    ("episode flat --tolerance -0.1", "tolerance_m is -0.1"),
+    ("episode flat --building.tolerance-m -0.1", "tolerance_m is -0.1"),
     ("episode flat --seed -1", "seed is -1, expected a whole number from 0 to 9223372036854775807"),
     ("episode flat --seed 9223372036854775808", "seed is 9223372036854775808"),
     ("episode flat --start 1,2,1e300", "'1,2,1e300', expected X,Y,YAW"),

@@ -5,7 +5,7 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.radio.link import SQUARE_M, RadioLink, RadioLinkConfig
-from robosim.radio.measurement import TRUE_STATES, Interpreter
+from robosim.radio.measurement import Interpreter
 from tests.robosim.plans import room, two_rooms
 from wireless.paths import LinkState
 
@@ -51,7 +51,7 @@ def test_the_gain_of_a_lone_path_is_that_of_free_space():
     """Friis: (lambda / 4 pi d)^2. In a room of 20 m the direct path stands out of the others; within 1 dB."""
     link = RadioLink(make_building(room(20.0, 20.0)))
     link.place(np.array([10.0, 10.0]))
-    interpreter = Interpreter(link, TRUE_STATES)
+    interpreter = Interpreter(link, "true")
     rng = np.random.default_rng(0)
     for angle in np.linspace(0.1, 6.2, 7):
         place = 10 + 3 * np.array([np.cos(angle), np.sin(angle)])
@@ -67,7 +67,7 @@ def test_the_gain_of_a_lone_path_is_that_of_free_space():
 
 def test_a_wrong_heading_turns_what_is_heard(radio):
     """There is no compass: a heading wrong by 0.2 rad turns all arrivals in the map by as much."""
-    interpreter, truth = Interpreter(radio, TRUE_STATES), np.array([4.0, 0.6, 1.0])
+    interpreter, truth = Interpreter(radio, "true"), np.array([4.0, 0.6, 1.0])
     believed = np.array([4.0, 0.6, 1.2])
     measured = radio.measure(truth, np.random.default_rng(2))
     right, wrong = interpreter.interpret(measured, truth), interpreter.interpret(measured, believed)
