@@ -34,7 +34,7 @@ class Kind:
     name: str
     """What messages call it, such as "goal policy"."""
     shipped: Mapping[str, str]
-    """Those that come with this package, each as `module:Name`."""
+    """Those that come with this package, each as `module:Name` or a file."""
     has: tuple[str, ...]
     """Methods and attributes that a part of this kind must have."""
     made_from: str
@@ -98,12 +98,11 @@ class Kind:
             self.check(field, part)
         target, before = part, made_from
         if isinstance(part, str):
-            if part in self.shipped:
-                target = _imported(field, self.shipped[part])
-            elif ":" in part:
-                target = _imported(field, part)
+            place = self.shipped.get(part, part)
+            if self._is_file(place):
+                target, before = _imported(field, self.from_file), (Path(place), *made_from)
             else:
-                target, before = _imported(field, self.from_file), (Path(part), *made_from)
+                target = _imported(field, place)
         if self._is_one(target):
             return target
         if not callable(target):
@@ -145,7 +144,8 @@ class Kind:
             missing = self._missing(target)
             raise ValueError(
                 f"{field} is {shown(target)}, a {type(target).__name__} without {missing[0]}. A {self.name} has "
-                f"{', '.join(self.has)}; a class or function that makes one from {self.made_from} does too."
+                f"{', '.join(self.has)}; a class or function that makes one from {self.made_from} does too. Known: "
+                f"{self.choices}."
             )
 
 

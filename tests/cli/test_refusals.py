@@ -29,7 +29,7 @@ REFUSED = [
     ("episode flat --mapper {}/no.safetensors", "but there is no such file"),
     ("episode flat --link-states genrated", "link_states is 'genrated'. Did you mean 'generated'?"),
     ("episode flat --link-states {}/no.safetensors", "but there is no such file"),
-    ("episode flat --explorer gian", "--explorer"),
+    ("episode flat --explorer gian", "explorer is 'gian'. Did you mean 'gain'?"),
     ("episode flat --physics dynmic", "'dynmic'"),
     ("episode flat --resolution nan", "resolution is nan, expected 0.001 to 10 m"),
     ("episode flat --unit 0", "unit is 0.0"),

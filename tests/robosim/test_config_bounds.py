@@ -34,6 +34,7 @@ from slam.grid import GridFrame
 #: Frozen dataclasses with numbers by default that are no configurations.
 EXEMPT = {
     "Row": "a measurement, in which not-a-number stands for what was not measured",
+    "Said": "what was said of a plan, checked where it is read, with the file's name",
     "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
 }
 #: What must be given to make one of them.
@@ -147,7 +148,7 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
             partial(EpisodeConfig, mapper="not/there.safetensors"),
             "mapper is 'not/there.safetensors', but there is no",
         ),
-        (partial(EpisodeConfig, mapper="mapper.pt"), "or a .safetensors file"),
+        (partial(EpisodeConfig, mapper="mapper.pt"), "a .safetensors file"),
         (partial(EpisodeConfig, link_states="genrated"), "Did you mean 'generated'?"),
         (
             partial(EpisodeConfig, link_states="not/there.safetensors"),
@@ -174,7 +175,7 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
             partial(ExplorerConfig, rating="clever"),
             "rating is 'clever'. Known: nearest, cheapest, gain, learned.",
         ),
-        (partial(SimulatorConfig, physics=None), "physics is None. Known: dynamic, kinematic."),
+        (partial(SimulatorConfig, physics=None), "physics is None, a NoneType without pose."),
     ],
 )
 def test_names_of_parts_are_checked_where_a_configuration_is_made(make_it, words):
