@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
@@ -48,7 +49,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
     axes.plot(*poses[0, :2], "o", color=TRUE, label="start")
     axes.plot(*log.task.target, "*", color=TARGET, ms=13, label="target")
-    axes.add_patch(plt.Circle(tuple(log.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    axes.add_patch(Circle(tuple(log.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     result = log.result()
     axes.set_title(
         f"{building.plan.name}: {log.ended} after {log.steps} steps, {result['path_length_m']:.1f} m "
