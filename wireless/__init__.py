@@ -4,6 +4,7 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
 
     Tracer               a building made ready for tracing
     TracerConfig         which paths are looked for
+    Scene                what it takes in place of a mesh: a mesh with materials
     Paths                what comes out: one row per path, as columns
     LinkState            line of sight, first order, higher order, outage
     Interaction          what happens to a path at a point
@@ -49,6 +50,7 @@ from typing import TYPE_CHECKING
 _MODULES = {
     "Tracer": "tracing.tracer",
     "TracerConfig": "tracing.tracer",
+    "Scene": "tracing.tracer",
     "Paths": "paths",
     "LinkState": "paths",
     "Interaction": "paths",
@@ -104,6 +106,7 @@ if TYPE_CHECKING:
     from wireless.sounding.sounder import Sounder as Sounder
     from wireless.sounding.sounder import SoundingConfig as SoundingConfig
     from wireless.support.reading import DataError as DataError
+    from wireless.tracing.tracer import Scene as Scene
     from wireless.tracing.tracer import SceneError as SceneError
     from wireless.tracing.tracer import Tracer as Tracer
     from wireless.tracing.tracer import TracerConfig as TracerConfig
