@@ -1,5 +1,6 @@
 """The first rows of a long table to look at: as text, and as HTML for notebooks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
@@ -15,7 +16,7 @@ class Listing:
     """What stands above."""
     heads: tuple[str, ...]
     """Names of the columns, with units."""
-    rows: list[tuple[str, ...]]
+    rows: Sequence[tuple[str, ...]]
     """Cells of the first rows, at most `MOST_ROWS`."""
     n_rows: int
     """Rows of the whole table."""
