@@ -66,6 +66,8 @@ Data sets:
     LinkSetConfig    what is in it
     collect          a data set of frames that a robot senses as it explores
     CollectConfig    what is in it
+    LinkDataset      links of a data set for PyTorch
+    FrameDataset     frames of a data set for PyTorch
 """
 
 import os
@@ -128,6 +130,8 @@ _MODULES = {
     "LinkSetConfig": "datasets.link_units",
     "collect": "datasets.collect",
     "CollectConfig": "datasets.collect",
+    "LinkDataset": "datasets.torch_data",
+    "FrameDataset": "datasets.torch_data",
 }
 __all__ = ["__version__", *_MODULES]
 
@@ -154,6 +158,8 @@ if TYPE_CHECKING:
     from robosim.datasets.collect import collect as collect
     from robosim.datasets.link_units import LinkSetConfig as LinkSetConfig
     from robosim.datasets.links import make_dataset as make_dataset
+    from robosim.datasets.torch_data import FrameDataset as FrameDataset
+    from robosim.datasets.torch_data import LinkDataset as LinkDataset
     from robosim.datasets.trace import trace_plan as trace_plan
     from robosim.env import TargetSearch as TargetSearch
     from robosim.episode import Decision as Decision
