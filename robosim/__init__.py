@@ -22,6 +22,7 @@ Buildings:
     Reach            these places
     export_mesh      writes it as GLB, PLY, OBJ or STL
     export_mitsuba   writes it as a Mitsuba scene with radio materials
+    export_mjcf      writes it with a robot in it for MuJoCo
 
 Simulation:
 
@@ -101,6 +102,7 @@ _MODULES = {
     "Reach": "building.reach",
     "export_mesh": "building.export",
     "export_mitsuba": "building.export",
+    "export_mjcf": "robot.mjcf",
     "Simulator": "simulator",
     "SimulatorConfig": "simulator",
     "Observation": "simulator",
@@ -182,6 +184,7 @@ if TYPE_CHECKING:
     from robosim.radio.scene import RadioScene as RadioScene
     from robosim.radio.scene import make_tracer as make_tracer
     from robosim.recording.decision_log import read_decisions as read_decisions
+    from robosim.robot.mjcf import export_mjcf as export_mjcf
     from robosim.robot.odometry import NoiseModel as NoiseModel
     from robosim.robot.robots import RobotConfig as RobotConfig
     from robosim.run import record_episode as record_episode
