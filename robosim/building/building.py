@@ -14,6 +14,7 @@ Left out: doors and windows as such, walls with a thickness, more than one store
 
 import logging
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -24,7 +25,12 @@ from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import check_numbers
+from robosim.support.colours import WALL as WALL_COLOUR
 from wireless.em.materials import check_material
+from wireless.support.axes import axes_in_metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 logger = logging.getLogger(__name__)
 
@@ -96,6 +102,12 @@ class Building:
     face_material: UInt8[np.ndarray, " n_faces"]
     """What each face is made of: index into `materials`."""
 
+    def __repr__(self) -> str:
+        return (
+            f"<Building {self.plan.name!r}: {self.free.area:.1f} m2 of free floor, {len(self.mesh.faces)} faces of "
+            f"{', '.join(self.materials)}>"
+        )
+
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest x, y, z [m] in `map`."""
@@ -116,6 +128,20 @@ class Building:
         triangles = upright[standing]
         ends = np.stack([triangles[row, (top + 2) % 3], triangles[row, (top + 1) % 3]], axis=1)
         return self.mesh.vertices[ends][:, :, :2]
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw walls and furniture from above.
+
+        Args:
+            axes: Where to draw; None for axes of a new figure.
+        """
+        from matplotlib.collections import LineCollection
+
+        axes = axes_in_metres(axes)
+        axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
+        axes.autoscale_view()
+        axes.set_title(self.plan.name, parse_math=False)  # names may have dollars in them
+        return axes
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.

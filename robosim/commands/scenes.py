@@ -4,6 +4,7 @@ from pathlib import Path
 from shlex import quote
 from typing import Literal
 
+import numpy as np
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
@@ -21,8 +22,8 @@ def plan(
 ) -> None:
     """Show a floor plan: its size, its rooms and what a robot can reach; and export it and its building.
 
-    Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, and a
-    Mitsuba scene with ITU radio materials (mitsuba/) that other radio tools load.
+    Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, a Mitsuba scene
+    with ITU radio materials (mitsuba/) that other radio tools load, and mujoco.xml: building and robot for MuJoCo.
 
     Example: robosim plan office --radius 0.18 --out out/office
 
@@ -38,6 +39,8 @@ def plan(
     from robosim.building.reach import reach
     from robosim.drawing.plots import plot_plan
     from robosim.plans.files import write_png, write_ros
+    from robosim.robot.mjcf import export_mjcf
+    from robosim.robot.robots import robot_of_radius
 
     config = BuildingConfig(tolerance_m=tolerance)
     check_number("radius", radius, *RADIUS_M)
@@ -51,6 +54,9 @@ def plan(
         export_mesh(building, folder / "building.glb")
         export_mesh(building, folder / "building.ply")
         export_mitsuba(building, folder / "mitsuba")
+        if places.n_parts:
+            pose = np.array([*places.widest(), 0.0])
+            export_mjcf(building, folder / "mujoco.xml", robot=robot_of_radius(radius), pose=pose)
     rows, columns = floor_plan.shape
     told = (
         f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.free.area:.1f} m2 free, "

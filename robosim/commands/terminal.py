@@ -29,7 +29,9 @@ console = Console(width=None if sys.stdout.isatty() else 150, markup=False, emoj
 MOST_WORKERS = 1024
 
 
-def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
+def _numbers(
+    least: int, most: int, metavar: str
+) -> tyro.constructors.PrimitiveConstructorSpec[tuple[float, ...]]:
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:

@@ -18,6 +18,8 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.drawing.gallery import Picture, write_index
@@ -233,12 +235,12 @@ def example_figure(building: Building, example: Example) -> Figure:
     panels[0].set_ylabel("y [m]")
     first, stayed = example.stay
     centre = example.stuck.poses[first, :2]
-    panels[0].add_patch(plt.Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
+    panels[0].add_patch(Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
     panels[0].annotate(
         f"stays {stayed} decisions", centre, (0, 28), textcoords="offset points", ha="center", fontsize=9
     )
     handles = [
-        plt.Line2D([], [], marker="o", ls="", color=_rgb(state), label=state.name.lower().replace("_", " "))
+        Line2D([], [], marker="o", ls="", color=_rgb(state), label=state.name.lower().replace("_", " "))
         for state in LinkState
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -254,7 +256,7 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
         axes.scatter(x, y, c=colours, s=14, zorder=3)
     axes.plot(*episode.poses[0, :2], "o", mfc="none", mec=TRUE, mew=2, ms=12, zorder=4)
     axes.plot(*row["target"], "*", color=TARGET, mec="k", ms=16, zorder=4)
-    axes.add_patch(plt.Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
         f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Shaped, UInt8
@@ -175,7 +175,7 @@ def _draw_links(
     return pictures, notes
 
 
-def _draw_errors(rows: list[dict], n_plans: int, out: Path) -> Picture:
+def _draw_errors(rows: list[dict[str, Any]], n_plans: int, out: Path) -> Picture:
     """Errors of the strongest path's azimuth of arrival."""
     summary = pooled(rows)
     figure = Figure(figsize=(8, 5.6), layout="constrained")

@@ -123,6 +123,14 @@ def read_robot(path: Path) -> RobotConfig:
         return RobotConfig(**told)
 
 
+def robot_of_radius(radius_m: float) -> RobotConfig:
+    """The robot that has a name and a hull of this radius, or else the small one with such a hull."""
+    for robot in (TURTLEBOT, LOCOBOT):
+        if robot.radius_m == radius_m:
+            return robot
+    return RobotConfig(radius_m=radius_m, track_m=min(RobotConfig().track_m, 1.6 * radius_m))
+
+
 def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -> None:
     """Add the robot to a model, standing at the origin and looking along +x.
 

@@ -7,7 +7,7 @@ TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo re
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -15,10 +15,15 @@ from jaxtyping import Float
 from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Measurement
 from robosim.robot.motion import Motion
+from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.files import whole_file
 from robosim.task.tasks import ARRIVAL_M, Task
 from slam.poses import wrap
 from wireless.paths import LinkState
+from wireless.support.axes import axes_in_metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Link(NamedTuple):
@@ -53,6 +58,9 @@ class EpisodeLog:
     """Wall-clock time by stage [s]."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
+
+    def __repr__(self) -> str:
+        return f"<EpisodeLog: {self.ended} after {self.steps} step(s)>"
 
     def add_pose(
         self,
@@ -145,6 +153,24 @@ class EpisodeLog:
             near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
             result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
         return result
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the true way, the estimated one and the target.
+
+        Args:
+            axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
+        """
+        from matplotlib.patches import Circle
+
+        axes = axes_in_metres(axes)
+        poses, estimates = (np.reshape(way, (-1, 3)) for way in (self.poses, self.estimates))
+        axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
+        axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
+        axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
+        axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
+        axes.add_patch(Circle(tuple(self.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+        axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
+        return axes
 
     def save_trajectories(self, folder: Path) -> None:
         """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""

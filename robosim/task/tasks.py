@@ -57,11 +57,7 @@ def make_task(
             in a wall.
         ValueError: If start or target are no places, whatever the plan.
     """
-    if not reach.n_parts:
-        raise MapError(
-            f"{reach.plan.name}: a hull of radius {reach.radius_m} m fits nowhere. Check the resolution, or "
-            "choose a smaller robot."
-        )
+    reach.check_room()
     _check_places(reach, start, target)
     given = target if target is not None else start[:2] if start is not None else None
     if given is not None and start is not None and target is not None:

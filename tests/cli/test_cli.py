@@ -63,7 +63,7 @@ def test_a_plan_is_shown_and_exported(plan_file, tmp_path, capsys):
     main(["plan", str(plan_file), "--out", str(tmp_path / "shown")])
     assert "18.2 m2 free" in re.sub(r"\s+", " ", capsys.readouterr().out)
     names = {path.name for path in (tmp_path / "shown").iterdir()}
-    assert {"building.glb", "building.ply", "mitsuba", "reach.png"} <= names
+    assert {"building.glb", "building.ply", "mitsuba", "mujoco.xml", "reach.png"} <= names
     again = read_plan(next((tmp_path / "shown").glob("*.yaml")))
     assert (again.occupancy == two_rooms(0.8).occupancy).all()
 

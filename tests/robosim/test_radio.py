@@ -1,13 +1,17 @@
 """The robot's radio: directions in its own frame, link states of the truth, the same cached."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from robosim.building.building import make_building
 from robosim.radio.link import SQUARE_M, RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter
+from robosim.radio.scene import make_tracer
 from tests.robosim.plans import room, two_rooms
-from wireless.paths import LinkState
+from wireless.paths import LinkState, Paths
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 TARGET = np.array([5.2, 2.1])
 
@@ -22,6 +26,21 @@ def radio(building):
     link = RadioLink(building)
     link.place(TARGET)
     return link
+
+
+def test_a_building_is_traced_with_its_own_materials(building):
+    """`Tracer(building)` gives what its mesh, materials and faces give one by one, to the bit; others are refused."""
+    config = TracerConfig(floor_ceiling=True)
+    tx, rx = np.array([[*TARGET, 1.5]]), np.array([[1.0, 1.0, 1.5], [4.0, 0.6, 1.5]])
+    alone = make_tracer(building, 28e9, config).trace(tx, rx)
+    given = Tracer(building, frequency_hz=28e9, config=config).trace(tx, rx)
+    assert len(given) > 10
+    for column in fields(Paths):
+        np.testing.assert_array_equal(getattr(given, column.name), getattr(alone, column.name))
+    as_drywall = Tracer(building.mesh, frequency_hz=28e9, config=config).trace(tx, rx)
+    assert not np.array_equal(given.power, as_drywall.power)
+    with pytest.raises(ValueError, match="the scene has its own"):
+        Tracer(building, materials=("brick",))
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -2.8])

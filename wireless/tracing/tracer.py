@@ -1,6 +1,7 @@
 """Radio paths between points in a building: line of sight, reflections, diffraction, by exact geometry.
 
     paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
+    paths = Tracer(building, frequency_hz=28e9).trace(tx, rx)   # a mesh with materials
 
 A mesh that was extruded from a floor plan is traced as one: views through its exact outline
 (`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh is traced in
@@ -13,7 +14,7 @@ Left out: more than one diffraction on a path, scattering by rough walls.
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
@@ -48,6 +49,23 @@ POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "bo
 
 class SceneError(ValueError):
     """A mesh that cannot be traced."""
+
+
+@runtime_checkable
+class Scene(Protocol):
+    """A mesh that knows what its faces are made of, such as a building of `robosim`."""
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """Walls (and floor and ceiling) as triangles [m], z up."""
+
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Radio materials, by the names of `wireless.em.materials`."""
+
+    @property
+    def face_material(self) -> Integer[np.ndarray, " n_faces"]:
+        """What each face is made of: index into `materials`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,29 +248,41 @@ class Tracer:
     """A building made ready for tracing.
 
     Args:
-        mesh: Walls (and floor and ceiling) as triangles [m], z up. Which way they face does not matter.
-        materials: Radio materials, by the names of `wireless.em.materials`.
-        face_material: What each face is made of, index into materials; None if all are of the first.
+        scene: Walls (and floor and ceiling) as triangles [m], z up, whichever way they face; or something that has
+            such a mesh, and its materials with it.
+        materials: Radio materials, by the names of `wireless.em.materials`; None for the scene's own, or drywall.
+        face_material: What each face is made of, index into materials; None for the scene's own, or if all are of
+            the first.
         frequency_hz: Carrier frequency.
         config: Which paths to look for; None for the defaults.
 
     Raises:
-        ValueError: If a material is unknown at this frequency, or face_material does not fit.
+        ValueError: If a material is unknown at this frequency, or face_material does not fit, or the scene has
+            materials of its own.
         SceneError: If the mesh has no area, corners that it does not have or that are not finite, or is so large
             that it cannot be in metres.
     """
 
     def __init__(
         self,
-        mesh: trimesh.Trimesh,
+        scene: trimesh.Trimesh | Scene,
         *,
-        materials: tuple[str, ...] = ("drywall",),
+        materials: tuple[str, ...] | None = None,
         face_material: Integer[np.ndarray, " n_faces"] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
     ):
         self.config = config or TracerConfig()
         self.frequency_hz = float(frequency_hz)
+        if isinstance(scene, trimesh.Trimesh):
+            mesh = scene
+        else:
+            if materials is not None or face_material is not None:
+                raise ValueError(
+                    "materials or face_material is given, but the scene has its own: leave them out, or trace its mesh."
+                )
+            mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
+        materials = ("drywall",) if materials is None else materials
         _check_mesh(mesh, self.config.snap_m)
         n_faces = len(mesh.faces)
         of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
