@@ -21,7 +21,7 @@ import trimesh
 from jaxtyping import Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
-from wireless.em.materials import permittivity
+from wireless.em.materials import Material, wall_row
 from wireless.geometry.extruded import Extruded, find_extruded
 from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
@@ -60,8 +60,8 @@ class Scene(Protocol):
         """Walls (and floor and ceiling) as triangles [m], z up."""
 
     @property
-    def materials(self) -> tuple[str, ...]:
-        """Radio materials, by the names of `wireless.em.materials`."""
+    def materials(self) -> tuple[str | Material, ...]:
+        """Radio materials, by the names of `wireless.em.materials`, or of layers of their own."""
 
     @property
     def face_material(self) -> Integer[np.ndarray, " n_faces"]:
@@ -163,7 +163,7 @@ class _PlanScene:
     def __init__(
         self,
         extruded: Extruded,
-        face_eps: Complex[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -172,7 +172,7 @@ class _PlanScene:
         self.origin = np.append(self.plan.origin, 0.0)
         self._locate = Locator(self.plan, 2 * config.snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
-        self._setting = setting(face_eps[faces])._replace(
+        self._setting = setting(face_wall[faces])._replace(
             low_m=extruded.low_m,
             high_m=extruded.high_m,
             has_floor=config.floor_ceiling and extruded.floor_face >= 0,
@@ -216,7 +216,7 @@ class _SpaceScene:
         self,
         mesh: trimesh.Trimesh,
         face_material: Int[np.ndarray, " n"],
-        face_eps: Complex[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -227,7 +227,7 @@ class _SpaceScene:
         surfaces = without_rims(surfaces, ground)
         mirrors = ~ground | config.floor_ceiling
         self.space = make_space(surfaces, mirrors)
-        self._setting = setting(face_eps[surfaces.facet_face])
+        self._setting = setting(face_wall[surfaces.facet_face])
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
 
     def tables(
@@ -250,7 +250,8 @@ class Tracer:
     Args:
         scene: Walls (and floor and ceiling) as triangles [m], z up, whichever way they face; or something that has
             such a mesh, and its materials with it.
-        materials: Radio materials, by the names of `wireless.em.materials`; None for the scene's own, or drywall.
+        materials: Radio materials, by the names of `wireless.em.materials` or as a `Material`; None for the
+            scene's own, or drywall.
         face_material: What each face is made of, index into materials; None for the scene's own, or if all are of
             the first.
         frequency_hz: Carrier frequency.
@@ -267,7 +268,7 @@ class Tracer:
         self,
         scene: trimesh.Trimesh | Scene,
         *,
-        materials: tuple[str, ...] | None = None,
+        materials: tuple[str | Material, ...] | None = None,
         face_material: Integer[np.ndarray, " n_faces"] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
@@ -296,7 +297,14 @@ class Tracer:
                 f"{len(materials)} materials."
             )
         of_face = of_face.astype(np.int64)
-        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
+        c = self.config
+        rows = [
+            wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
+        ]
+        face_wall = np.zeros((len(rows), max(map(len, rows))), np.complex128)
+        for i, row in enumerate(rows):
+            face_wall[i, : len(row)] = row
+        face_wall = face_wall[of_face]
         plan = None
         if self.config.scene != "space":
             plan = find_extruded(mesh, of_face, self.config.snap_m)
@@ -306,9 +314,9 @@ class Tracer:
                 "Trace it with scene='space'."
             )
         if plan is not None:
-            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, eps, self._setting, self.config)
+            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, face_wall, self._setting, self.config)
         else:
-            self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
+            self.scene = _SpaceScene(mesh, of_face, face_wall, self._setting, self.config)
 
     def trace(
         self,
@@ -352,13 +360,13 @@ class Tracer:
         tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
         return self._paths(tx, rx, tables)
 
-    def _setting(self, eps: Complex[np.ndarray, " n"]) -> Setting:
-        """Physics and limits of this tracer, for walls or facets of some permittivities."""
+    def _setting(self, walls: Complex[np.ndarray, "n l"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets of some layers."""
         config = self.config
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
-            wall_eps=eps,
+            walls=walls,
             low_m=0.0,
             high_m=0.0,
             has_floor=False,
@@ -371,7 +379,6 @@ class Tracer:
             max_interactions=np.iinfo(np.int64).max
             if config.max_interactions is None
             else config.max_interactions,
-            wall_m=(config.wall_thickness_m or 0.0, config.wall_gap_m),
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
