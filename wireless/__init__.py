@@ -13,6 +13,7 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
 Materials:
 
     MATERIALS            radio materials by name, as measured over ranges of frequencies
+    Material, Layer      walls of layers of your own
     permittivity         complex relative permittivity of one at a frequency
 
 Measurements and what is made out of them:
@@ -56,6 +57,8 @@ _MODULES = {
     "Interaction": "paths",
     "SceneError": "tracing.tracer",
     "MATERIALS": "em.materials",
+    "Layer": "em.materials",
+    "Material": "em.materials",
     "permittivity": "em.materials",
     "terminal_named": "antennas.codebook",
     "Rays": "sounding.sounder",
@@ -83,6 +86,8 @@ __all__ = ["__version__", *_MODULES]
 if TYPE_CHECKING:
     from wireless.antennas.codebook import terminal_named as terminal_named
     from wireless.em.materials import MATERIALS as MATERIALS
+    from wireless.em.materials import Layer as Layer
+    from wireless.em.materials import Material as Material
     from wireless.em.materials import permittivity as permittivity
     from wireless.estimates import PathEstimates as PathEstimates
     from wireless.estimation.estimators import estimator_named as estimator_named

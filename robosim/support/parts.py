@@ -107,7 +107,16 @@ class Kind:
             return target
         if not callable(target):
             self._check_object(field, target)
-        made = target(*before, **options)
+        try:
+            made = target(*before, **options)
+        except (ValueError, OSError):
+            raise
+        except Exception as error:
+            if isinstance(part, str) and part in self.shipped:
+                raise
+            raise ValueError(
+                f"{field} is {told(part)}, but making it from {self.made_from} fails: {error!r}."
+            ) from error
         if missing := self._missing(made):
             raise ValueError(
                 f"{field} is {told(part)}, which made a {type(made).__name__} without {missing[0]}. A {self.name} "
