@@ -11,7 +11,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
-from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read, tell
 from robosim.support.checks import check_number
 from robosim.support.interrupt import SIGNALLED, Interrupt
 
@@ -81,6 +81,7 @@ def episode(
         rerun=rerun,
         console=console,
     )
+    tell(result, folder)
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     told = (
         f" after {result['steps']} steps and {result['path_length_m']:.2f} m "

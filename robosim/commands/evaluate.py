@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell, tell_file
 from robosim.support.checks import PLANS, SEED, TASKS, check_number, check_some
 
 
@@ -80,6 +80,10 @@ def evaluate(
             console=console,
             options=simulation.words(),
         )
+    if result.rows:
+        tell_file(folder / "summary.json", warnings=result.warnings)
+    else:
+        tell({"summary": [], "warnings": result.warnings}, folder)
     for line in result.warnings:
         console.print(line, style="yellow", highlight=False, soft_wrap=True)
     if result.rows:

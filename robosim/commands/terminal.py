@@ -68,9 +68,9 @@ def tell(result: Mapping[str, Any], out: Path | None = None) -> None:
         sys.stdout.write(json.dumps(plain(told), allow_nan=False) + "\n")
 
 
-def tell_file(path: Path) -> None:
-    """Hand over what a JSON file holds that the command has just written."""
-    tell(json.loads(path.read_bytes()), path.parent)
+def tell_file(path: Path, **more: Any) -> None:
+    """Hand over what a JSON file holds that the command has just written, and perhaps more."""
+    tell({**json.loads(path.read_bytes()), **more}, path.parent)
 
 
 def _numbers(

@@ -119,6 +119,23 @@ def test_a_measurement_as_json(plan_file, tmp_path, capsys):
     assert {**json.loads((tmp_path / "navigation.json").read_text()), "out": str(tmp_path)} == told
 
 
+def test_an_episode_as_json(plan_file, tmp_path, capsys):
+    """The same as in result.json."""
+    options = "--goal oracle --physics kinematic --camera embree --size 32 --max-steps 3 --no-video --mapper classical"
+    told = answer(f"episode {plan_file} {options} --out {tmp_path}", capsys)
+    assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == told
+
+
+@pytest.mark.usefixtures("in_process")
+def test_an_evaluation_as_json(plan_file, tmp_path, capsys):
+    """The same as in summary.json, and what to know before trusting it."""
+    options = "--targets 1 --policies explore --physics kinematic --camera embree --size 32 --max-steps 3 --workers 1"
+    told = answer(f"evaluate {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
+    assert {row["policy"] for row in told["summary"]} == {"oracle", "explore"}
+    assert told["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]
+    assert told["warnings"] == [] and told["out"] == str(tmp_path)
+
+
 def test_errors_leave_standard_output_to_results(capsys):
     """With --json an error is one line on standard error, and the status says so."""
     with pytest.raises(SystemExit) as stop:
@@ -128,7 +145,7 @@ def test_errors_leave_standard_output_to_results(capsys):
     assert "no such file, and no shipped plan of that name" in " ".join(captured.err.split())
 
 
-@pytest.mark.parametrize("name", sorted(COMMANDS.keys() - {"episode", "evaluate"}))
+@pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_hands_over_its_result(name):
     """Each calls `tell` or `tell_file`, so that none is silent with --json."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(COMMANDS[name])))
