@@ -1,6 +1,7 @@
 """The `robosim` command: parses what is asked for, calls what does it, prints what came out.
 
 Bad input ends in one sentence on standard error and exit status 2, never in a traceback; `--debug` shows that too.
+`--debug`, `--quiet`, `--json` and `--version` may stand anywhere on the command line.
 """
 
 import errno
@@ -10,6 +11,8 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated, Any, Union
 
 import tyro
 from rich.console import Console
@@ -17,8 +20,17 @@ from rich.logging import RichHandler
 from rich.text import Text
 
 from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
+from robosim.commands.terminal import speaking
 from robosim.support.interrupt import SIGNALLED, unwinding
 
+#: Options that every command has, wherever they stand.
+_EVERYWHERE = ("--debug", "--quiet", "--json", "--version")
+_EVERYWHERE_HELP = (
+    "Everywhere: --quiet prints errors alone, --json prints the result as one JSON object and nothing else, --debug "
+    "shows where an error comes from, --version says which version this is."
+)
+#: What a shell's completion is asked for by.
+_COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 #: Errors of a disk that is full, or of a limit on what may be written.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -30,12 +42,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SIGTERM.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]
+    everywhere = {word for word in words if word in _EVERYWHERE}
+    words = [word for word in words if word not in _EVERYWHERE]
+    if "--version" in everywhere:
+        print(f"robosim {version('robosim')}")
+        return
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
     try:
-        with unwinding() as interrupt:
+        with (
+            unwinding() as interrupt,
+            speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
+        ):
             _run(words)
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
@@ -43,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if interrupt.asked:
             sys.exit(SIGNALLED + interrupt.signal)
         status, line = _explained(error)
-        if debug:
+        if "--debug" in everywhere:
             traceback.print_exception(error)
         # Names of files and other words from outside are text, whatever they look like.
         Console(stderr=True).print(Text(f"robosim: {line}", "red"), soft_wrap=True)
@@ -66,12 +84,13 @@ def _run(words: list[str]) -> None:
     group = words[0] if words and words[0] in GROUPS else ""
     description = GROUPS.get(
         group,
-        "Robots that see and hear in buildings made from floor plans. Each command has its own --help; with --debug an "
-        "error shows where it comes from.",
+        "Robots that see and hear in buildings made from floor plans. Each command has its own --help. "
+        + _EVERYWHERE_HELP,
     )
     commands, rest = listed(group), words[1:] if group else words
-    if any(word.startswith("--tyro-") for word in rest):
-        commands |= {name: loaded(name) for name in commands if name in COMMANDS}
+    if any(word.startswith(_COMPLETION) for word in rest):
+        commands = {**commands, **{name: loaded(name) for name in COMMANDS if " " not in name}}
+        commands |= {name: _union(name) for name in GROUPS}
     prog = f"robosim {group}".strip()
     tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=rest)
 
@@ -94,3 +113,13 @@ def _explained(error: Exception) -> tuple[int, str]:
     if isinstance(error, MemoryError):
         return 1, f"out of memory ({text or 'no more could be had'}). Use fewer --workers, or a smaller plan."
     return 1, f"internal error, {type(error).__name__}: {text}. Please report it with what --debug shows."
+
+
+def _union(group: str) -> Any:
+    """The commands of a group as one type, for tyro to complete words from."""
+    return Union[  # noqa: UP007
+        tuple(
+            Annotated[Any, tyro.conf.subcommand(name=name, constructor=loaded(f"{group} {name}"))]
+            for name in listed(group)
+        )
+    ]

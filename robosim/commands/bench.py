@@ -14,6 +14,7 @@ from robosim.commands.terminal import (
     going_on,
     read,
     results_in,
+    tell_file,
 )
 from robosim.parts import EXPLORER, ExplorerPart, MapperPart, PhysicsPart
 from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
@@ -35,6 +36,7 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
         check_number("sizes", size, *SIZE_PX, whole=True)
     with results_in(out, "bench render") as folder:
         console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
+    tell_file(folder / "render.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -51,6 +53,7 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
     check_some("plans", plans, PLANS)
     with results_in(out, "bench physics") as folder:
         console.print(run([make_building(read(name)) for name in plans], out=folder))
+    tell_file(folder / "physics.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -101,6 +104,7 @@ def navigation(
             console=console,
         )
     console.print(table)
+    tell_file(folder / "navigation.json")
     console.print(f"Wrote navigation.json and the episodes in {folder}")
 
 
@@ -152,6 +156,7 @@ def exploration(
             console=console,
         )
     console.print(table)
+    tell_file(folder / "exploration.json")
     console.print(
         f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"
     )
@@ -213,6 +218,7 @@ def slam(
             console=console,
         )
     console.print(tables)
+    tell_file(folder / "slam.json")
     console.print(
         f"Wrote slam.json, curves, and maps of the worst, median and best plan in {folder}", soft_wrap=True
     )
@@ -248,6 +254,7 @@ def endurance(
     settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
     with results_in(out, "bench endurance") as folder:
         console.print(run(read(plan), settings, out=folder, console=console))
+    tell_file(folder / "endurance.json")
     console.print(f"Wrote endurance.json in {folder}")
 
 
@@ -284,6 +291,7 @@ def wireless(
         console.print(
             run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console)
         )
+    tell_file(folder / "wireless.json")
     console.print(f"Wrote wireless.json and wireless.png in {folder}")
 
 
@@ -312,6 +320,7 @@ def labels(
     console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
     with going_on(folder):
         run(data, plans, workers=work.count, cluster=work.cluster, out=folder, console=console)
+    tell_file(folder / "labels.json")
 
 
 def estimation(
@@ -359,6 +368,7 @@ def estimation(
                 console=console,
             )
         )
+    tell_file(folder / "estimation.json")
     console.print(f"Wrote estimation.json and estimation.png in {folder}")
 
 
@@ -397,4 +407,5 @@ def episode(
         plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console
     )
     console.print(table)
+    tell_file(folder / "episode.json")
     console.print(f"Wrote episode.json and episode.png in {folder}")

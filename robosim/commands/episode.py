@@ -11,7 +11,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, GoalOption, Settings
-from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
+from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read, tell
 from robosim.evaluation.ablations import configured
 from robosim.run import FILES, record_episode
 from robosim.support.checks import check_number
@@ -70,6 +70,7 @@ def episode(
         rerun=rerun,
         console=console,
     )
+    tell(result, folder)
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     told = (
         f" after {result['steps']} steps and {result['path_length_m']:.2f} m "

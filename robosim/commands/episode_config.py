@@ -60,7 +60,11 @@ def started(command: Callable[..., None], words: Sequence[str]) -> Callable[...,
         config = replace(config, simulator=replace(config.simulator, robot=made))
     defaults: dict[str, Any] = {"settings": config}
     if file is not None:
-        defaults |= {name: getattr(config, name) for name in ("goal", "seed") if name in parameters}
+        # An evaluation's seed is not an episode's.
+        own = (
+            name for name in ("goal", "seed") if name in parameters and parameters[name].default is not None
+        )
+        defaults |= {name: getattr(config, name) for name in own}
 
     @wraps(command)
     def changed(*args: Any, **options: Any) -> None:

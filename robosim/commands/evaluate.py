@@ -7,7 +7,7 @@ from typing import Annotated
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, Settings, words_of
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell, tell_file
 from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
 from robosim.evaluation.evaluate import evaluate as run
 from robosim.evaluation.suite import SUFFIXES, write_suite
@@ -86,6 +86,10 @@ def evaluate(
             console=console,
             options=words_of(settings),
         )
+    if result.rows:
+        tell_file(folder / "summary.json", warnings=result.warnings)
+    else:
+        tell({"summary": [], "warnings": result.warnings}, folder)
     for line in result.warnings:
         console.print(line, style="yellow", highlight=False, soft_wrap=True)
     if result.rows:
