@@ -34,7 +34,7 @@ from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
 from robosim.policies.situation import Situation
-from robosim.radio.measurement import Interpreter, Measurement, check_classifier
+from robosim.radio.measurement import Interpreter, check_classifier
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.checks import SEED, STEPS, check_numbers
@@ -103,8 +103,8 @@ class Turn:
 class Decision(Turn):
     """A turn with what was decided in it."""
 
-    measurement: Measurement | None
-    """What the robot makes of what its radio measured; None without a radio."""
+    situation: Situation
+    """What the robot makes of what it sensed."""
     paths: Paths | None
     """True radio paths; None without a radio."""
     belief: TargetBelief | None
@@ -131,6 +131,11 @@ def check_weights(config: EpisodeConfig) -> None:
     check_classifier(config.link_states)
 
 
+def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
+    """What a robot without a radio makes of what it sensed."""
+    return Situation(estimate, target=view.target)
+
+
 def drive(
     simulator: Simulator,
     navigator: Navigator,
@@ -140,7 +145,7 @@ def drive(
     judge: Callable[[Turn], bool],
     on_decision: Callable[[Decision], None] = lambda decision: None,
     *,
-    interpret: Callable[[Observation, MapEstimate], Measurement | None] = lambda view, estimate: None,
+    interpret: Callable[[Observation, MapEstimate], Situation] = without_radio,
     watch: Stopwatch | None = None,
 ) -> tuple[Turn, bool]:
     """Let a robot drive, one decision after another.
@@ -153,7 +158,7 @@ def drive(
         rng: Source of all noise.
         judge: Whether the robot goes on; asked in each turn before anything is decided.
         on_decision: Is told of each decision before it is done.
-        interpret: What to make of what the radio measured.
+        interpret: What the robot makes of what it sensed.
         watch: Collects the time by stage.
 
     Returns:
@@ -171,9 +176,9 @@ def drive(
             if not judge(turn):
                 return turn, False
         with watch.stage("link state"):
-            measurement = interpret(view, estimate)
+            situation = interpret(view, estimate)
         with watch.stage("goal"):
-            goal = policy.goal(Situation(estimate, measurement, view.target))
+            goal = policy.goal(situation)
         if goal is None:
             return turn, True
         with watch.stage("planner"):
@@ -183,7 +188,7 @@ def drive(
         on_decision(
             Decision(
                 **vars(turn),
-                measurement=measurement,
+                situation=situation,
                 paths=paths,
                 belief=policy.belief,
                 goal=goal,
@@ -230,6 +235,7 @@ def run_episode(
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
     rng = np.random.default_rng([config.seed, 1])
+    known_places = {anchor.name: anchor.place for anchor in task.anchors if anchor.known}
 
     def judge(turn: Turn) -> bool:
         coverage.update(turn.pose, simulator.true_depth)
@@ -237,10 +243,16 @@ def run_episode(
         log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
         return log.ended == "running"
 
-    def interpret(view: Observation, estimate: MapEstimate) -> Measurement | None:
-        measurement = interpreter.interpret(view.paths, estimate.pose) if interpreter else None
+    def interpret(view: Observation, estimate: MapEstimate) -> Situation:
+        if radio is None or interpreter is None:
+            return without_radio(view, estimate)
+        measurement = interpreter.interpret(view.paths, estimate.pose)
         log.add_link(measurement, radio)
-        return measurement
+        anchors = {}
+        for name, link in simulator.anchors.items():
+            anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
+            log.add_link(anchors[name], link, name)
+        return Situation(estimate, measurement, anchors, known_places, view.target)
 
     def look(decision: Decision) -> None:
         on_decision(log, decision)

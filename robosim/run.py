@@ -1,7 +1,7 @@
 """One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
 
 import importlib.metadata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -29,7 +29,7 @@ from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.record import EpisodeLog
-from robosim.task.tasks import Task, make_task
+from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from slam.grid import MapEstimate
 
 #: What an episode leaves, in the order in which it is told.
@@ -56,6 +56,7 @@ def record_episode(
     *,
     start: Float[np.ndarray, "3"] | None = None,
     target: Float[np.ndarray, "2"] | None = None,
+    anchors: Sequence[Anchor] = (),
     video: bool = True,
     rerun: bool = False,
     console: Console | None = None,
@@ -72,6 +73,7 @@ def record_episode(
         out: The folder, made if it is missing.
         start: Pose of the robot at first; drawn from the seed if not given.
         target: Where the target stands; drawn from the seed if not given.
+        anchors: Other transmitters.
         video: Whether to draw the video; without it the loop is faster.
         rerun: Whether to record `episode.rrd` for the Rerun viewer.
         console: Where progress is shown; nowhere if not given.
@@ -91,7 +93,9 @@ def record_episode(
         # Files of an earlier episode must not stand beside this one's.
         for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
             (folder / name).unlink(missing_ok=True)
-        return _record(plan, config, folder, start, target, video, rerun, console or Console(quiet=True))
+        return _record(
+            plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
+        )
 
 
 def _record(
@@ -100,6 +104,7 @@ def _record(
     out: Path,
     start: Float[np.ndarray, "3"] | None,
     target: Float[np.ndarray, "2"] | None,
+    anchors: Sequence[Anchor],
     video: bool,
     rerun: bool,
     console: Console,
@@ -109,6 +114,7 @@ def _record(
         building = make_building(plan, config=config.building)
         places = reach(building, config.simulator.robot.radius_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
+        task = with_anchors(task, places, anchors)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
     picture = Picture(rings, task.target, anticipates=config.mapper not in _OBSERVERS)
@@ -181,7 +187,7 @@ def _snapshot(decision: Decision, text: str) -> Snapshot:
         built=built_layer(decision.estimate),
         goal=decision.goal,
         path=decision.plan.path,
-        arrivals=None if decision.measurement is None else arrivals(decision.measurement),
+        arrivals=None if decision.situation.measurement is None else arrivals(decision.situation.measurement),
         belief=None if decision.belief is None else belief_layer(decision.belief),
         text=text,
     )
@@ -191,9 +197,9 @@ def _status(log: EpisodeLog, decision: Decision) -> str:
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
     text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
-    if decision.measurement is None:
+    if decision.situation.measurement is None:
         return text
-    return f"{text}, {decision.measurement.state.name.lower().replace('_', ' ')}"
+    return f"{text}, {decision.situation.measurement.state.name.lower().replace('_', ' ')}"
 
 
 def _progress(console: Console) -> Progress:

@@ -5,6 +5,7 @@ differs from what it did (sensing), both after Active Neural SLAM, and its depth
 `Observation` only; the true pose is for judging.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -67,6 +68,8 @@ class Observation:
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
     paths: PathEstimates | None = None
     """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
+    anchors: Mapping[str, PathEstimates] = field(default_factory=dict)
+    """The same from other transmitters, by their names; none without a radio."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
 
@@ -99,6 +102,8 @@ class Simulator:
             self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
             self.radio = RadioLink(building, self.config.radio) if uses_radio else None
+        self.anchors: dict[str, RadioLink] = {}
+        self._anchor_rngs: dict[str, np.random.Generator] = {}
         self._recogniser: Recogniser | None = None
         if uses_camera:
             self._recogniser = RECOGNISER.make(
@@ -113,11 +118,15 @@ class Simulator:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
         # Of their own: whether there is a radio or noise of depth changes no other noise.
-        self._radio_rng, self._depth_rng = rng.spawn(2)
+        self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
             self.radio.place(task.target)
+            self.anchors = {anchor.name: self.radio.another() for anchor in task.anchors}
+            self._anchor_rngs = dict(zip(self.anchors, anchor_rngs, strict=True))
+            for anchor in task.anchors:
+                self.anchors[anchor.name].place(anchor.place)
         self.world.reset(task.start)
         return self._observe(np.zeros(3))
 
@@ -169,9 +178,12 @@ class Simulator:
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("radio"):
             paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
+            anchors = {
+                name: link.measure(self.pose, self._anchor_rngs[name]) for name, link in self.anchors.items()
+            }
         with self.watch.stage("recognition"):
             target = self._recognise(frame)
-        return Observation(frame.rgb, measured, odometry, paths, target)
+        return Observation(frame.rgb, measured, odometry, paths, anchors, target)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
         if self._recogniser is None or self._target is None:

@@ -13,7 +13,8 @@ Knows nothing of robots: a mesh and points come in, radio quantities go out.
 Materials:
 
     MATERIALS            radio materials by name, as measured over ranges of frequencies
-    Material, Layer      walls of layers of your own
+    Material             a wall of layers of your own
+    Layer                one of them
     permittivity         complex relative permittivity of one at a frequency
 
 Measurements and what is made out of them:

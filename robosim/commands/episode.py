@@ -5,17 +5,29 @@ from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from signal import SIGINT, SIGTERM
+from typing import Annotated
 
 import numpy as np
 from rich.text import Text
-from tyro.conf import OmitArgPrefixes, Positional
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, GoalOption, Settings
-from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read, tell
+from robosim.commands.terminal import (
+    NO_OPTIONS,
+    XY,
+    NamedPlace,
+    PlanOptions,
+    Pose,
+    console,
+    folder_for,
+    read,
+    tell,
+)
 from robosim.evaluation.ablations import configured
 from robosim.run import FILES, record_episode
 from robosim.support.checks import check_number
 from robosim.support.interrupt import SIGNALLED, Interrupt
+from robosim.task.tasks import Anchor
 
 
 def episode(
@@ -23,6 +35,8 @@ def episode(
     *,
     target: XY = None,
     start: Pose = None,
+    anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
+    unknown_anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
     goal: GoalOption = "fused",
     seed: int = 0,
     base: Base = AS_PUBLISHED,
@@ -44,6 +58,8 @@ def episode(
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
         target: Where the target stands [m], in the plan's frame; drawn from the seed if not given.
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
+        anchor: Another transmitter by name, at a place that the robot knows [m]; can be given several times.
+        unknown_anchor: The same at a place that it does not know.
         goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
             the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
             one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together,
@@ -66,6 +82,11 @@ def episode(
         folder,
         start=None if start is None else np.array([start[0], start[1], np.radians(start[2])]),
         target=None if target is None else np.array(target),
+        anchors=[
+            Anchor(name=name, place=np.array([x, y]), known=known)
+            for known, some in ((True, anchor), (False, unknown_anchor))
+            for name, x, y in some
+        ],
         video=video,
         rerun=rerun,
         console=console,

@@ -99,10 +99,30 @@ def _numbers(
     )
 
 
+def _named_place(word: str) -> tuple[str, float, float]:
+    name, *numbers = word.split(",")
+    try:
+        x, y = map(float, numbers)
+    except ValueError:
+        raise ValueError(f"{shown(word)}, expected NAME,X,Y: a name and two numbers [m], no spaces") from None
+    return name, x, y
+
+
 # None stands inside: of a union tyro would tell all that each part of it was tried with.
 XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
 Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
 Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
+#: Something with a name at a place.
+NamedPlace = Annotated[
+    tuple[str, float, float],
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="NAME,X,Y",
+        instance_from_str=lambda words: _named_place(words[0]),
+        is_instance=lambda value: isinstance(value, tuple),
+        str_from_instance=lambda value: [",".join(map(str, value))],
+    ),
+]
 #: One of several places.
 OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 

@@ -1,6 +1,7 @@
 """What a robot knows when it chooses a goal."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,10 @@ class Situation:
     """Map and pose."""
     measurement: Measurement | None = None
     """What its radio measured; None without a radio."""
+    anchors: Mapping[str, Measurement] = field(default_factory=dict)
+    """The same of other transmitters, by their names."""
+    places: Mapping[str, Float[np.ndarray, "2"]] = field(default_factory=dict)
+    """Where those of them stand, in `map` [m], of which that is known."""
     target: Float[np.ndarray, "2"] | None = None
     """Where its camera sees the target now: x ahead, y left [m]; None if it does not."""
 

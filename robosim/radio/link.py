@@ -7,9 +7,10 @@ kept for judging.
 With `engine="cached"` paths are traced from the middle of the 0.15 m square that the robot is in, once for each
 square: what a table of traced links would say. Noise is drawn anew every time all the same.
 
-Left out: Doppler, shadowing by the robot's own body, other transmitters.
+Left out: Doppler, shadowing by the robot's own body, interference between transmitters.
 """
 
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal, get_args
@@ -96,6 +97,12 @@ class RadioLink:
         self._target = np.full(3, np.nan)
         self._traced: dict[tuple[int, int], Paths] = {}
         self.paths: Paths | None = None
+
+    def another(self) -> "RadioLink":
+        """The same receiver's link with another transmitter: they take turns, and do not disturb each other."""
+        other = copy(self)
+        other._target, other._traced, other.paths = np.full(3, np.nan), {}, None
+        return other
 
     def place(self, target: Float[np.ndarray, "2"]) -> None:
         """Put the transmitter at a point of `map` [m]."""

@@ -89,19 +89,23 @@ class Interpreter:
         self._radio = radio
         self._classifier: Classifier = CLASSIFIER.make(classifier, field="link_states")
 
-    def interpret(self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"]) -> Measurement:
+    def interpret(
+        self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"], radio: RadioLink | None = None
+    ) -> Measurement:
         """Directions in `map` and link state of a measurement.
 
         Args:
             paths: Estimates of one link, arrivals in the robot's frame.
             pose: Where the robot believes to be.
+            radio: The link that was measured, if it is not the target's; gives its true state if that is asked for.
         """
+        radio = radio or self._radio
         if paths is None:
             raise ValueError("There is no measurement to understand: the simulator was made without a radio.")
         n = int(paths.count[0])
         turned = paths.turned(rx_heading_rad=float(pose[2]))
         if isinstance(self._classifier, TrueStates):
-            probability = np.eye(len(LinkState))[self._radio.state]
+            probability = np.eye(len(LinkState))[radio.state]
         else:
             probability = self._classifier.predict(
                 turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s

@@ -94,8 +94,8 @@ class RerunRecording:
         self._add_way(decision)
         if decision.paths is not None:
             self._add_rays(decision.paths)
-        if decision.measurement is not None:
-            self._add_measurement(decision.measurement, log.links[-1].state)
+        if decision.situation.measurement is not None:
+            self._add_measurement(decision.situation.measurement, log.links[-1].state)
         if decision.belief is not None:
             layer = belief_layer(decision.belief)
             self._grid("world/belief", layer.frame, _tinted(layer), 3.0)

@@ -137,6 +137,8 @@ class Kind:
             instance_from_str=lambda words: words[0],
             is_instance=lambda value: True,
             str_from_instance=lambda value: [told(value)],
+            # They would be all that may be given; a shell that completes words is to know them all the same.
+            choices=tuple(shown_names) if any(word.startswith("--tyro-") for word in sys.argv) else None,
         )
 
     def _is_file(self, part: str) -> bool:

@@ -54,6 +54,8 @@ class EpisodeLog:
     """Part of the reachable floor seen, at each pose."""
     links: list[Link] = field(default_factory=list)
     """What the radio measured at each decision, if there is one."""
+    anchor_links: dict[str, list[Link]] = field(default_factory=dict)
+    """The same of other transmitters, by their names."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
@@ -76,12 +78,17 @@ class EpisodeLog:
         self.estimates.append(np.array(estimate))
         self.coverage.append(coverage)
 
-    def add_link(self, measurement: Measurement | None, radio: RadioLink | None) -> None:
-        """Add what the radio measured, beside the truth; nothing without a radio."""
-        if measurement is None or radio is None:
-            return
+    def add_link(self, measurement: Measurement, radio: RadioLink, anchor: str | None = None) -> None:
+        """Add what the radio measured, beside the truth.
+
+        Args:
+            measurement: As the robot understands it.
+            radio: What measured, and knows the truth.
+            anchor: Name of the transmitter, if it is not the target.
+        """
+        links = self.links if anchor is None else self.anchor_links.setdefault(anchor, [])
         found = len(measurement.snr_db) > 0
-        self.links.append(
+        links.append(
             Link(
                 state=radio.state,
                 believed=measurement.state,
@@ -136,23 +143,20 @@ class EpisodeLog:
             "start": self.task.start,
             "target": self.task.target,
             "simulated_s": float(self._times()[-1]),
-            **self._radio_result(),
+            **_radio_result(self.links),
+            **({"anchors": self._anchor_results()} if self.task.anchors else {}),
         }
 
-    def _radio_result(self) -> dict[str, Any]:
-        """How well link states and directions were known on the way."""
-        if not self.links:
-            return {}
-        result: dict[str, Any] = {
-            "link_state_accuracy": np.mean([link.state == link.believed for link in self.links])
+    def _anchor_results(self) -> dict[str, Any]:
+        """Other transmitters, and how well their link states and directions were known."""
+        return {
+            anchor.name: {
+                "place": anchor.place,
+                "known": anchor.known,
+                **_radio_result(self.anchor_links.get(anchor.name, [])),
+            }
+            for anchor in self.task.anchors
         }
-        for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
-            name = state.name.lower()
-            mine = [link for link in self.links if link.state == state]
-            result[f"{name}_share"] = len(mine) / len(self.links)
-            near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
-            result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
-        return result
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
         """Draw the true way, the estimated one and the target.
@@ -168,6 +172,15 @@ class EpisodeLog:
         axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
         axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
         axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
+        for anchor in self.task.anchors:
+            axes.plot(*anchor.place, "^", color=TARGET, ms=7, mfc=TARGET if anchor.known else "none")
+            axes.annotate(
+                anchor.name.replace("$", r"\$"),
+                tuple(anchor.place),
+                xytext=(4, 4),
+                textcoords="offset points",
+                fontsize=7,
+            )
         axes.add_patch(Circle(tuple(self.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
         axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
         return axes
@@ -190,3 +203,17 @@ def _write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarr
     half = poses[:, 2] / 2
     rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])
     np.savetxt(path, rows, fmt="%.9f")
+
+
+def _radio_result(links: list[Link]) -> dict[str, Any]:
+    """How well link states and directions were known on the way."""
+    if not links:
+        return {}
+    result: dict[str, Any] = {"link_state_accuracy": np.mean([link.state == link.believed for link in links])}
+    for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
+        name = state.name.lower()
+        mine = [link for link in links if link.state == state]
+        result[f"{name}_share"] = len(mine) / len(links)
+        near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
+        result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
+    return result

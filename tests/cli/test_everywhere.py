@@ -122,7 +122,7 @@ def test_a_measurement_as_json(plan_file, tmp_path, capsys):
 
 def test_an_episode_as_json(plan_file, tmp_path, capsys):
     """The same as in result.json."""
-    options = "--goal oracle --physics kinematic --camera embree --size 32 --max-steps 3 --no-video --mapper classical"
+    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video --mapper classical"
     told = answer(f"episode {plan_file} {options} --out {tmp_path}", capsys)
     assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == told
 
@@ -130,7 +130,7 @@ def test_an_episode_as_json(plan_file, tmp_path, capsys):
 @pytest.mark.usefixtures("in_process")
 def test_an_evaluation_as_json(plan_file, tmp_path, capsys):
     """The same as in summary.json, and what to know before trusting it."""
-    options = "--targets 1 --policies explore --physics kinematic --camera embree --size 32 --max-steps 3 --workers 1"
+    options = "--targets 1 --policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3 --workers 1"
     told = answer(f"evaluate {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
     assert {row["policy"] for row in told["summary"]} == {"oracle", "explore"}
     assert told["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]

@@ -63,9 +63,9 @@ def test_a_log_draws_both_ways_and_the_target():
     log = EpisodeLog(Task(np.zeros(3), np.array([2.0, 1.0]), 2.0))
     assert repr(log) == "<EpisodeLog: running after 0 step(s)>"
     plt.close(log.plot().figure)
-    log.see(np.array([0.0, 0, 0]), np.array([0.1, 0, 0]), 0.1)
+    log.add_pose(None, np.array([0.0, 0, 0]), np.array([0.1, 0, 0]), 0.1)
     log.motions.append(Motion(np.array([1.0, 0, 0]), collided=False, duration_s=1.0))
-    log.see(np.array([1.0, 0, 0]), np.array([1.1, 0, 0]), 0.2)
+    log.add_pose(None, np.array([1.0, 0, 0]), np.array([1.1, 0, 0]), 0.2)
     axes = log.plot()
     drawn = {line.get_label(): line.get_xydata().tolist() for line in axes.lines}
     assert drawn == {
