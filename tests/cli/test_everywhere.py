@@ -122,16 +122,18 @@ def test_a_measurement_as_json(plan_file, tmp_path, capsys):
 
 def test_an_episode_as_json(plan_file, tmp_path, capsys):
     """The same as in result.json."""
-    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video --mapper classical"
-    told = answer(f"episode {plan_file} {options} --out {tmp_path}", capsys)
+    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video"
+    told = answer(f"episode {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
     assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == told
 
 
 @pytest.mark.usefixtures("in_process")
 def test_an_evaluation_as_json(plan_file, tmp_path, capsys):
     """The same as in summary.json, and what to know before trusting it."""
-    options = "--targets 1 --policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3 --workers 1"
-    told = answer(f"evaluate {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
+    options = (
+        "--targets 1 --policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3"
+    )
+    told = answer(f"evaluate {plan_file} {options} --workers 1 --mapper classical --out {tmp_path}", capsys)
     assert {row["policy"] for row in told["summary"]} == {"oracle", "explore"}
     assert told["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert told["warnings"] == [] and told["out"] == str(tmp_path)

@@ -9,8 +9,9 @@ import shapely
 
 from robosim import export_mjcf
 from robosim.building.building import BuildingConfig, make_building
-from robosim.robot.robots import ROBOTS, robot_of_radius
+from robosim.robot.robots import robot_of_radius
 from tests.robosim.plans import room, two_rooms
+from tests.robosim.robots import ROBOTS
 
 
 def opened(path) -> tuple[mujoco.MjModel, mujoco.MjData]:
