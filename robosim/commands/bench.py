@@ -346,8 +346,9 @@ def estimation(
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
-    from robosim.bench.estimation import TX_PER_PLAN, run
+    from robosim.bench.estimation import run
     from robosim.building.outline import check_tolerance
+    from robosim.evaluation.arrivals import TX_PER_PLAN
     from robosim.plans.files import find_plans
 
     check_some("plans", plans, PLANS)

@@ -18,14 +18,14 @@ from jaxtyping import Shaped, UInt8
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from robosim.bench.estimation import PUBLISHED, on_plan, pooled, trace_links
-from robosim.bench.estimation_report import draw_shares
 from robosim.building.building import BuildingConfig
 from robosim.building.outline import check_tolerance
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.links import choose_telling, link_figure
 from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import draw_state
+from robosim.drawing.shares import draw_shares
+from robosim.evaluation.arrivals import PUBLISHED, on_plan, pooled, trace_links
 from robosim.figures.training import draw_training
 from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
