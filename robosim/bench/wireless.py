@@ -128,9 +128,7 @@ def _compile() -> float:
 
 
 def _tracer(building: Building, config: TracerConfig) -> Tracer:
-    return Tracer(
-        building.mesh, materials=building.materials, face_material=building.face_material, config=config
-    )
+    return Tracer(building, config=config)
 
 
 def _prepared(building: Building) -> tuple[Tracer, float]:

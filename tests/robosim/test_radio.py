@@ -8,7 +8,6 @@ import pytest
 from robosim.building.building import make_building
 from robosim.radio.link import SQUARE_M, RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter
-from robosim.radio.scene import make_tracer
 from tests.robosim.plans import room, two_rooms
 from wireless.paths import LinkState, Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
@@ -32,7 +31,9 @@ def test_a_building_is_traced_with_its_own_materials(building):
     """`Tracer(building)` gives what its mesh, materials and faces give one by one, to the bit; others are refused."""
     config = TracerConfig(floor_ceiling=True)
     tx, rx = np.array([[*TARGET, 1.5]]), np.array([[1.0, 1.0, 1.5], [4.0, 0.6, 1.5]])
-    alone = make_tracer(building, 28e9, config).trace(tx, rx)
+    of_face = building.face_material.astype(np.int64)
+    apart = {"materials": building.materials, "face_material": of_face}
+    alone = Tracer(building.mesh, **apart, config=config).trace(tx, rx)
     given = Tracer(building, frequency_hz=28e9, config=config).trace(tx, rx)
     assert len(given) > 10
     for column in fields(Paths):
