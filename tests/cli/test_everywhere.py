@@ -161,8 +161,17 @@ def test_every_command_hands_over_its_result(name):
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(plan_file, tmp_path):
-    """As of `robosim plan office | head -1`: no message, and the status of a broken pipe."""
-    words = [sys.executable, "-m", "robosim", "plan", str(plan_file), "--out", str(tmp_path / "out")]
+    """As of `robosim plan office --json | true`: no message, and the status of a broken pipe."""
+    words = [
+        sys.executable,
+        "-m",
+        "robosim",
+        "plan",
+        str(plan_file),
+        "--json",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.close()
         assert process.stderr.read() == b""
