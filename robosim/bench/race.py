@@ -25,7 +25,7 @@ from jaxtyping import Float
 from robosim.bench.peers import PEERS
 from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_libraries import OpenGLError, missing
-from robosim.support.workers import end_with_parent
+from robosim.support.processes import end_with_parent
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.

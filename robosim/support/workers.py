@@ -5,34 +5,23 @@ processes there are. Results are handed back as they come, and the caller writes
 need no common folder.
 
 - Ctrl-C: calls that are running are finished and handed back, no others begin. Pressed again, it ends at once.
-- A process that is killed, as by a machine out of memory, loses the calls that were running. The others go on in
-  new processes, and in the end a `WorkerLost` says so. On a cluster such calls are run again by another process.
+- A process that is killed, as by a machine out of memory, loses its call. The others go on, with a new process, and
+  in the end a `WorkerLost` says so. On a cluster such calls are run again by another process.
 - Processes never outlive the one that started them, however that ends.
 """
 
-import multiprocessing
-import os
 import signal
-import sys
-import threading
-import time
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from types import TracebackType
 from typing import Any
 
 import cloudpickle
 
 from robosim.support.interrupt import noted_interrupt
-
-#: Libraries that would start threads of their own in each process.
-_ONE_THREAD = {
-    f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB", "NUMEXPR", "NUMBA")
-}
-#: How often a process looks whether the one that started it is there still [s].
-_WATCH_S = 1.0
+from robosim.support.processes import Processes
 
 
 class WorkerLost(ChildProcessError):
@@ -107,15 +96,10 @@ class Workers:
                 call = next(waiting, None)
                 if call is None:
                     break
-                try:
-                    running[self._submit(function, call[1])] = call[0]
-                except BrokenProcessPool:  # one died while it had nothing to do
-                    lost, broken = lost + 1, True
-                    break
-            if not running and not broken:
+                running[self._submit(function, call[1])] = call[0]
+            if not running:
                 break
-            done = wait(running, return_when=FIRST_COMPLETED).done if running else ()
-            for future in done:
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
                 number = running.pop(future)
                 try:
                     result = future.result()
@@ -127,10 +111,9 @@ class Workers:
                 handed += 1
                 yield number, result
             if broken:
-                lost += len(running)
-                running.clear()
-                self._close(at_once=True)
                 if handed == handed_before:
+                    lost += len(running)
+                    self._close(at_once=True)
                     break
                 handed_before = handed
         self._interrupt.stop()
@@ -155,21 +138,15 @@ class Workers:
             self._executor = self._executor or self._client.get_executor(pure=False)
             return self._executor.submit(_call, content)
         if self._executor is None:
-            context = multiprocessing.get_context("spawn")
-            self._executor = ProcessPoolExecutor(
-                self._count, mp_context=context, initializer=_begin, initargs=(os.getpid(),)
-            )
-        with _one_thread(), _ctrl_c_held_back(), _main_left_out():
-            return self._executor.submit(_call, content)
+            self._executor = Processes(self._count)
+        return self._executor.submit(_call, content)
 
     def _close(self, *, at_once: bool) -> None:
         executor, self._executor = self._executor, None
-        if executor is None:
-            return
-        if isinstance(executor, ProcessPoolExecutor) and at_once:
-            for process in list((executor._processes or {}).values()):
-                process.kill()
-        executor.shutdown(wait=self._client is None)
+        if isinstance(executor, Processes) and at_once:
+            executor.kill()
+        if executor is not None:
+            executor.shutdown(wait=self._client is None)
 
 
 def _is_loss(error: Exception) -> bool:
@@ -191,67 +168,3 @@ def _connect(address: str) -> Any:
 def _call(content: bytes) -> Any:
     function, arguments = cloudpickle.loads(content)
     return function(*arguments)
-
-
-def _begin(parent: int) -> None:
-    """What a process does first: see to it that it ends with its parent, and leave Ctrl-C to that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    end_with_parent(parent)
-
-
-def end_with_parent(parent: int) -> None:
-    """Let this process end soon after its parent has, however that ended.
-
-    Args:
-        parent: Number of the process that started this one.
-    """
-
-    def follow() -> None:
-        while os.getppid() == parent:
-            time.sleep(_WATCH_S)
-        os._exit(1)
-
-    threading.Thread(target=follow, daemon=True).start()
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Processes that start inside of the block compute with one thread."""
-    before = {name: os.environ.get(name) for name in _ONE_THREAD}
-    os.environ.update(_ONE_THREAD)
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            os.environ.pop(name)
-            if value is not None:
-                os.environ[name] = value
-
-
-@contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
-    """Ctrl-C comes when the block ends; to processes that start inside of it never, not while they import either."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextmanager
-def _main_left_out() -> Iterator[None]:
-    """Processes that start inside of the block do not run the script again that is running here.
-
-    A new process of Python would import it, to find what it is sent there; here everything is sent by value. A script
-    without `if __name__ == "__main__"` would start an endless row of processes.
-    """
-    main = sys.modules["__main__"]
-    spec, file = getattr(main, "__spec__", None), vars(main).get("__file__")
-    main.__spec__ = None
-    vars(main).pop("__file__", None)
-    try:
-        yield
-    finally:
-        main.__spec__ = spec
-        if file is not None:
-            vars(main)["__file__"] = file

@@ -180,7 +180,7 @@ def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
         ("{plan} --height 9", "height is 9.0 m, expected 0 to 2.5 m"),
         ("{plan} --max-reflections -1", "max_reflections is -1"),
         ("{plan} {plan}", "2 plans are called 'two rooms'"),
-        ("{plan} --estimator music", "invalid choice"),
+        ("{plan} --estimator music", "estimator is 'music'. Known: sage, pca"),
     ],
 )
 def test_mistakes_end_in_one_sentence(arguments, message, plan_file, tmp_path, fails):

@@ -38,7 +38,11 @@ EXEMPT = {
     "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
 }
 #: What must be given to make one of them.
-NEEDED = {"ExplorationSettings": {"mapper": "classical"}, "GridFrame": {"origin_xy": (0.0, 0.0)}}
+NEEDED = {
+    "ExplorationSettings": {"mapper": "classical"},
+    "GridFrame": {"origin_xy": (0.0, 0.0)},
+    "Layer": {"thickness_m": 0.01, "relative_permittivity": 2.0},
+}
 BAD = {
     float: (math.nan, math.inf, -math.inf, -1e300, 1e300),
     int: (math.nan, math.inf, -(10**300), 10**300, 1.5, True),

@@ -16,7 +16,6 @@ Left out: magnetic materials, moisture, roughness, and walls whose sides differ.
 """
 
 import difflib
-import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -121,8 +120,8 @@ class Layer:
             check_material(self.material)
         elif self.relative_permittivity is None or not 1 <= self.relative_permittivity <= 1e6:
             raise ValueError(f"relative_permittivity is {self.relative_permittivity}, expected 1 to 1e6.")
-        if not (math.isfinite(self.conductivity_spm) and self.conductivity_spm >= 0):
-            raise ValueError(f"conductivity_spm is {self.conductivity_spm}, expected 0 or more, in S/m.")
+        if not 0 <= self.conductivity_spm <= 1e9:
+            raise ValueError(f"conductivity_spm is {self.conductivity_spm}, expected 0 to 1e9 S/m.")
 
     def properties(self, frequency_hz: float) -> tuple[float, float]:
         """Relative permittivity and conductivity [S/m] at a frequency.

@@ -7,6 +7,7 @@ import pytest
 
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.following import EXPLORED, progress, told
+from robosim.evaluation.suite import Suite
 from robosim.plans.files import write_ros
 from tests import kept
 from tests.plans import room
@@ -38,7 +39,7 @@ def counted(tmp_path):
         rows.append(row)
 
     def count():
-        return progress(tmp_path, rows, {"hall": file}, BuildingConfig(), 0.1)
+        return progress(tmp_path, rows, Suite(plans={"hall": file}, tasks=()), BuildingConfig(), 0.1)
 
     return add, count
 

@@ -29,7 +29,7 @@ def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_
     told: Measurement = measurement(
         place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db
     )
-    return Situation(map_, told, seen)
+    return Situation(map_, told, target=seen)
 
 
 def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):

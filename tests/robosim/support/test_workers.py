@@ -4,7 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from multiprocessing.connection import Connection
 
 import numpy as np
 import pytest
@@ -68,6 +70,35 @@ def test_a_killed_process_loses_its_calls_and_no_others():
         for _, n in pool.run(killed_by_two, [(n,) for n in range(9)]):
             done.append(n)
     assert done == [0, 1, 3, 4, 5, 6, 7, 8]
+
+
+def much_at_once(n):
+    """A result that takes a while to send; the third process is killed amid it."""
+    if n == 2:
+        threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGKILL)).start()
+    return bytes(200_000_000) if n == 2 else n
+
+
+def test_a_process_that_is_killed_while_it_sends_loses_its_call(monkeypatch):
+    """What is read of a result half sent ends with the process, not never: a pool with one pipe for all would hang."""
+    whole = Connection.recv_bytes
+
+    def slowly(pipe):
+        time.sleep(1.0)  # a pipe holds 64 kB: the rest is not sent before it is killed
+        return whole(pipe)
+
+    monkeypatch.setattr(Connection, "recv_bytes", slowly)
+    with pytest.raises(WorkerLost, match="1 of the calls are lost"), Workers(2) as pool:
+        done = []
+        for _, n in pool.run(much_at_once, [(n,) for n in range(5)]):
+            done.append(n)
+    assert sorted(done) == [0, 1, 3, 4]
+
+
+def test_an_error_tells_where_it_was_raised():
+    with pytest.raises(ValueError) as raised, Workers(1) as pool:
+        list(pool.run(refuses, SQUARES))
+    assert "in refuses" in "".join(raised.value.__notes__)
 
 
 def test_processes_that_never_live_are_told_at_once():
