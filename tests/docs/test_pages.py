@@ -1,0 +1,94 @@
+"""What the pages tell to type can be typed, their Python runs, and what they cite is in the bibliography."""
+
+import doctest
+import functools
+import re
+import shlex
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import robosim.cli as cli
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(path for path in DOCS.rglob("*.md") if not {"_build", "examples", "commands"} & set(path.parts)),
+]
+_FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of a page in a language."""
+    return [body for name, body in _FENCE.findall(page.read_text("utf-8")) if name == language]
+
+
+def commands(page: Path) -> list[str]:
+    """Calls of robosim on a page, as they stand after the prompt in blocks of the console."""
+    lines = "".join(blocks(page, "console")).replace("\\\n", " ").splitlines()
+    return [line.removeprefix("$ ").split("  #")[0] for line in lines if line.startswith("$ robosim ")]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
+def test_commands_exist(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each command and option is one, and takes the value it is given; nothing is run."""
+
+    def idle(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def nothing(*args: object, **options: object) -> None: ...
+
+        return nothing
+
+    for table in (cli._COMMANDS, *(inner for _, inner in cli._GROUPS.values())):
+        for name, command in list(table.items()):
+            monkeypatch.setitem(table, name, idle(command))
+    for line in commands(page):
+        words = [word for word in shlex.split(line)[1:] if word != "--debug"]
+        try:
+            cli._run(words)
+        except SystemExit as end:
+            assert end.code in (None, 0), line
+
+
+def python_pages() -> list[Path]:
+    """Pages with Python that is run here: blocks named python; those named py are not."""
+    return [page for page in PAGES if blocks(page, "python")]
+
+
+@pytest.mark.parametrize("page", python_pages(), ids=lambda page: page.name)
+def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of a page run one after the other, and print what the page says."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("MPLBACKEND", "Agg")
+    names: dict[str, object] = {"__name__": "page"}
+    for i, block in enumerate(blocks(page, "python")):
+        if ">>>" not in block:
+            exec(compile(block, f"{page.name}, block {i}", "exec"), names)
+            continue
+        test = doctest.DocTestParser().get_doctest(block, names, f"{page.name}, block {i}", str(page), 0)
+        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+        runner.run(test, clear_globs=False)
+        assert not runner.failures
+        names = test.globs
+
+
+def test_citations() -> None:
+    """Every source that is cited is in the bibliography, and the other way round."""
+    known = set(re.findall(r"^@\w+\{([\w-]+),", (DOCS / "references.bib").read_text("utf-8"), re.MULTILINE))
+    cited = {
+        key.strip()
+        for page in DOCS.rglob("*.md")
+        if "_build" not in page.parts
+        for keys in re.findall(r"\{cite(?::\w+)?\}`([^`]+)`", page.read_text("utf-8"))
+        for key in keys.split(",")
+    }
+    assert cited <= known
+    assert known <= cited
+
+
+def test_readme_is_short() -> None:
+    """A README of one screen or three; the rest is in the documentation."""
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
