@@ -58,6 +58,8 @@ myst_heading_anchors = 3
 math_number_all = False
 math_eqref_format = "({number})"
 numfig = True
+numfig_secnum_depth = 0
+math_numfig = False
 
 bibtex_bibfiles = ["references.bib"]
 bibtex_reference_style = "author_year"
@@ -103,7 +105,7 @@ sphinx_gallery_conf = {
     "min_reported_time": 0,
     "image_scrapers": ("matplotlib",),
     "matplotlib_animations": False,
-    "reset_modules": ("matplotlib",),
+    "reset_modules": ("matplotlib", "pictures.trimmed"),
     "thumbnail_size": (400, 280),
     "write_computation_times": False,
     "copyfile_regex": r".*\.rst",

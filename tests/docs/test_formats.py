@@ -26,7 +26,8 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     quick = "--mapper classical --physics kinematic --tolerance 0.05"
     for line in (
-        f"episode flat --start 6,6.4,30 --target 6.8,6.9 --goal los --max-steps 5 --no-video {quick} --out {out}/episode",
+        f"episode flat --start 6,6.4,30 --target 6.8,6.9 --goal los --max-steps 5 {quick} --no-video"
+        f" --out {out}/episode",
         f"evaluate {suite} --policies los --max-steps 5 {quick} --workers 1 --out {out}/evaluation",
         f"trace flat --tx 7,7 --grid 2 --tolerance 0.1 --no-plots --workers 1 --out {out}/trace",
         f"dataset flat --tx-per-plan 1 --grid 2 --estimator pca --format mmwrobotnav --workers 1 --out {out}/dataset",

