@@ -1,10 +1,13 @@
 """How the documentation is built: `make docs`, or `sphinx-build -W --keep-going docs docs/_build/html`."""
 
+import inspect
 import logging
 import os
 import sys
 import tomllib
 from pathlib import Path
+
+import scipy.stats
 
 ROOT = Path(__file__).resolve().parent.parent
 # This checkout before any that is installed.
@@ -13,6 +16,9 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.g
 
 for _package in ("robosim", "wireless", "slam", "OpenGL"):
     logging.getLogger(_package).setLevel(logging.ERROR)
+
+# It makes its signature anew from its documentation, at which Sphinx fails.
+scipy.stats.ks_2samp.__signature__ = inspect.Signature()
 
 _project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 

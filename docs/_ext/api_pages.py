@@ -42,7 +42,7 @@ def _write(app: Sphinx) -> None:
                 continue
             rooms.setdefault(".".join(parts[:-1]), []).append(name)
         for module in [m for modules in rooms.values() for m in modules]:
-            wanted[f"{module}.rst"] = _module_page(module)
+            wanted[f"{module}.rst"] = _module_page(source.parent, module)
         wanted[f"{package}.rst"] = _package_page(source.parent, package, rooms)
     for old in folder.glob("*.rst"):
         if old.name not in wanted:
@@ -53,9 +53,26 @@ def _write(app: Sphinx) -> None:
             path.write_text(text, "utf-8")
 
 
-def _module_page(module: str) -> str:
+def _module_page(root: Path, module: str) -> str:
     title = f"``{module}``"
-    return f":orphan:\n\n{title}\n{'=' * len(title)}\n\n.. automodule:: {module}\n"
+    members = ", ".join(_members(root.joinpath(*module.split(".")).with_suffix(".py")))
+    listed = f"   :members: {members}" if members else "   :no-members:"
+    return f":orphan:\n\n{title}\n{'=' * len(title)}\n\n.. automodule:: {module}\n{listed}\n"
+
+
+def _members(path: Path) -> list[str]:
+    """Public names of a module itself: functions, classes, and constants that are explained by a `#:` before them."""
+    text = path.read_text("utf-8")
+    lines, found = text.splitlines(), []
+    for node in ast.parse(text).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.append(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and lines[node.lineno - 2].startswith("#:"):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found += [
+                name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)
+            ]
+    return [name for name in found if not name.startswith("_")]
 
 
 def _package_page(root: Path, package: str, rooms: dict[str, list[str]]) -> str:
