@@ -1,15 +1,16 @@
 # Two commands are all the set-up there is, on a fresh Debian or Ubuntu machine:
 #
-#   make demo    a robot finds a transmitter in a building it does not know; a video, a map picture and the result are written
-#   make test    all checks
+#   make demo      a robot finds a transmitter in a building it does not know; a video, a map picture and the result are written
+#   make test      all checks
 #
 # Both make a virtual environment in .venv, and install what is missing of the system's packages: a software renderer
 # (OSMesa; EGL where the distribution has no OSMesa; both for the tests) and python3-venv. That takes root or sudo.
 #
-#   make faults  every command disturbed by signals, lost workers and full disks at random moments; hours
-#   make docs    the documentation, in docs/_build/html; the first time some minutes, as every example is run
-#   make linkcheck  whether the pages that it links to are there; needs the network
-#   make fresh   both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
+#   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
+#   make docs      the documentation, in docs/_build/html; the first time some minutes, as every example is run
+#   make linkcheck whether the pages that it links to are there; needs the network
+#   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
+#   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
 
 VENV ?= .venv
 FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
@@ -21,7 +22,7 @@ MOMENTS ?= 20
 BIN := $(VENV)/bin
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test docs linkcheck faults fuzz install python system system-all fresh clean
+.PHONY: demo test coverage docs linkcheck faults fuzz install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -40,6 +41,10 @@ docs: $(VENV)/.docs-installed
 
 linkcheck: $(VENV)/.docs-installed
 	$(BIN)/sphinx-build -b linkcheck docs docs/_build/linkcheck
+
+# Lines of loops that numba compiles count as not run.
+coverage: $(VENV)/.test-installed
+	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report term --cov-report html:out/coverage
 
 # Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.
 # A quarter of an hour; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.

@@ -1,11 +1,81 @@
 """Robots that see and hear in buildings made from floor plans.
 
 Start reading at ``robosim.episode``: one episode, whole, on one page.
+
+Floor plans:
+
+    read_plan        a floor plan from a file of any known format, or a shipped one by name
+    plan_from_array  a floor plan from a NumPy array
+    generate_plan    an invented one, from a seed
+    GeneratorConfig  what kind of building is invented
+    FloorPlan        which cells are free, occupied or unknown, and where they lie
+    MapError         a floor plan that cannot be read or used
+    write_ros        writes one as a ROS map
+    write_png        writes one as an image
+
+Buildings:
+
+    make_building    a building made from a floor plan
+    BuildingConfig   how it is made
+    Building         walls, floor, ceiling: geometry and radio materials
+    reach            where a robot's hull can be in it
+    Reach            these places
+    export_mesh      writes it as GLB, PLY, OBJ or STL
+    export_mitsuba   writes it as a Mitsuba scene with radio materials
+    export_mjcf      writes it with a robot in it for MuJoCo
+
+Simulation:
+
+    Simulator        one robot in one building, what it does and senses
+    SimulatorConfig  what is simulated, and how faithfully
+    Observation      what the robot senses after an action
+    RobotConfig      the robot's body
+    NoiseModel       noise of actuation and odometry
+    CameraConfig     size and optics of its pictures
+    DepthNoise       noise of its depth camera
+    TargetSearch     the search for a target as a Gymnasium environment
+
+Episodes:
+
+    make_task        from where to where, drawn at random or given
+    Task             one search in one building
+    run_episode      drives one robot through one search
+    record_episode   the same, with a video and files to look at
+    EpisodeConfig    how an episode is run
+    EpisodeLog       everything that happened in it
+    Decision         what an onlooker may see of one decision
+    read_decisions   the log of decisions of a recorded episode
+
+Evaluation:
+
+    evaluate         runs policies over a suite of tasks, and scores them
+    Suite            plans, and tasks in them
+    find_suite       a suite from a file, or drawn in floor plans
+    read_suite       a suite from a file
+
+Radio:
+
+    RadioScene       a floor plan made ready for radio
+    RadioConfig      what is traced and how
+    make_tracer      the ray tracer of a building
+    receiver_grid    receivers all over a building
+
+Data sets:
+
+    trace_plan       traces radio paths over a whole floor plan into files
+    make_dataset     a data set of links for many buildings
+    LinkSetConfig    what is in it
+    collect          a data set of frames that a robot senses as it explores
+    CollectConfig    what is in it
+    LinkDataset      links of a data set for PyTorch
+    FrameDataset     frames of a data set for PyTorch
 """
 
 import os
 import sys
+from importlib import import_module
 from importlib.metadata import version
+from typing import TYPE_CHECKING
 
 try:
     import gymnasium
@@ -15,6 +85,58 @@ except KeyboardInterrupt:
         raise SystemExit(130) from None
     raise
 
+#: Where each public name is: imported when it is first asked for, since not everybody needs everything.
+_MODULES = {
+    "read_plan": "plans.files",
+    "plan_from_array": "plans.formats.plan_array",
+    "generate_plan": "generator.generate",
+    "GeneratorConfig": "generator.generate",
+    "FloorPlan": "plans.floorplan",
+    "MapError": "plans.floorplan",
+    "write_ros": "plans.formats.ros_map",
+    "write_png": "plans.formats.plan_image",
+    "make_building": "building.building",
+    "BuildingConfig": "building.building",
+    "Building": "building.building",
+    "reach": "building.reach",
+    "Reach": "building.reach",
+    "export_mesh": "building.export",
+    "export_mitsuba": "building.export",
+    "export_mjcf": "robot.mjcf",
+    "Simulator": "simulator",
+    "SimulatorConfig": "simulator",
+    "Observation": "simulator",
+    "RobotConfig": "robot.robots",
+    "NoiseModel": "robot.odometry",
+    "CameraConfig": "camera.model",
+    "DepthNoise": "camera.depth_noise",
+    "TargetSearch": "env",
+    "make_task": "task.tasks",
+    "Task": "task.tasks",
+    "run_episode": "episode",
+    "record_episode": "run",
+    "EpisodeConfig": "episode",
+    "EpisodeLog": "task.record",
+    "Decision": "episode",
+    "read_decisions": "recording.decision_log",
+    "evaluate": "evaluation.evaluate",
+    "Suite": "evaluation.suite",
+    "find_suite": "evaluation.evaluate",
+    "read_suite": "evaluation.suite",
+    "RadioScene": "radio.scene",
+    "RadioConfig": "radio.scene",
+    "make_tracer": "radio.scene",
+    "receiver_grid": "radio.receivers",
+    "trace_plan": "datasets.trace",
+    "make_dataset": "datasets.links",
+    "LinkSetConfig": "datasets.link_units",
+    "collect": "datasets.collect",
+    "CollectConfig": "datasets.collect",
+    "LinkDataset": "datasets.torch_data",
+    "FrameDataset": "datasets.torch_data",
+}
+__all__ = ["__version__", *_MODULES]
+
 # MuJoCo's EGL needs a newer PyOpenGL than the one that pyrender asks for: with MUJOCO_GL=egl, as many servers have it
 # set, `import mujoco` would fail. Its renderer is not used here but to compare with.
 if os.environ.get("MUJOCO_GL", "").lower() == "egl" and version("PyOpenGL") == "3.1.0":
@@ -23,3 +145,69 @@ if os.environ.get("MUJOCO_GL", "").lower() == "egl" and version("PyOpenGL") == "
 gymnasium.register(
     id="robosim/TargetSearch-v0", entry_point="robosim.env:TargetSearch", max_episode_steps=1000
 )
+
+if TYPE_CHECKING:
+    from robosim.building.building import Building as Building
+    from robosim.building.building import BuildingConfig as BuildingConfig
+    from robosim.building.building import make_building as make_building
+    from robosim.building.export import export_mesh as export_mesh
+    from robosim.building.export import export_mitsuba as export_mitsuba
+    from robosim.building.reach import Reach as Reach
+    from robosim.building.reach import reach as reach
+    from robosim.camera.depth_noise import DepthNoise as DepthNoise
+    from robosim.camera.model import CameraConfig as CameraConfig
+    from robosim.datasets.collect import CollectConfig as CollectConfig
+    from robosim.datasets.collect import collect as collect
+    from robosim.datasets.link_units import LinkSetConfig as LinkSetConfig
+    from robosim.datasets.links import make_dataset as make_dataset
+    from robosim.datasets.torch_data import FrameDataset as FrameDataset
+    from robosim.datasets.torch_data import LinkDataset as LinkDataset
+    from robosim.datasets.trace import trace_plan as trace_plan
+    from robosim.env import TargetSearch as TargetSearch
+    from robosim.episode import Decision as Decision
+    from robosim.episode import EpisodeConfig as EpisodeConfig
+    from robosim.episode import run_episode as run_episode
+    from robosim.evaluation.evaluate import evaluate as evaluate
+    from robosim.evaluation.evaluate import find_suite as find_suite
+    from robosim.evaluation.suite import Suite as Suite
+    from robosim.evaluation.suite import read_suite as read_suite
+    from robosim.generator.generate import GeneratorConfig as GeneratorConfig
+    from robosim.generator.generate import generate_plan as generate_plan
+    from robosim.plans.files import read_plan as read_plan
+    from robosim.plans.floorplan import FloorPlan as FloorPlan
+    from robosim.plans.floorplan import MapError as MapError
+    from robosim.plans.formats.plan_array import plan_from_array as plan_from_array
+    from robosim.plans.formats.plan_image import write_png as write_png
+    from robosim.plans.formats.ros_map import write_ros as write_ros
+    from robosim.radio.receivers import receiver_grid as receiver_grid
+    from robosim.radio.scene import RadioConfig as RadioConfig
+    from robosim.radio.scene import RadioScene as RadioScene
+    from robosim.radio.scene import make_tracer as make_tracer
+    from robosim.recording.decision_log import read_decisions as read_decisions
+    from robosim.robot.mjcf import export_mjcf as export_mjcf
+    from robosim.robot.odometry import NoiseModel as NoiseModel
+    from robosim.robot.robots import RobotConfig as RobotConfig
+    from robosim.run import record_episode as record_episode
+    from robosim.simulator import Observation as Observation
+    from robosim.simulator import Simulator as Simulator
+    from robosim.simulator import SimulatorConfig as SimulatorConfig
+    from robosim.task.record import EpisodeLog as EpisodeLog
+    from robosim.task.tasks import Task as Task
+    from robosim.task.tasks import make_task as make_task
+
+    __version__: str
+else:
+
+    def __getattr__(name: str) -> object:
+        """A public name, imported when it is first asked for."""
+        if name == "__version__":
+            value: object = version("robosim")
+        elif name in _MODULES:
+            value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+        else:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value
+        return value
+
+    def __dir__() -> list[str]:
+        return sorted({*globals(), *__all__})

@@ -1,77 +1,38 @@
 """The `robosim` command: parses what is asked for, calls what does it, prints what came out.
 
 Bad input ends in one sentence on standard error and exit status 2, never in a traceback; `--debug` shows that too.
+`--debug`, `--quiet`, `--json` and `--version` may stand anywhere on the command line.
 """
 
 import errno
+import inspect
 import logging
 import signal
 import sys
 import traceback
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Annotated, Any, Union
 
 import tyro
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.text import Text
 
-from robosim.commands import bench, figures, train, train_policies
-from robosim.commands.collect import collect
-from robosim.commands.dataset import dataset
-from robosim.commands.episode import episode
-from robosim.commands.evaluate import evaluate
-from robosim.commands.machine import doctor
-from robosim.commands.replay import replay, view
-from robosim.commands.scenes import generate, plan
-from robosim.commands.trace import trace
+from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
+from robosim.commands.terminal import speaking
 from robosim.support.interrupt import SIGNALLED, unwinding
 
-_Commands = dict[str, Callable[..., None]]
+#: Options that every command has, wherever they stand.
+_EVERYWHERE = ("--debug", "--quiet", "--json", "--version")
+_EVERYWHERE_HELP = (
+    "Everywhere: --quiet prints errors alone, --json prints the result as one JSON object and nothing else, --debug "
+    "shows where an error comes from, --version says which version this is."
+)
+#: What a shell's completion is asked for by.
+_COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 #: Errors of a disk that is full, or of a limit on what may be written.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
-
-_BENCH: _Commands = {
-    "render": bench.render,
-    "physics": bench.physics,
-    "navigation": bench.navigation,
-    "exploration": bench.exploration,
-    "episode": bench.episode,
-    "slam": bench.slam,
-    "endurance": bench.endurance,
-    "wireless": bench.wireless,
-    "estimation": bench.estimation,
-    "labels": bench.labels,
-}
-_FIGURES: _Commands = {
-    "plans": figures.plans,
-    "arrays": figures.arrays,
-    "wireless": figures.wireless,
-    "search": figures.search,
-}
-_TRAIN: _Commands = {
-    "link-state": train.link_state,
-    "mapper": train.mapper,
-    "pose": train.pose,
-    "explorer": train_policies.explorer,
-    "steering": train_policies.steering,
-}
-_GROUPS: dict[str, tuple[str, _Commands]] = {
-    "bench": (f"Measure speed against error: {', '.join(_BENCH)}.", _BENCH),
-    "figures": (f"Draw figures: {', '.join(_FIGURES)}.", _FIGURES),
-    "train": (f"Train what is learnt: {', '.join(_TRAIN)}.", _TRAIN),
-}
-_COMMANDS: _Commands = {
-    "episode": episode,
-    "replay": replay,
-    "view": view,
-    "evaluate": evaluate,
-    "plan": plan,
-    "trace": trace,
-    "dataset": dataset,
-    "generate": generate,
-    "collect": collect,
-    "doctor": doctor,
-}
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -81,12 +42,18 @@ def main(arguments: Sequence[str] | None = None) -> None:
     SIGTERM.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]
+    everywhere = {word for word in words if word in _EVERYWHERE}
+    words = [word for word in words if word not in _EVERYWHERE]
+    if "--version" in everywhere:
+        print(f"robosim {version('robosim')}")
+        return
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
     try:
-        with unwinding() as interrupt:
+        with (
+            unwinding() as interrupt,
+            speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
+        ):
             _run(words)
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
@@ -94,7 +61,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if interrupt.asked:
             sys.exit(SIGNALLED + interrupt.signal)
         status, line = _explained(error)
-        if debug:
+        if "--debug" in everywhere:
             traceback.print_exception(error)
         # Names of files and other words from outside are text, whatever they look like.
         Console(stderr=True).print(Text(f"robosim: {line}", "red"), soft_wrap=True)
@@ -102,22 +69,30 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _run(words: list[str]) -> None:
-    for name, value in zip(["", *words], words, strict=False):
-        option, _, rest = value.partition("=")
-        if not value or (option.startswith("--") and "=" in value and not rest):
-            raise ValueError(f"{option or name or 'an argument'} is empty, expected a value.")
-    if words and words[0] in _GROUPS:
-        group = words.pop(0)
-        description, commands = _GROUPS[group]
-        prog = f"robosim {group}"
-    else:
-        groups = {name: _as_command(text) for name, (text, _) in _GROUPS.items()}
-        commands, prog = {**_COMMANDS, **groups}, "robosim"
-        description = (
-            "Robots that see and hear in buildings made from floor plans. Each command has its own --help; with "
-            "--debug an error shows where it comes from."
-        )
-    tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=words)
+    for before, value in zip(["", *words], words, strict=False):
+        option, _, given = value.partition("=")
+        if not value or (option.startswith("--") and "=" in value and not given):
+            raise ValueError(f"{option or before or 'an argument'} is empty, expected a value.")
+    if name := named(words):
+        command, rest = loaded(name), words[len(name.split()) :]
+        if "settings" in inspect.signature(command).parameters:
+            from robosim.commands.episode_config import started  # brings the whole simulator
+
+            command = started(command, rest)
+        tyro.cli(command, prog=f"robosim {name}", args=rest)
+        return
+    group = words[0] if words and words[0] in GROUPS else ""
+    description = GROUPS.get(
+        group,
+        "Robots that see and hear in buildings made from floor plans. Each command has its own --help. "
+        + _EVERYWHERE_HELP,
+    )
+    commands, rest = listed(group), words[1:] if group else words
+    if any(word.startswith(_COMPLETION) for word in rest):
+        commands = {**commands, **{name: loaded(name) for name in COMMANDS if " " not in name}}
+        commands |= {name: _union(name) for name in GROUPS}
+    prog = f"robosim {group}".strip()
+    tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=rest)
 
 
 def _explained(error: Exception) -> tuple[int, str]:
@@ -140,10 +115,11 @@ def _explained(error: Exception) -> tuple[int, str]:
     return 1, f"internal error, {type(error).__name__}: {text}. Please report it with what --debug shows."
 
 
-def _as_command(text: str) -> Callable[..., None]:
-    """Something for the top-level help to list a group by."""
-
-    def group() -> None: ...
-
-    group.__doc__ = text
-    return group
+def _union(group: str) -> Any:
+    """The commands of a group as one type, for tyro to complete words from."""
+    return Union[  # noqa: UP007
+        tuple(
+            Annotated[Any, tyro.conf.subcommand(name=name, constructor=loaded(f"{group} {name}"))]
+            for name in listed(group)
+        )
+    ]

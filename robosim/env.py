@@ -106,7 +106,7 @@ class TargetSearch(gymnasium.Env):
                 "odometry": gymnasium.spaces.Box(-_ODOMETRY_BOUND, _ODOMETRY_BOUND, dtype=np.float32),
             }
         )
-        self.action_space: gymnasium.Space = (
+        self.action_space: gymnasium.Space[Any] = (
             gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
             if continuous
             else gymnasium.spaces.Discrete(len(Action))

@@ -1,37 +1,49 @@
 """One episode: a robot searches a target in a building it does not know.
 
-This is the whole system on one page. Read `run_episode`: each turn of its loop is one decision, each line of
-the loop one part of the system. The mapper never sees the true pose, and only the oracle sees the target.
+This is the whole system on one page. Read `drive`: each turn of its loop is one decision, each line of the loop one
+part of the system. `run_episode` looks on and judges; whoever collects frames or teaches looks on in other ways. The
+mapper never sees the true pose, and only the oracle sees the target.
 """
 
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from signal import SIGINT, SIGTERM
-from typing import get_args
+from typing import Annotated
 
 import numpy as np
+import tyro
 from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
-from robosim.navigation import MAPPERS, ControllerName, make_navigator
+from robosim.navigation import Navigator, make_navigator
+from robosim.parts import (
+    CLASSIFIER,
+    CONTROLLER,
+    EXPLORER,
+    GOAL,
+    MAPPER,
+    ClassifierPart,
+    ControllerPart,
+    ExplorerPart,
+    GoalPart,
+    MapperPart,
+)
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
-from robosim.policies.goals import GoalName, GoalPolicy, make_policy
-from robosim.policies.moment import Moment
-from robosim.radio.link_state import read_classifier
-from robosim.radio.measurement import TRUE_STATES, Heard, Listener
+from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
+from robosim.policies.situation import Situation
+from robosim.radio.measurement import Interpreter, check_classifier
+from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.support.assets import shipped_weights
-from robosim.support.checks import SEED, STEPS, check_choice, check_network, check_numbers
+from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.actions import Action
-from slam.exploration.explorer import ExplorerName
 from slam.grid import MapEstimate
 from slam.planning.planner import Plan
 from wireless.paths import Paths
@@ -41,49 +53,72 @@ from wireless.paths import Paths
 class EpisodeConfig:
     """How an episode is run."""
 
-    goal: GoalName = "fused"
+    goal: Annotated[GoalPart, tyro.conf.Suppress] = "fused"
     """Who chooses the goals."""
-    explorer: ExplorerName = "learned"
+    explorer: ExplorerPart = "learned"
     """Who chooses among frontiers when the goal is to explore."""
-    controller: ControllerName = "planned"
+    controller: ControllerPart = "planned"
     """Who chooses actions: a search over turns and runs, or a network that has watched it."""
-    mapper: str = "neural"
+    mapper: MapperPart = "neural"
     """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
-    seed: int = 0
+    seed: Annotated[int, tyro.conf.Suppress] = 0
     """Seed of everything random in the episode."""
     max_steps: int = 1000
     """Actions before the episode is given up."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """How the plan becomes a building."""
-    simulator: SimulatorConfig = field(default_factory=SimulatorConfig)
+    simulator: Annotated[SimulatorConfig, tyro.conf.arg(name="")] = field(default_factory=SimulatorConfig)
     """What is simulated."""
-    link_states: str = "generated"
+    link_states: ClassifierPart = "generated"
     """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
-        for name, kind in (("goal", GoalName), ("explorer", ExplorerName), ("controller", ControllerName)):
-            check_choice(name, getattr(self, name), get_args(kind))
-        check_network("mapper", self.mapper, MAPPERS)
-        check_network("link_states", self.link_states, (*shipped_weights(), TRUE_STATES))
+        GOAL.check("goal", self.goal)
+        EXPLORER.check("explorer", self.explorer)
+        MAPPER.check("mapper", self.mapper)
+        CONTROLLER.check("controller", self.controller)
+        CLASSIFIER.check("link_states", self.link_states)
         check_numbers(self, seed=SEED, max_steps=STEPS)
 
 
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """What an onlooker may see of one turn of the loop."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Turn:
+    """What was sensed in one turn of the loop, and what was made of it; with the truth beside it, for onlookers."""
 
-    log: EpisodeLog
+    pose: Float[np.ndarray, "3"]
+    """True pose: x [m], y [m], yaw [rad] in `map`."""
+    before: Action | None
+    """The action that led here; None at the first."""
+    motion: Motion | None
+    """What it truly did; None at the first."""
     view: Observation
+    """What the robot sensed."""
     estimate: MapEstimate
-    heard: Heard | None
+    """Map and pose as the robot has them."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Decision(Turn):
+    """A turn with what was decided in it."""
+
+    situation: Situation
+    """What the robot makes of what it sensed."""
     paths: Paths | None
     """True radio paths; None without a radio."""
     belief: TargetBelief | None
+    """Where its policy takes the target to be; None if it keeps no such belief."""
     goal: Float[np.ndarray, "2"]
+    """Where to go, in `map` [m]."""
     plan: Plan
+    """How to get there."""
     action: Action
+    """What is done next."""
+
+
+#: Is told of each decision, after the action is chosen and before it is done.
+Onlooker = Callable[[EpisodeLog, Decision], None]
 
 
 def check_weights(config: EpisodeConfig) -> None:
@@ -93,11 +128,75 @@ def check_weights(config: EpisodeConfig) -> None:
         ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
     """
     make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    if config.link_states != TRUE_STATES and "peak" in read_classifier(config.link_states).inputs:
-        raise ValueError(
-            f"link_states is {config.link_states!r}, a classifier that needs heights of peaks, which are not measured "
-            "here. Take one without, such as generated."
+    check_classifier(config.link_states)
+
+
+def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
+    """What a robot without a radio makes of what it sensed."""
+    return Situation(estimate, target=view.target)
+
+
+def drive(
+    simulator: Simulator,
+    navigator: Navigator,
+    policy: GoalPolicy,
+    task: Task,
+    rng: np.random.Generator,
+    judge: Callable[[Turn], bool],
+    on_decision: Callable[[Decision], None] = lambda decision: None,
+    *,
+    interpret: Callable[[Observation, MapEstimate], Situation] = without_radio,
+    watch: Stopwatch | None = None,
+) -> tuple[Turn, bool]:
+    """Let a robot drive, one decision after another.
+
+    Args:
+        simulator: The robot in its building.
+        navigator: Who maps, plans and steers.
+        policy: Who chooses the goals.
+        task: Where the robot starts, and where the target stands.
+        rng: Source of all noise.
+        judge: Whether the robot goes on; asked in each turn before anything is decided.
+        on_decision: Is told of each decision before it is done.
+        interpret: What the robot makes of what it sensed.
+        watch: Collects the time by stage.
+
+    Returns:
+        The last turn, and whether it was the policy that had no goal any more, rather than the judge who ended it.
+    """
+    watch = watch or Stopwatch()
+    mapper, planner, controller, _ = navigator
+    view, motion, action = simulator.reset(task, rng), None, None
+    mapper.reset(task.start)
+    while True:
+        with watch.stage("mapper"):
+            estimate = mapper.update(view.depth, action, view.odometry)
+        turn = Turn(pose=simulator.pose, before=action, motion=motion, view=view, estimate=estimate)
+        with watch.stage("judging"):
+            if not judge(turn):
+                return turn, False
+        with watch.stage("link state"):
+            situation = interpret(view, estimate)
+        with watch.stage("goal"):
+            goal = policy.goal(situation)
+        if goal is None:
+            return turn, True
+        with watch.stage("planner"):
+            plan = planner.plan(estimate, goal)
+            action = controller.act(estimate.pose, plan)
+        paths = simulator.radio.paths if simulator.radio else None
+        on_decision(
+            Decision(
+                **vars(turn),
+                situation=situation,
+                paths=paths,
+                belief=policy.belief,
+                goal=goal,
+                plan=plan,
+                action=action,
+            )
         )
+        view, motion = simulator.step(action)
 
 
 def run_episode(
@@ -105,7 +204,7 @@ def run_episode(
     reach: Reach,
     task: Task,
     config: EpisodeConfig,
-    on_decision: Callable[[Decision], None] = lambda decision: None,
+    on_decision: Onlooker = lambda log, decision: None,
     watch: Stopwatch | None = None,
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
@@ -125,44 +224,46 @@ def run_episode(
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
-    mapper, planner, controller, explorer = make_navigator(
-        config.simulator, config.explorer, config.mapper, config.controller
+    navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
+    context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=task.target)
+    policy = make_policy(config.goal, context)
+    simulator = Simulator(
+        building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )
-    policy = make_policy(config.goal, task, explorer, config.fused)
-    simulator = Simulator(building, config.simulator, watch, listens=policy.listens, looks=policy.looks)
-    listener = Listener(simulator.radio, config.link_states) if simulator.radio else None
+    radio = simulator.radio
+    interpreter = Interpreter(radio, config.link_states) if radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))
     coverage = Coverage(building.plan, floor, np.radians(config.simulator.image.hfov_deg))
+    rng = np.random.default_rng([config.seed, 1])
+    known_places = {anchor.name: anchor.place for anchor in task.anchors if anchor.known}
+
+    def judge(turn: Turn) -> bool:
+        coverage.update(turn.pose, simulator.true_depth)
+        log.add_pose(turn.motion, turn.pose, turn.estimate.pose, coverage.fraction)
+        log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
+        return log.ended == "running"
+
+    def interpret(view: Observation, estimate: MapEstimate) -> Situation:
+        if radio is None or interpreter is None:
+            return without_radio(view, estimate)
+        measurement = interpreter.interpret(view.paths, estimate.pose)
+        log.add_link(measurement, radio)
+        anchors = {}
+        for name, link in simulator.anchors.items():
+            anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
+            log.add_link(anchors[name], link, name)
+        return Situation(estimate, measurement, anchors, known_places, view.target)
+
+    def look(decision: Decision) -> None:
+        on_decision(log, decision)
 
     with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
-        view = simulator.reset(task, np.random.default_rng([config.seed, 1]))
-        mapper.reset(task.start)
-        action = None
-        while True:
-            with watch.stage("mapper"):
-                estimate = mapper.update(view.depth, action, view.odometry)
-            with watch.stage("judging"):
-                coverage.update(simulator.pose, simulator.true_depth)
-                log.see(simulator.pose, estimate.pose, coverage.fraction)
-                log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
-            if log.ended != "running":
-                break
-            with watch.stage("link state"):
-                heard = listener.hear(view.heard, estimate.pose) if listener else None
-                log.hear(heard, simulator.radio)
-            with watch.stage("goal"):
-                goal = policy.goal(Moment(estimate, heard, view.target))
-            if goal is None:
-                log.ended = "explored"
-                break
-            with watch.stage("planner"):
-                plan = planner.plan(estimate, goal)
-                action = controller.act(estimate.pose, plan)
-            paths = simulator.radio.paths if simulator.radio else None
-            on_decision(Decision(log, view, estimate, heard, paths, policy.belief, goal, plan, action))
-            view, motion = simulator.step(action)
-            log.motions.append(motion)
-    return log, estimate
+        last, explored = drive(
+            simulator, navigator, policy, task, rng, judge, look, interpret=interpret, watch=watch
+        )
+    if explored:
+        log.ended = "explored"
+    return log, last.estimate
 
 
 def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:

@@ -4,27 +4,25 @@ They are told what a builder would know of a robot: the optics and height of its
 hull, and the mean error of its odometry for each action, which a calibration run gives.
 """
 
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
+from robosim.parts import CONTROLLER, EXPLORER, MAPPER
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
-from robosim.support.checks import check_choice, check_network
+from robosim.support.parts import Part
 from slam.actions import Action
-from slam.control.controller import ControlConfig, Controller
-from slam.control.learned import load_steering
+from slam.control.controller import ControlConfig, LocalPolicy
+from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
-from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
+from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
 from slam.mapping.odometry import OdometryConfig
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
-
-ControllerName = Literal["planned", "learned"]
-
-#: Mappers by name; a file of weights makes another.
-MAPPERS = ("neural", "classical", "learned-pose")
 
 
 class Navigator(NamedTuple):
@@ -32,29 +30,27 @@ class Navigator(NamedTuple):
 
     mapper: Mapper
     planner: Planner
-    controller: Controller
-    explorer: FrontierExplorer
+    controller: LocalPolicy
+    explorer: Explorer
 
 
 def make_navigator(
     config: SimulatorConfig,
-    explorer: ExplorerName = "gain",
-    mapper: str = "classical",
-    controller: ControllerName = "planned",
+    explorer: Part = "gain",
+    mapper: Part = "classical",
+    controller: Part = "planned",
 ) -> Navigator:
     """The navigator of the robot that is simulated, of classical parts where no others are named.
 
     Args:
         config: The robot and its camera.
-        explorer: Who rates frontiers.
-        mapper: "classical", "neural" for the shipped network, or a .safetensors file of another; "learned-pose" for
-            the classical one with the pose found by the shipped network instead of by scan matching.
-        controller: Who chooses actions: the best of all turns and runs, or a network that has watched that.
+        explorer: Who chooses among frontiers, of `robosim.parts.EXPLORER`.
+        mapper: Who makes the map, of `robosim.parts.MAPPER`.
+        controller: Who chooses actions, of `robosim.parts.CONTROLLER`.
 
     Raises:
         ValueError: If a part is unknown or a file damaged.
     """
-    check_choice("controller", controller, get_args(ControllerName))
     radius_m = config.robot.radius_m
     odometry = (
         # So sure of it that no scan moves the pose.
@@ -72,31 +68,51 @@ def make_navigator(
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
     mapping = MapperConfig(radius_m=radius_m, camera=camera, odometry=odometry, band=Band(high_m=top_m))
     return Navigator(
-        _mapper(mapper, mapping),
+        MAPPER.make(mapper, mapping, field="mapper"),
         Planner(PlannerConfig(cost=cost)),
-        load_steering(shipped_network("steering"), control)
-        if controller == "learned"
-        else Controller(control),
-        FrontierExplorer(
-            ExplorerConfig(rating=explorer, cost=cost),
-            load_chooser(shipped_network("explorer")) if explorer == "learned" else None,
-        ),
+        CONTROLLER.make(controller, control, field="controller"),
+        EXPLORER.make(explorer, ExplorerConfig(cost=cost), field="explorer"),
     )
 
 
-def _mapper(name: str, config: MapperConfig) -> Mapper:
-    check_network("mapper", name, MAPPERS)
-    if name == "classical":
-        return ClassicalMapper(config)
-    from slam.mapping.learned_matching import LearnedMatcher  # brings torch, which takes seconds
-    from slam.mapping.neural import NeuralMapper
-    from slam.networks.files import load_mapper, load_pose
+def _rated(rating: ExplorerName, config: ExplorerConfig) -> FrontierExplorer:
+    return FrontierExplorer(replace(config, rating=rating))
 
-    if name == "learned-pose":
-        return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
-    path = shipped_network("mapper") if name == "neural" else Path(name)
+nearest_explorer = partial(_rated, "nearest")
+cheapest_explorer = partial(_rated, "cheapest")
+gain_explorer = partial(_rated, "gain")
+
+
+def learned_explorer(config: ExplorerConfig) -> FrontierExplorer:
+    """Chooses among frontiers by the shipped network."""
+    return FrontierExplorer(replace(config, rating="learned"), load_chooser(shipped_network("explorer")))
+
+
+def learned_controller(config: ControlConfig) -> LearnedController:
+    """Chooses actions by the shipped network."""
+    return load_steering(shipped_network("steering"), config)
+
+
+def neural_mapper(config: MapperConfig) -> Mapper:
+    """The mapper with the shipped network."""
+    return mapper_of_file(shipped_network("mapper"), config)
+
+
+def mapper_of_file(path: Path, config: MapperConfig) -> Mapper:
+    """A mapper with a network of its own."""
+    from slam.mapping.neural import NeuralMapper  # brings torch, which takes seconds
+    from slam.networks.files import load_mapper
+
     return NeuralMapper(load_mapper(path)[0], config)
+
+
+def learned_pose_mapper(config: MapperConfig) -> Mapper:
+    """The classical mapper with the pose found by the shipped network instead of by scan matching."""
+    from slam.mapping.learned_matching import LearnedMatcher
+    from slam.networks.files import load_pose
+
+    return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
 
 def _bias(config: SimulatorConfig, action: Action) -> tuple[float, float, float]:

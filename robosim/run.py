@@ -1,9 +1,8 @@
 """One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
 
 import importlib.metadata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +24,12 @@ from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.support.files import write_json
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.parts import described, told
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.record import EpisodeLog
-from robosim.task.tasks import Task, make_task
+from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from slam.grid import MapEstimate
 
 #: What an episode leaves, in the order in which it is told.
@@ -45,6 +45,10 @@ FILES = (
 )
 
 
+#: Mappers that guess nothing where they have not looked.
+_OBSERVERS = ("classical", "learned-pose")
+
+
 def record_episode(
     plan: FloorPlan,
     config: EpisodeConfig,
@@ -52,6 +56,7 @@ def record_episode(
     *,
     start: Float[np.ndarray, "3"] | None = None,
     target: Float[np.ndarray, "2"] | None = None,
+    anchors: Sequence[Anchor] = (),
     video: bool = True,
     rerun: bool = False,
     console: Console | None = None,
@@ -68,6 +73,7 @@ def record_episode(
         out: The folder, made if it is missing.
         start: Pose of the robot at first; drawn from the seed if not given.
         target: Where the target stands; drawn from the seed if not given.
+        anchors: Other transmitters.
         video: Whether to draw the video; without it the loop is faster.
         rerun: Whether to record `episode.rrd` for the Rerun viewer.
         console: Where progress is shown; nowhere if not given.
@@ -87,7 +93,9 @@ def record_episode(
         # Files of an earlier episode must not stand beside this one's.
         for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
             (folder / name).unlink(missing_ok=True)
-        return _record(plan, config, folder, start, target, video, rerun, console or Console(quiet=True))
+        return _record(
+            plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
+        )
 
 
 def _record(
@@ -96,6 +104,7 @@ def _record(
     out: Path,
     start: Float[np.ndarray, "3"] | None,
     target: Float[np.ndarray, "2"] | None,
+    anchors: Sequence[Anchor],
     video: bool,
     rerun: bool,
     console: Console,
@@ -105,9 +114,10 @@ def _record(
         building = make_building(plan, config=config.building)
         places = reach(building, config.simulator.robot.radius_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
+        task = with_anchors(task, places, anchors)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
-    picture = Picture(rings, task.target, anticipates=config.mapper not in ("classical", "learned-pose"))
+    picture = Picture(rings, task.target, anticipates=config.mapper not in _OBSERVERS)
     decisions = DecisionWriter(rings, task.target)
     with ExitStack() as files, _progress(console) as progress:
         writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
@@ -118,18 +128,18 @@ def _record(
             files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
-        def look(decision: Decision) -> None:
-            text = _status(decision)
-            progress.update(bar, completed=decision.log.steps, note=text)
+        def look(log: EpisodeLog, decision: Decision) -> None:
+            text = _status(log, decision)
+            progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
-                moment = _snapshot(decision, f"{plan.name}  {config.goal}  step {decision.log.steps}  {text}")
-                decisions.add(moment)
+                snapshot = _snapshot(decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}")
+                decisions.add(snapshot)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(picture.draw(moment))
+                    writer.add(picture.draw(snapshot))
             if recording is not None:
                 with watch.stage("rerun"):
-                    recording.add(decision)
+                    recording.add(log, decision)
 
         log, estimate = run_episode(building, places, task, config, look, watch)
     # The result last: where it is, all is. An impatient second Ctrl-C shall not cost it.
@@ -172,25 +182,24 @@ def _snapshot(decision: Decision, text: str) -> Snapshot:
     return Snapshot(
         rgb=decision.view.rgb,
         depth_mm=whole_mm(decision.view.depth),
-        pose=decision.log.poses[-1],
+        pose=decision.pose,
         estimate=decision.estimate.pose,
         built=built_layer(decision.estimate),
         goal=decision.goal,
         path=decision.plan.path,
-        arrivals=None if decision.heard is None else arrivals(decision.heard),
+        arrivals=None if decision.situation.measurement is None else arrivals(decision.situation.measurement),
         belief=None if decision.belief is None else belief_layer(decision.belief),
         text=text,
     )
 
 
-def _status(decision: Decision) -> str:
-    log = decision.log
+def _status(log: EpisodeLog, decision: Decision) -> str:
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
     text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
-    if decision.heard is None:
+    if decision.situation.measurement is None:
         return text
-    return f"{text}, {decision.heard.state.name.lower().replace('_', ' ')}"
+    return f"{text}, {decision.situation.measurement.state.name.lower().replace('_', ' ')}"
 
 
 def _progress(console: Console) -> Progress:
@@ -219,11 +228,11 @@ def _result(
     loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
     return {
         "plan": plan.name,
-        "goal": config.goal,
+        "goal": told(config.goal),
         "seed": config.seed,
         **log.result(),
         "walls": len(building.walls_2d),
-        "config": asdict(config),
+        "config": described(config),
         "versions": {name: importlib.metadata.version(name) for name in ("robosim", "mujoco", "numpy")},
         "timing": {
             "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},

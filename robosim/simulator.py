@@ -5,41 +5,38 @@ differs from what it did (sensing), both after Active Neural SLAM, and its depth
 `Observation` only; the true pose is for judging.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
-from robosim.camera.cameras import Backend, make_camera
+from robosim.camera.cameras import make_camera
 from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
-from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser, Recognition
+from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
+from robosim.parts import CAMERA, PHYSICS, RECOGNISER, CameraPart, PhysicsPart, RecogniserPart
 from robosim.radio.link import RadioLink, RadioLinkConfig
-from robosim.robot.dynamic import Motion, World
-from robosim.robot.kinematic import KinematicWorld
+from robosim.robot.motion import Motion, Physics
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
-from robosim.support.checks import check_choice
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.poses import between
 from wireless.estimates import PathEstimates
 
-Physics = Literal["dynamic", "kinematic"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatorConfig:
     """What is simulated, and how faithfully."""
 
-    physics: Physics = "dynamic"
+    physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
-    camera: Backend = "pyrender"
+    camera: CameraPart = "pyrender"
     """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
@@ -50,14 +47,14 @@ class SimulatorConfig:
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
-    """How the target sends and the robot listens."""
-    recognition: Recognition = "marker"
+    """How the target sends, and how the robot measures."""
+    recognition: RecogniserPart = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
     def __post_init__(self) -> None:
-        check_choice("physics", self.physics, get_args(Physics))
-        check_choice("camera", self.camera, get_args(Backend))
-        check_choice("recognition", self.recognition, get_args(Recognition))
+        PHYSICS.check("physics", self.physics)
+        CAMERA.check("camera", self.camera)
+        RECOGNISER.check("recognition", self.recognition)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +66,10 @@ class Observation:
     """Metres along the camera's axis, as measured; 0 where nothing was."""
     odometry: Float[np.ndarray, "3"]
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
-    heard: PathEstimates | None = None
+    paths: PathEstimates | None = None
     """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
+    anchors: Mapping[str, PathEstimates] = field(default_factory=dict)
+    """The same from other transmitters, by their names; none without a radio."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
 
@@ -84,8 +83,8 @@ class Simulator:
         config: SimulatorConfig | None = None,
         watch: Stopwatch | None = None,
         *,
-        listens: bool = False,
-        looks: bool = False,
+        uses_radio: bool = False,
+        uses_camera: bool = False,
     ) -> None:
         """Build the scene: the walls' collision shapes, and the picture of the building with its light.
 
@@ -93,20 +92,23 @@ class Simulator:
             building: Where.
             config: What is simulated.
             watch: Collects the time by stage.
-            listens: Whether the robot has a radio.
-            looks: Whether the target is looked for in pictures.
+            uses_radio: Whether the robot has a radio.
+            uses_camera: Whether the target is looked for in pictures.
         """
         self.building = building
         self.config = config or SimulatorConfig()
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
-            kind = World if self.config.physics == "dynamic" else KinematicWorld
-            self.world = kind(building, robot=self.config.robot)
+            self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
             self._shaded = shaded_mesh(building)
-            self.radio = RadioLink(building, self.config.radio) if listens else None
-        image, perfect = self.config.image, self.config.recognition == "perfect"
-        self._oracle_eye = PerfectRecogniser(image) if looks and perfect else None
-        self._marker_eye = MarkerRecogniser(image) if looks and not perfect else None
+            self.radio = RadioLink(building, self.config.radio) if uses_radio else None
+        self.anchors: dict[str, RadioLink] = {}
+        self._anchor_rngs: dict[str, np.random.Generator] = {}
+        self._recogniser: Recogniser | None = None
+        if uses_camera:
+            self._recogniser = RECOGNISER.make(
+                self.config.recognition, self.config.image, field="recognition"
+            )
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
         self._rng = self._radio_rng = self._depth_rng = np.random.default_rng()
@@ -116,11 +118,15 @@ class Simulator:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
         # Of their own: whether there is a radio or noise of depth changes no other noise.
-        self._radio_rng, self._depth_rng = rng.spawn(2)
+        self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
             self.radio.place(task.target)
+            self.anchors = {anchor.name: self.radio.another() for anchor in task.anchors}
+            self._anchor_rngs = dict(zip(self.anchors, anchor_rngs, strict=True))
+            for anchor in task.anchors:
+                self.anchors[anchor.name].place(anchor.place)
         self.world.reset(task.start)
         return self._observe(np.zeros(3))
 
@@ -171,17 +177,18 @@ class Simulator:
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
         with self.watch.stage("radio"):
-            heard = None if self.radio is None else self.radio.listen(self.pose, self._radio_rng)
+            paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
+            anchors = {
+                name: link.measure(self.pose, self._anchor_rngs[name]) for name, link in self.anchors.items()
+            }
         with self.watch.stage("recognition"):
             target = self._recognise(frame)
-        return Observation(frame.rgb, measured, odometry, heard, target)
+        return Observation(frame.rgb, measured, odometry, paths, anchors, target)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
-        if self._marker_eye is not None:
-            return self._marker_eye.find(frame.rgb)
-        if self._oracle_eye is not None:
-            return self._oracle_eye.find(frame.depth, self.pose, np.array(self._target))
-        return None
+        if self._recogniser is None or self._target is None:
+            return None
+        return self._recogniser.find(frame, between(self.pose, np.array([*self._target, 0.0]))[:2])
 
     def _place_target(self, target: np.ndarray) -> None:
         self.close()

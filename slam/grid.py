@@ -9,11 +9,16 @@ A map that grows keeps its lattice: only whole cells are added, so a cell never 
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Real
 
+from slam.support.axes import axes_in_metres
 from slam.support.checks import shown
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +125,34 @@ class MapEstimate:
     anticipated_probability: Float32[np.ndarray, "ny nx"] | None = None
     """`obstacle_probability` continued by a guess where the camera has not looked, as far as one was made: behind
     furniture, round corners. None if the mapper does not guess."""
+
+    def __repr__(self) -> str:
+        x, y, yaw = self.pose
+        ny, nx = self.frame.shape
+        explored_m2 = self.explored.sum() * self.frame.resolution_m**2
+        return (
+            f"<MapEstimate: {nx} x {ny} cells of {self.frame.resolution_m:g} m, {explored_m2:.1f} m2 explored, "
+            f"robot at ({x:.2f}, {y:.2f}) m, {math.degrees(yaw):.0f} deg>"
+        )
+
+    def plot(self, axes: "Axes | None" = None, *, robot: bool = True) -> "Axes":
+        """Draw the map: obstacles black, what was seen free of them white, the rest grey.
+
+        Args:
+            axes: Where to draw; None for axes of a new figure.
+            robot: Whether to draw where the robot is taken to be, and where it looks to.
+        """
+        axes = axes_in_metres(axes)
+        shade = np.full(self.frame.shape, 0.85)
+        shade[self.explored] = 1.0
+        shade[self.obstacle] = 0.15
+        (x, y), (ny, nx), cell_m = self.frame.origin_xy, self.frame.shape, self.frame.resolution_m
+        extent = (x, x + nx * cell_m, y, y + ny * cell_m)
+        axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=0)
+        if robot:
+            ahead = np.array([math.cos(self.pose[2]), math.sin(self.pose[2])])
+            axes.quiver(*self.pose[:2], *ahead, color="tab:orange", pivot="middle")
+        return axes
 
     @property
     def obstacle(self) -> Bool[np.ndarray, "ny nx"]:

@@ -15,6 +15,8 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.support.listing import MOST_ROWS, Listing
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PathEstimates:
@@ -34,9 +36,40 @@ class PathEstimates:
     def __len__(self) -> int:
         return len(self.count)
 
+    def __repr__(self) -> str:
+        return f"<PathEstimates: {self._summary()}>"
+
+    def __str__(self) -> str:
+        return self._listing().text()
+
+    def _repr_html_(self) -> str:
+        return self._listing().html()
+
     def __getitem__(self, links: slice) -> "PathEstimates":
         """Some of the links."""
         return replace(self, **{f.name: getattr(self, f.name)[links] for f in fields(self)})
+
+    def _summary(self) -> str:
+        """How many paths of what."""
+        without = (self.count == 0).sum()
+        return f"{self.count.sum()} estimated path(s) of {len(self)} link(s), {without} of them without any"
+
+    def _listing(self) -> Listing:
+        """The first estimates as a table, in degrees and nanoseconds."""
+        places = np.argwhere(np.arange(self.aoa_rad.shape[1]) < self.count[:, None])
+        rows = [
+            (
+                str(link),
+                str(path),
+                f"{np.degrees(self.aoa_rad[link, path]):.1f}",
+                f"{np.degrees(self.aod_rad[link, path]):.1f}",
+                f"{self.snr_db[link, path]:.1f}",
+                f"{1e9 * self.delay_s[link, path]:.2f}",
+            )
+            for link, path in places[:MOST_ROWS]
+        ]
+        heads = ("link", "path", "AoA az [deg]", "AoD az [deg]", "SNR [dB]", "delay [ns]")
+        return Listing(title=self._summary(), heads=heads, rows=rows, n_rows=len(places))
 
     def turned(
         self,

@@ -8,6 +8,9 @@ the path. Gains are between isotropic antennas, [theta, phi at the receiver, the
 Link states are those of the reference data: of the paths above a power threshold, line of sight if the
 strongest has no interaction, first order if any has exactly one, higher order if all have more, outage if
 there are none.
+
+`print(paths)` shows the first of them as a table, in degrees and nanoseconds; R, D and T are reflection, diffraction
+and transmission from the transmitter on.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -15,14 +18,20 @@ from enum import IntEnum
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
+from wireless.support.axes import axes_in_metres
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
+from wireless.support.listing import MOST_ROWS, Listing
 from wireless.support.reading import reading
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 #: What the metadata of a table of paths say.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
@@ -88,6 +97,15 @@ class Paths:
     def __len__(self) -> int:
         return len(self.tx)
 
+    def __repr__(self) -> str:
+        return f"<Paths: {self._summary()}>"
+
+    def __str__(self) -> str:
+        return self._listing().text()
+
+    def _repr_html_(self) -> str:
+        return self._listing().html()
+
     @property
     def link(self) -> Int[np.ndarray, " n"]:
         """Number of each path's link: transmitter times number of receivers plus receiver."""
@@ -143,6 +161,66 @@ class Paths:
         state[heard.link[heard.order == 1]] = LinkState.FIRST_ORDER
         state[heard.link[(heard.rank == 0) & (heard.order == 0)]] = LinkState.LOS
         return state.reshape(shape)
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw all paths from above, coloured by power gain, and the terminals that they join.
+
+        Those of one link: `paths.between(0, 3).plot()`.
+
+        Args:
+            axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
+        """
+        from matplotlib.collections import LineCollection
+
+        axes = axes_in_metres(axes)
+        weakest_first = np.argsort(self.power, kind="stable")
+        ends = self.tx_position[self.tx], self.rx_position[self.rx]
+        ways = [
+            np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
+        ]
+        rays = LineCollection(ways, cmap="viridis_r", linewidths=1.0)
+        rays.set_array(self.power_db[weakest_first])
+        axes.add_collection(rays)
+        for at, marker, name in ((ends[0], "*", "transmitter"), (ends[1], "P", "receiver")):
+            axes.plot(*np.unique(at[:, :2], axis=0).T, marker, mec="white", ms=10, label=name)
+        if len(self):
+            axes.figure.colorbar(rays, ax=axes, label="power gain [dB]")
+        axes.legend(fontsize="small")
+        return axes
+
+    def _summary(self) -> str:
+        """How many paths of what."""
+        n_tx, n_rx = len(self.tx_position), len(self.rx_position)
+        return f"{len(self)} path(s), {n_tx} transmitter(s) to {n_rx} receiver(s) at {self.frequency_hz / 1e9:g} GHz"
+
+    def _listing(self) -> Listing:
+        """The first paths as a table."""
+        some = self.select(np.arange(min(len(self), MOST_ROWS)))
+        angles = [np.degrees(value) for value in (some.aoa_az, some.aoa_el, some.aod_az, some.aod_el)]
+        rows = [
+            (
+                str(some.tx[i]),
+                str(some.rx[i]),
+                " ".join(Interaction(kind).name[0] for kind in some.interaction[i, : some.order[i]])
+                or "direct",
+                f"{some.power_db[i]:.1f}",
+                f"{1e9 * some.delay_s[i]:.2f}",
+                *(f"{angle[i]:.1f}" for angle in angles),
+            )
+            for i in range(len(some))
+        ]
+        heads = (
+            "tx",
+            "rx",
+            "way",
+            "power [dB]",
+            "delay [ns]",
+            "AoA az [deg]",
+            "AoA el [deg]",
+            "AoD az [deg]",
+            "AoD el [deg]",
+        )
+        return Listing(title=self._summary(), heads=heads, rows=rows, n_rows=len(self))
 
     def to_table(self) -> pa.Table:
         """As an Arrow table (and so a Pandas frame: `to_table().to_pandas()`), one row per path."""

@@ -8,9 +8,9 @@ peak memory is that of the process, with the simulator, its OpenGL and PyTorch.
 import pickle
 import resource
 import sys
-import time
+from collections.abc import Callable
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +23,16 @@ from rich.text import Text
 from robosim.bench.slam_plan import SlamSettings
 from robosim.building.building import make_building
 from robosim.building.reach import reach
+from robosim.episode import Turn, drive
 from robosim.navigation import Navigator, make_navigator
 from robosim.plans.floorplan import FloorPlan
+from robosim.policies.belief import TargetBelief
+from robosim.policies.situation import Situation
 from robosim.simulator import Simulator
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
-from slam.actions import Action
+from robosim.support.stopwatch import Stopwatch
+from slam.exploration.explorer import Explorer
 from slam.grid import MapEstimate
 
 #: Rows of the table.
@@ -41,8 +45,8 @@ REACHED_M, GIVEN_UP = 0.3, 150
 class _Part:
     """Some decisions in a row."""
 
-    errors_m: list[float]
-    seconds: list[float]
+    errors_m: list[float] = field(default_factory=list)
+    seconds: list[float] = field(default_factory=list)
     not_finite: int = 0
     collisions: int = 0
 
@@ -60,44 +64,62 @@ def run(plan: FloorPlan, settings: SlamSettings, *, out: Path, console: Console)
     config = settings.simulator
     task = settings.task(reach(building, config.robot.radius_m), plan.name)
     navigator = make_navigator(config, mapper=settings.mapper)
-    wanderer = _Wanderer(navigator, np.random.default_rng([settings.seed, 2]))
-    rows = []
-    with closing(Simulator(building, config)) as simulator, told_units(console, "parts", PARTS, 0) as tell:
-        view = simulator.reset(task, np.random.default_rng([settings.seed, 1]))
-        navigator.mapper.reset(task.start)
-        action: Action | None = None
-        for k in range(PARTS):
-            part = _Part([], [])
-            for _ in range(settings.steps * k // PARTS, settings.steps * (k + 1) // PARTS):
-                begin = time.perf_counter()
-                estimate = navigator.mapper.update(view.depth, action, view.odometry)
-                action = wanderer.act(estimate)
-                part.seconds.append(time.perf_counter() - begin)
-                part.errors_m.append(float(np.hypot(*(estimate.pose - simulator.pose)[:2])))
-                part.not_finite += not _finite(estimate)
-                view, motion = simulator.step(action)
-                part.collisions += motion.collided
-            rows.append(_row(part, settings.steps * (k + 1) // PARTS, navigator, estimate))
-            tell(f"{rows[-1]['decisions']} decisions")
-    write_json(out / "endurance.json", {"plan": plan.name, "settings": asdict(settings), "parts": rows})
-    return _table(plan.name, rows)
+    wanderer = Wanderer(navigator.explorer, np.random.default_rng([settings.seed, 2]))
+    watch, rng = Stopwatch(), np.random.default_rng([settings.seed, 1])
+    with told_units(console, "parts", PARTS, 0) as tell:
+        tally = _Tally(settings.steps, navigator, watch, tell)
+        with closing(Simulator(building, config)) as simulator:
+            drive(simulator, navigator, wanderer, task, rng, tally.judge, watch=watch)
+    write_json(out / "endurance.json", {"plan": plan.name, "settings": asdict(settings), "parts": tally.rows})
+    return _table(plan.name, tally.rows)
 
 
-class _Wanderer:
-    """Explores, and when all is seen goes to places drawn at random."""
+class _Tally:
+    """Looks on, and makes a row of each part."""
 
-    def __init__(self, navigator: Navigator, rng: np.random.Generator) -> None:
-        self._navigator, self._rng = navigator, rng
+    def __init__(
+        self, steps: int, navigator: Navigator, watch: Stopwatch, tell: Callable[[str], None]
+    ) -> None:
+        self._ends = [steps * (k + 1) // PARTS for k in range(PARTS)]
+        self._navigator, self._watch, self._tell = navigator, watch, tell
+        self._part, self._decisions, self._before_s = _Part(), 0, 0.0
+        self.rows: list[dict[str, Any]] = []
+
+    def judge(self, turn: Turn) -> bool:
+        """Take in a turn; whether there are more to come."""
+        part = self._part
+        if turn.motion is not None:
+            so_far_s = sum(self._watch.seconds[stage] for stage in ("mapper", "goal", "planner"))
+            part.seconds.append(so_far_s - self._before_s)
+            self._before_s = so_far_s
+            part.collisions += turn.motion.collided
+            self._decisions += 1
+        while len(self.rows) < PARTS and self._decisions == self._ends[len(self.rows)]:
+            self.rows.append(_row(part, self._decisions, self._navigator, turn.estimate))
+            self._tell(f"{self._decisions} decisions")
+            part = self._part = _Part()
+        part.errors_m.append(float(np.hypot(*(turn.estimate.pose - turn.pose)[:2])))
+        part.not_finite += not _finite(turn.estimate)
+        return len(self.rows) < PARTS
+
+
+class Wanderer:
+    """A goal policy that explores, and when all is seen goes to places drawn at random."""
+
+    seeks_target, uses_radio, uses_camera = False, False, False
+    belief: TargetBelief | None = None
+
+    def __init__(self, explorer: Explorer, rng: np.random.Generator) -> None:
+        self._explorer, self._rng = explorer, rng
         self._place: Float[np.ndarray, 2] | None = None
         self._left = 0
 
-    def act(self, estimate: MapEstimate) -> Action:
-        """The next action."""
-        goal = self._navigator.explorer.goal(estimate) if self._place is None else None
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"]:
+        """A frontier, or a place."""
+        goal = self._explorer.goal(situation.estimate) if self._place is None else None
         if goal is None:
-            goal = self._place = self._wander(estimate)
-        plan = self._navigator.planner.plan(estimate, goal)
-        return self._navigator.controller.act(estimate.pose, plan)
+            goal = self._place = self._wander(situation.estimate)
+        return goal
 
     def _wander(self, estimate: MapEstimate) -> Float[np.ndarray, "2"]:
         """The place on the way, or a new one among those seen free."""

@@ -28,9 +28,9 @@ from robosim.evaluation.episodes import Head, Job, make_jobs, read_head, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap
-from robosim.policies.goals import GoalName
 from robosim.radio.link import RadioLinkConfig
 from robosim.support.files import write_json, write_whole
+from robosim.support.parts import Part
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
@@ -82,7 +82,7 @@ def variations(base: EpisodeConfig) -> dict[str, EpisodeConfig]:
 def run(
     plans: Sequence[str],
     *,
-    goal: GoalName,
+    goal: Part,
     targets: int,
     seed: int,
     max_steps: int,

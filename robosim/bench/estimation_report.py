@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
@@ -11,12 +10,9 @@ from rich.text import Text
 
 from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import STATES
+from robosim.drawing.shares import draw_shares
 from wireless.estimation.estimators import ESTIMATORS
 from wireless.paths import LinkState
-
-_STYLE = {"pca": "--", "sage": "-", "limit": ":"}
-#: Errors below this are drawn there [deg].
-_LEAST_DEG = 1e-3
 
 
 def tables(report: dict[str, Any]) -> list[Table]:
@@ -129,25 +125,3 @@ def _draw_lone(ax: Axes, rows: list[dict[str, Any]]) -> None:
     ax.set_title("lone paths; a path not found counts 180°")
     ax.grid(True, which="major", lw=0.3)
     ax.legend()
-
-
-def draw_shares(ax: Axes, pooled: list[dict[str, Any]], published: dict[str, dict[float, float]]) -> None:
-    """Share of links over the error of their azimuth of arrival, by link state and estimator."""
-    for row in pooled:
-        label, colour = STATES[LinkState[row["state"]]]
-        error = np.maximum(np.asarray(row["quantiles_deg"], float), _LEAST_DEG)
-        share = 100 * np.linspace(0, 1, len(error))
-        ax.plot(error, share, _STYLE[row["estimator"]], color=colour, label=f"{label}, {row['estimator']}")
-    for name, shares in published.items():
-        ax.plot(
-            list(shares),
-            [100 * share for share in shares.values()],
-            "s",
-            color=STATES[LinkState[name]][1],
-            mec="k",
-        )
-    ax.plot([], [], "ks", label="published")
-    ax.set(xscale="log", xlabel="error of azimuth of arrival [deg]", ylabel="links [%]", title="traced plans")
-    ax.set_xlim(_LEAST_DEG, 180)
-    ax.grid(True, which="major", lw=0.3)
-    ax.legend(fontsize="x-small")

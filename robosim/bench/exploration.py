@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -26,11 +26,11 @@ from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.drawing.plots import draw_walls, plan_axes, save_figure
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.navigation import MAPPERS
+from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Physics, SimulatorConfig
-from robosim.support.checks import LEVEL, SEED, check_choice, check_network, check_numbers
+from robosim.simulator import SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
@@ -49,7 +49,7 @@ MILESTONES = (250, 500, 1000)
 class ExplorationSettings:
     """What is the same for every explorer."""
 
-    mapper: str
+    mapper: MapperPart
     """Who makes the map, as in `robosim.navigation`."""
     seed: int = 1
     """Seed of tasks and noise."""
@@ -57,12 +57,12 @@ class ExplorationSettings:
     """Level of actuation and odometry noise."""
     depth_noise: float = 0.0
     """Level of the depth camera's noise."""
-    physics: Physics = "dynamic"
+    physics: PhysicsPart = "dynamic"
     """How the robot is moved."""
 
     def __post_init__(self) -> None:
-        check_network("mapper", self.mapper, MAPPERS)
-        check_choice("physics", self.physics, get_args(Physics))
+        MAPPER.check("mapper", self.mapper)
+        PHYSICS.check("physics", self.physics)
         check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL)
 
     def episode(self, explorer: ExplorerName, plan: str) -> EpisodeConfig:
@@ -85,7 +85,7 @@ def run(
     plans: Sequence[str],
     settings: ExplorationSettings,
     *,
-    explorers: Sequence[ExplorerName],
+    explorers: Sequence[str],
     workers: int,
     cluster: str | None = None,
     out: Path,

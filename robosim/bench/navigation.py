@@ -19,22 +19,21 @@ from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.sweep import sweep
-from robosim.policies.goals import GoalName
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.files import write_json
+from robosim.support.parts import Part
 from robosim.support.run_folder import run_folder
-from slam.exploration.explorer import ExplorerName
 
 
 def run(
     plans: Sequence[str],
     *,
-    goals: Sequence[GoalName],
+    goals: Sequence[str],
     seed: int,
     noise: float,
-    mapper: str,
-    explorer: ExplorerName,
+    mapper: Part,
+    explorer: Part,
     workers: int,
     cluster: str | None = None,
     out: Path,

@@ -16,7 +16,7 @@ in the shadow of the classical one there, and takes the poses of that one: what 
 import zlib
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -34,16 +34,16 @@ from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.navigation import MAPPERS, make_navigator
+from robosim.navigation import make_navigator
+from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import read_plan
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Physics, SimulatorConfig
-from robosim.support.checks import LEVEL, SEED, STEPS, check_choice, check_network, check_numbers
+from robosim.simulator import SimulatorConfig
+from robosim.support.checks import LEVEL, SEED, STEPS, check_numbers
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task, make_task
-from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.neural import NeuralMapper
 from slam.mapping.occupancy import OccupancyGrid
@@ -66,7 +66,7 @@ LEARNED, MATCHED = "learned pose", "scan matching"
 class SlamSettings:
     """What is run in each plan."""
 
-    mapper: str = "neural"
+    mapper: MapperPart = "neural"
     """Learned mapper, as in `robosim.navigation`."""
     steps: int = 1000
     """Most decisions of each walk."""
@@ -76,12 +76,12 @@ class SlamSettings:
     """Level of actuation and odometry noise."""
     depth_noise: float = 1.0
     """Level of the depth camera's noise."""
-    physics: Physics = "kinematic"
+    physics: PhysicsPart = "kinematic"
     """How the robot is moved."""
 
     def __post_init__(self) -> None:
-        check_network("mapper", self.mapper, MAPPERS)
-        check_choice("physics", self.physics, get_args(Physics))
+        MAPPER.check("mapper", self.mapper)
+        PHYSICS.check("physics", self.physics)
         check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL, steps=STEPS)
 
     @property
@@ -128,7 +128,7 @@ def measure_plan(path: str | Path, settings: SlamSettings) -> tuple[dict[str, An
     # Whatever is compiled or loaded at first use is not to be found in the times.
     run_episode(building, places, task, replace(settings.episode(settings.mapper, plan.name), max_steps=3))
     walks = {}
-    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda decision: None)):
+    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda log, decision: None)):
         log, estimate = run_episode(building, places, task, settings.episode(mapper, plan.name), watch)
         walks["classical" if mapper == "classical" else "learned"] = _walk(log)
     row = {
@@ -188,7 +188,6 @@ class _Shadow:
         self._learned = learned
         self._learned.reset(task.start)
         self._truth = TruePatches(building, hfov_deg=config.image.hfov_deg)
-        self._task, self._action = task, None
         self.frames = 0
         self.scores = {teller: PatchScores() for teller in TELLERS}
         self._true: list[np.ndarray] = []
@@ -203,14 +202,12 @@ class _Shadow:
         if self._opencv is not None:
             self._tracks[OPENCV] = Track(self._opencv, task.start)
 
-    _action: Action | None
-
-    def look(self, decision: Decision) -> None:
+    def look(self, log: EpisodeLog, decision: Decision) -> None:
         """Take in one decision."""
-        view, pose = decision.view, decision.log.poses[-1]
-        estimate = self._learned.update(view.depth, self._action, view.odometry)
+        view, pose, action = decision.view, decision.pose, decision.before
+        estimate = self._learned.update(view.depth, action, view.odometry)
         for track in self._tracks.values():
-            track.update(view, self._action)
+            track.update(view, action)
         self._true.append(np.array(pose))
         self._matched.append(np.array(decision.estimate.pose))
         if self.frames % EVERY == 0:
@@ -218,7 +215,6 @@ class _Shadow:
             for teller, told in told_ahead(self._learned, estimate, view.depth).items():
                 self.scores[teller].add(told, patch[OBSTACLE], patch[SEEN], patch[MATTERS])
         self.frames += 1
-        self._action = decision.action
 
     def pose_errors(self) -> dict[str, dict[str, float]]:
         """Errors of each way to know the pose, over the whole walk and after `TOLD_AT` decisions."""

@@ -27,13 +27,15 @@ from robosim.camera.rendering.shading import shaded_mesh
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.drawing.plots import save_figure
 from robosim.episode import Decision, run_episode
-from robosim.navigation import MAPPERS, make_navigator
+from robosim.navigation import make_navigator
+from robosim.parts import MAPPER
 from robosim.plans.files import read_plan
-from robosim.support.checks import SIZE_PX, check_network, check_numbers
+from robosim.support.checks import SIZE_PX, check_numbers
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
+from robosim.task.record import EpisodeLog
 from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Mapper
@@ -59,7 +61,7 @@ class SpeedSettings:
     def __post_init__(self) -> None:
         check_numbers(self, sizes=SIZE_PX, plans=(1, 10_000), frames=(1, 100_000))
         for mapper in self.mappers:
-            check_network("others", mapper, MAPPERS)
+            MAPPER.check("others", mapper)
 
 
 def speeds(
@@ -159,12 +161,9 @@ class _Walk:
         places = reach(building, settings.simulator.robot.radius_m)
         self._task = settings.task(places, building.plan.name)
         self._frames: list[tuple[np.ndarray, np.ndarray, Action | None]] = []
-        action: Action | None = None
 
-        def record(decision: Decision) -> None:
-            nonlocal action
-            self._frames.append((decision.log.poses[-1].copy(), decision.view.odometry.copy(), action))
-            action = decision.action
+        def record(log: EpisodeLog, decision: Decision) -> None:
+            self._frames.append((decision.pose.copy(), decision.view.odometry.copy(), decision.before))
 
         config = replace(settings.episode("classical", building.plan.name), max_steps=frames)
         run_episode(building, places, self._task, config, record)

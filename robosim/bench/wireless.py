@@ -14,7 +14,7 @@ import os
 import platform
 import resource
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -368,7 +368,7 @@ def _plot(rows: list[dict[str, Any]], speeds: list[dict[str, Any]], path: Path) 
     figure = Figure(figsize=(13, 8), layout="constrained")
     axes = figure.subplots(2, 2).ravel()
     markers = dict(zip(sorted(EDGES), "os^", strict=True))
-    quantities = {
+    quantities: dict[str, Callable[[dict[str, Any]], float]] = {
         "links of another state than at the fullest setting [%]": lambda row: 100 * (1 - row["same_state"]),
         f"strongest paths off by over {np.degrees(SAME_RAD):g}° [%]": lambda row: 100 * (1 - row["same_aoa"]),
         "mean error of total power [dB]": lambda row: row["power_db"],

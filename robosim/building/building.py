@@ -14,6 +14,7 @@ Left out: doors and windows as such, walls with a thickness, more than one store
 
 import logging
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
@@ -22,9 +23,16 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
+from robosim.parts import MATERIAL, MaterialPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import check_numbers
-from wireless.em.materials import check_material
+from robosim.support.colours import WALL as WALL_COLOUR
+from robosim.support.parts import Part
+from wireless.em.materials import Material, check_material
+from wireless.support.axes import axes_in_metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 logger = logging.getLogger(__name__)
 
@@ -46,13 +54,13 @@ class BuildingConfig:
     """Islands in free space of at most this area are furniture [m2]; 0 for none."""
     furniture_height_m: float | None = None
     """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
-    wall_material: str = "drywall"
+    wall_material: MaterialPart = "drywall"
     """Radio material of walls."""
-    floor_material: str = "concrete"
+    floor_material: MaterialPart = "concrete"
     """Radio material of the floor."""
-    ceiling_material: str = "ceiling_board"
+    ceiling_material: MaterialPart = "ceiling_board"
     """Radio material of the ceiling."""
-    furniture_material: str = "drywall"
+    furniture_material: MaterialPart = "drywall"
     """Radio material of furniture."""
 
     def __post_init__(self) -> None:
@@ -70,11 +78,20 @@ class BuildingConfig:
                 "Leave it out for furniture up to the ceiling."
             )
         for kind in KINDS:
-            check_material(self.material(kind), f"{kind}_material")
+            self.material(kind)
 
-    def material(self, kind: str) -> str:
-        """Radio material of a kind of face."""
-        return getattr(self, f"{kind}_material")
+    def material(self, kind: str) -> str | Material:
+        """Radio material of a kind of face: a name of `wireless.em.materials`, or layers.
+
+        Raises:
+            ValueError: If there is none.
+        """
+        given: Part = getattr(self, f"{kind}_material")
+        if isinstance(given, str) and ":" not in given:
+            check_material(given, f"{kind}_material")
+            return given
+        made: Material = MATERIAL.make(given, field=f"{kind}_material")
+        return made
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,10 +108,16 @@ class Building:
     """All faces, with normals into free space; vertices are corners of walls only."""
     face_kind: UInt8[np.ndarray, " n_faces"]
     """What each face is: index into `KINDS`."""
-    materials: tuple[str, ...]
-    """Radio materials of the faces, by the names of `wireless.em.materials`."""
+    materials: tuple[str | Material, ...]
+    """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
     face_material: UInt8[np.ndarray, " n_faces"]
     """What each face is made of: index into `materials`."""
+
+    def __repr__(self) -> str:
+        return (
+            f"<Building {self.plan.name!r}: {self.free.area:.1f} m2 of free floor, {len(self.mesh.faces)} faces of "
+            f"{', '.join(map(str, self.materials))}>"
+        )
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -117,6 +140,20 @@ class Building:
         ends = np.stack([triangles[row, (top + 2) % 3], triangles[row, (top + 1) % 3]], axis=1)
         return self.mesh.vertices[ends][:, :, :2]
 
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw walls and furniture from above.
+
+        Args:
+            axes: Where to draw; None for axes of a new figure.
+        """
+        from matplotlib.collections import LineCollection
+
+        axes = axes_in_metres(axes)
+        axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
+        axes.autoscale_view()
+        axes.set_title(self.plan.name, parse_math=False)  # names may have dollars in them
+        return axes
+
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.
 
@@ -133,9 +170,10 @@ class Building:
         Raises:
             ValueError: If the building has no such material.
         """
-        if material not in self.materials:
-            raise ValueError(f"material is {material!r}, expected one of {', '.join(self.materials)}.")
-        return self._part(self.face_material == self.materials.index(material))
+        names = list(map(str, self.materials))
+        if material not in names:
+            raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")
+        return self._part(self.face_material == names.index(material))
 
     def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
         used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)

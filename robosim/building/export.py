@@ -96,7 +96,14 @@ def export_mitsuba(building: Building, path: Path, *, thickness_m: float = 0.1) 
     xml = path if path.suffix.lower() == ".xml" else path / "scene.xml"
     xml.unlink(missing_ok=True)
     root = ET.Element("scene", version="2.1.0")
-    itu_types = {name: ITU_TYPES.get(name, name) for name in building.materials}
+    itu_types = {}
+    for material in building.materials:
+        if not isinstance(material, str):
+            raise ValueError(
+                f"the material {material.name!r} is made of layers, which a Mitsuba scene has no form for. Export a "
+                "building of materials by name."
+            )
+        itu_types[material] = ITU_TYPES.get(material, material)
     for itu_type in dict.fromkeys(itu_types.values()):
         bsdf = ET.SubElement(root, "bsdf", type="itu-radio-material", id=f"mat-itu_{itu_type}")
         ET.SubElement(bsdf, "string", name="type", value=itu_type)

@@ -169,7 +169,7 @@ def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     """Polygons around the 4-connected components of the free cells, in cell coordinates."""
     cells = np.pad(free, 1)
     _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
-    parts: dict[int, tuple[list, list]] = {}
+    parts: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
     for ring, component in _trace(cells, label):
         around, holes = parts.setdefault(component, ([], []))
         (around if _signed_area(ring) > 0 else holes).append(ring - 1)
@@ -254,7 +254,7 @@ def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     Vertices lie on a lattice and no lines cross, so that the overlay below is exact.
     """
     contours = _contours(free)
-    holes: dict[int, list] = {}
+    holes: dict[int, list[np.ndarray]] = {}
     for ring, parent in contours:
         if parent >= 0:
             holes.setdefault(parent, []).append(ring)

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from robosim.building.building import Building
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import RADIUS_M, check_number
 from slam.planning.marching import march
 
@@ -49,6 +49,18 @@ class Reach:
         """Count of connected parts."""
         return int(self.parts.max())
 
+    def check_room(self) -> None:
+        """Complain if there is no place at all.
+
+        Raises:
+            MapError: If the hull fits nowhere.
+        """
+        if not self.n_parts:
+            raise MapError(
+                f"{self.plan.name}: a hull of radius {self.radius_m} m fits nowhere. Check the resolution, or choose a "
+                "smaller robot."
+            )
+
     def part_at(self, point: Float[np.ndarray, "2"]) -> int:
         """Number of the part that holds a point of `map`, or 0."""
         ix, iy = np.floor(self.plan.to_cells(point)).astype(int)
@@ -63,6 +75,17 @@ class Reach:
         gap = np.hypot(*(centres - point).T)
         nearest = int(np.argmin(gap))
         return int(self.parts[self.parts > 0][nearest]) if gap[nearest] <= distance_m else 0
+
+    def widest(self) -> Float[np.ndarray, "2"]:
+        """The place of the largest part that is farthest from its edge, in `map` [m].
+
+        Raises:
+            MapError: If the hull fits nowhere.
+        """
+        self.check_room()
+        depth = ndimage.distance_transform_edt(self.parts == 1)
+        row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+        return self.plan.to_map(np.array([column + 0.5, row + 0.5]))
 
     def swept(self, part: int) -> Bool[np.ndarray, "ny nx"]:
         """Free cells that some place of the hull within a part covers: the area that it can visit."""

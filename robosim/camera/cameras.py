@@ -5,22 +5,22 @@ precision about a centre of their own, so that a building may lie kilometres fro
 """
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any
 
 import trimesh
 
 from robosim.camera.model import Camera, CameraConfig
 from robosim.camera.rendering.gl_binding import bind_opengl
 from robosim.camera.rendering.gl_libraries import GLSystem
-
-Backend = Literal["pyrender", "embree"]
+from robosim.parts import CAMERA
+from robosim.support.parts import Part
 
 
 def make_camera(
     meshes: Sequence[trimesh.Trimesh],
     config: CameraConfig = CameraConfig(),
     *,
-    backend: Backend = "pyrender",
+    backend: Part = "pyrender",
     platform: GLSystem | None = None,
 ) -> Camera:
     """A camera that sees some meshes in the colours of their vertices.
@@ -29,7 +29,8 @@ def make_camera(
         meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
             further light. pyrender shows faces from the side only that their normals point to.
         config: Size and optics.
-        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL.
+        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL. Or another of
+            `robosim.parts.CAMERA`.
         platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
             A process can use one of them only.
 
@@ -38,13 +39,25 @@ def make_camera(
         OpenGLError: If neither OSMesa nor EGL is installed, or its driver cannot draw; an OSError.
         RuntimeError: If OpenGL serves another platform in this process already.
     """
-    if backend == "embree":
-        from robosim.camera.rendering.embree_camera import EmbreeCamera
+    options: dict[str, Any] = {} if platform is None else {"platform": platform}
+    camera: Camera = CAMERA.make(backend, meshes, config, field="backend", **options)
+    return camera
 
-        return EmbreeCamera(meshes, config)
-    if backend == "pyrender":
-        system = bind_opengl(platform)  # has to come before pyrender is imported
-        from robosim.camera.rendering.pyrender_camera import PyrenderCamera
 
-        return PyrenderCamera(meshes, config, system)
-    raise ValueError(f"backend is {backend!r}, expected 'pyrender' or 'embree'.")
+def pyrender_camera(
+    meshes: Sequence[trimesh.Trimesh], config: CameraConfig, platform: GLSystem | None = None
+) -> Camera:
+    """Draws with OpenGL."""
+    system = bind_opengl(platform)  # has to come before pyrender is imported
+    from robosim.camera.rendering.pyrender_camera import PyrenderCamera
+
+    return PyrenderCamera(meshes, config, system)
+
+
+def embree_camera(
+    meshes: Sequence[trimesh.Trimesh], config: CameraConfig, platform: GLSystem | None = None
+) -> Camera:
+    """Casts rays, whatever platform is asked for."""
+    from robosim.camera.rendering.embree_camera import EmbreeCamera
+
+    return EmbreeCamera(meshes, config)

@@ -8,20 +8,30 @@ with nothing before it. That one is told the truth; it is for comparisons.
 References: Garrido-Jurado et al., Pattern Recognition 47 (2014), for the marker; arXiv 2110.14789 for the other.
 """
 
-from typing import Literal
+from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
-from robosim.camera.model import CameraConfig
+from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.target import DICTIONARY, TargetConfig
-from slam.poses import between
-
-Recognition = Literal["marker", "perfect"]
 
 #: How far before its box the target is taken to be hidden by something else [m].
 _SLACK_M = 0.05
+
+
+@runtime_checkable
+class Recogniser(Protocol):
+    """Tells where in a picture the target is."""
+
+    def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
+        """Place of the target x ahead, y left [m] of the robot; None if it is not found.
+
+        Args:
+            frame: What the camera sees, without noise of depth.
+            target: Where the target truly is, x ahead, y left [m]: for who stands in for a perfect recogniser alone.
+        """
 
 
 class MarkerRecogniser:
@@ -39,9 +49,9 @@ class MarkerRecogniser:
         self._k = camera.K.copy()
         self._k[:2, 2] -= 0.5  # OpenCV counts from the centre of the first pixel
 
-    def find(self, rgb: UInt8[np.ndarray, "h w 3"]) -> Float[np.ndarray, "2"] | None:
+    def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
         """Place of the target x ahead, y left [m] of the robot; None if its marker is not found."""
-        found, ids, _ = self._detector.detectMarkers(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY))
+        found, ids, _ = self._detector.detectMarkers(cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY))
         if ids is None:
             return None
         for corners, marker in zip(found, ids.ravel(), strict=True):
@@ -65,17 +75,9 @@ class PerfectRecogniser:
     def __init__(self, camera: CameraConfig, target: TargetConfig | None = None) -> None:
         self._camera, self._target = camera, target or TargetConfig()
 
-    def find(
-        self, depth: Float[np.ndarray, "h w"], pose: Float[np.ndarray, "3"], target: Float[np.ndarray, "2"]
-    ) -> Float[np.ndarray, "2"] | None:
-        """True place of the target x ahead, y left [m] of the robot; None if nothing of its box is seen.
-
-        Args:
-            depth: What the camera sees, without noise [m].
-            pose: True pose of the robot.
-            target: True place of the target in `map`.
-        """
-        local = between(pose, np.array([*target, 0.0]))[:2]
+    def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
+        """True place of the target x ahead, y left [m] of the robot; None if nothing of its box is seen."""
+        depth, local = frame.depth, target
         f, half = self._camera.focal_px, 0.5 * self._target.box_m
         ahead = local[0] - half
         if ahead <= self._camera.near_m:

@@ -1,11 +1,10 @@
 """`robosim bench`: speed against error."""
 
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.episode_options import DEFAULT_OPTIONS
 from robosim.commands.terminal import (
     ALL_CORES,
     WorkOptions,
@@ -15,7 +14,9 @@ from robosim.commands.terminal import (
     going_on,
     read,
     results_in,
+    tell_file,
 )
+from robosim.parts import EXPLORER, ExplorerPart, MapperPart, PhysicsPart
 from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
 
 
@@ -35,6 +36,7 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
         check_number("sizes", size, *SIZE_PX, whole=True)
     with results_in(out, "bench render") as folder:
         console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
+    tell_file(folder / "render.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -51,6 +53,7 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
     check_some("plans", plans, PLANS)
     with results_in(out, "bench physics") as folder:
         console.print(run([make_building(read(name)) for name in plans], out=folder))
+    tell_file(folder / "physics.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -60,8 +63,8 @@ def navigation(
     goals: tuple[Literal["oracle", "explore"], ...] = ("oracle", "explore"),
     seed: int = 1,
     noise: float = 1.0,
-    mapper: str = DEFAULT_OPTIONS.mapper,
-    explorer: Literal["nearest", "cheapest", "gain", "learned"] = DEFAULT_OPTIONS.explorer,
+    mapper: MapperPart = "neural",
+    explorer: ExplorerPart = "learned",
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
@@ -101,18 +104,19 @@ def navigation(
             console=console,
         )
     console.print(table)
+    tell_file(folder / "navigation.json")
     console.print(f"Wrote navigation.json and the episodes in {folder}")
 
 
 def exploration(
     plans: Positional[tuple[str, ...]],
     *,
-    explorers: tuple[Literal["nearest", "cheapest", "gain", "learned"], ...] = ("nearest", "gain"),
+    explorers: tuple[Annotated[str, EXPLORER.option()], ...] = ("nearest", "gain"),
     seed: int = 1,
     noise: float = 1.0,
     depth_noise: float = 0.0,
-    physics: Literal["dynamic", "kinematic"] = "dynamic",
-    mapper: str = DEFAULT_OPTIONS.mapper,
+    physics: PhysicsPart = "dynamic",
+    mapper: MapperPart = "neural",
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
@@ -152,6 +156,7 @@ def exploration(
             console=console,
         )
     console.print(table)
+    tell_file(folder / "exploration.json")
     console.print(
         f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"
     )
@@ -165,7 +170,7 @@ def slam(
     seed: int = 1,
     noise: float = 1.0,
     depth_noise: float = 1.0,
-    physics: Literal["dynamic", "kinematic"] = "kinematic",
+    physics: PhysicsPart = "kinematic",
     sizes: tuple[int, ...] = (64, 96, 128, 192, 256),
     others: tuple[str, ...] = (),
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
@@ -213,6 +218,7 @@ def slam(
             console=console,
         )
     console.print(tables)
+    tell_file(folder / "slam.json")
     console.print(
         f"Wrote slam.json, curves, and maps of the worst, median and best plan in {folder}", soft_wrap=True
     )
@@ -248,6 +254,7 @@ def endurance(
     settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
     with results_in(out, "bench endurance") as folder:
         console.print(run(read(plan), settings, out=folder, console=console))
+    tell_file(folder / "endurance.json")
     console.print(f"Wrote endurance.json in {folder}")
 
 
@@ -284,6 +291,7 @@ def wireless(
         console.print(
             run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console)
         )
+    tell_file(folder / "wireless.json")
     console.print(f"Wrote wireless.json and wireless.png in {folder}")
 
 
@@ -312,6 +320,7 @@ def labels(
     console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
     with going_on(folder):
         run(data, plans, workers=work.count, cluster=work.cluster, out=folder, console=console)
+    tell_file(folder / "labels.json")
 
 
 def estimation(
@@ -337,8 +346,9 @@ def estimation(
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.
     """
-    from robosim.bench.estimation import TX_PER_PLAN, run
+    from robosim.bench.estimation import run
     from robosim.building.outline import check_tolerance
+    from robosim.evaluation.arrivals import TX_PER_PLAN
     from robosim.plans.files import find_plans
 
     check_some("plans", plans, PLANS)
@@ -359,6 +369,7 @@ def estimation(
                 console=console,
             )
         )
+    tell_file(folder / "estimation.json")
     console.print(f"Wrote estimation.json and estimation.png in {folder}")
 
 
@@ -397,4 +408,5 @@ def episode(
         plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console
     )
     console.print(table)
+    tell_file(folder / "episode.json")
     console.print(f"Wrote episode.json and episode.png in {folder}")

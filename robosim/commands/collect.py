@@ -5,7 +5,7 @@ from shlex import quote
 
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell
 
 
 def collect(
@@ -18,7 +18,7 @@ def collect(
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
     out: Path | None = None,
 ) -> None:
-    """Collect frames to train a mapper on: a robot explores invented homes, the truth is kept beside what it senses.
+    """Collect frames to train a mapper on: a robot explores made homes; the truth is kept beside what it senses.
 
     One file a home, the same for any number of workers. An interrupted run goes on when the command is given again,
     and more homes may be added later.
@@ -49,5 +49,6 @@ def collect(
     folder = folder_for(out, "collect")
     with going_on(folder):
         shards = collect_frames(config, folder, workers=work.count, cluster=work.cluster, console=console)
+    tell({"homes": len(shards), "steps": steps, "files": [path.name for path in shards]}, folder)
     console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
     console.print(f"Next: robosim train mapper --data {quote(str(folder))}")

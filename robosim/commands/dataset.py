@@ -19,7 +19,9 @@ from robosim.commands.terminal import (
     folder_for,
     going_on,
     read,
+    tell,
 )
+from robosim.parts import EstimatorPart
 from robosim.support.checks import check_number
 
 
@@ -30,7 +32,7 @@ def dataset(
     tx_per_plan: int = 10,
     grid: float = 0.15,
     seed: int = 0,
-    estimator: Literal["sage", "pca"] = "sage",
+    estimator: EstimatorPart = "sage",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
     tolerance: float = 0.05,
@@ -90,6 +92,7 @@ def dataset(
         made = make_dataset(
             buildings, config, folder, workers=work.count, cluster=work.cluster, console=console
         )
+    tell(made, folder)
     rows, timing = made["rows"], made["timing"]
     shares = ", ".join(f"{name} {100 * n / rows:.1f} %" for name, n in made["states"].items())
     told = f": {shares}; {timing['links']} made in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"

@@ -1,19 +1,33 @@
 """`robosim episode`."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from signal import SIGINT, SIGTERM
-from typing import Literal
+from typing import Annotated
 
 import numpy as np
 from rich.text import Text
-from tyro.conf import OmitArgPrefixes, Positional
+from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
-from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
-from robosim.commands.terminal import NO_OPTIONS, XY, PlanOptions, Pose, console, folder_for, read
+from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, GoalOption, Settings
+from robosim.commands.terminal import (
+    NO_OPTIONS,
+    XY,
+    NamedPlace,
+    PlanOptions,
+    Pose,
+    console,
+    folder_for,
+    read,
+    tell,
+)
+from robosim.evaluation.ablations import configured
+from robosim.run import FILES, record_episode
 from robosim.support.checks import check_number
 from robosim.support.interrupt import SIGNALLED, Interrupt
+from robosim.task.tasks import Anchor
 
 
 def episode(
@@ -21,22 +35,12 @@ def episode(
     *,
     target: XY = None,
     start: Pose = None,
-    goal: Literal[
-        "oracle",
-        "explore",
-        "visual",
-        "snr",
-        "los",
-        "los-or-first",
-        "fused",
-        "fused-no-vision",
-        "fused-no-aod",
-        "fused-no-memory",
-        "fused-true-states",
-        "fused-true-pose",
-    ] = "fused",
+    anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
+    unknown_anchor: Annotated[tuple[NamedPlace, ...], UseAppendAction] = (),
+    goal: GoalOption = "fused",
     seed: int = 0,
-    simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
+    base: Base = AS_PUBLISHED,
+    settings: Settings = DEFAULTS,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     video: bool = True,
     rerun: bool = False,
@@ -48,26 +52,27 @@ def episode(
     decisions.npz, which `robosim replay` draws from, and episode.mp4. Ctrl-C or SIGTERM ends the episode and leaves the
     same files of what was done until then. One seed gives one result.
 
-    Example: robosim episode flat --goal explore --seed 3 --out out/explore
+    Example: robosim episode flat --goal explore --seed 3 --robot.radius-m 0.18 --out out/explore
 
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
         target: Where the target stands [m], in the plan's frame; drawn from the seed if not given.
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
+        anchor: Another transmitter by name, at a place that the robot knows [m]; can be given several times.
+        unknown_anchor: The same at a place that it does not know.
         goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
             the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
             one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together,
-            and its variants show what each part of it brings.
+            and its variants show what each part of it brings. module:Name is one of your own.
         seed: Seed of everything random: task and noise.
-        simulation: How the episode is simulated.
+        base: What the options below start from.
+        settings: How the episode is run.
         reading: How to read the plan, where it does not say.
         video: Whether to write episode.mp4.
         rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs robosim[viz].
         out: Folder for the results; a new one under runs/ if not given.
     """
-    from robosim.run import FILES, record_episode
-
-    config = simulation.config(goal, seed)
+    config = replace(configured(settings, goal), seed=seed)
     if start is not None:
         check_number("yaw of --start", start[2], -360, 360, "degrees from +x")
     folder = folder_for(out, "episode")
@@ -77,10 +82,16 @@ def episode(
         folder,
         start=None if start is None else np.array([start[0], start[1], np.radians(start[2])]),
         target=None if target is None else np.array(target),
+        anchors=[
+            Anchor(name=name, place=np.array([x, y]), known=known)
+            for known, some in ((True, anchor), (False, unknown_anchor))
+            for name, x, y in some
+        ],
         video=video,
         rerun=rerun,
         console=console,
     )
+    tell(result, folder)
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     told = (
         f" after {result['steps']} steps and {result['path_length_m']:.2f} m "

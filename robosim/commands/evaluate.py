@@ -2,11 +2,16 @@
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.episode_options import DEFAULT_OPTIONS, EpisodeOptions
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, Settings, words_of
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell, tell_file
+from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
+from robosim.evaluation.evaluate import evaluate as run
+from robosim.evaluation.suite import SUFFIXES, write_suite
+from robosim.parts import READER
 from robosim.support.checks import PLANS, SEED, TASKS, check_number, check_some
 
 
@@ -18,7 +23,9 @@ def evaluate(
     seeds: int = 1,
     seed: int | None = None,
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
-    simulation: OmitArgPrefixes[EpisodeOptions] = DEFAULT_OPTIONS,
+    reader: Annotated[str, READER.option("auto")] = "auto",
+    base: Base = AS_PUBLISHED,
+    settings: Settings = DEFAULTS,
     suite_out: Path | None = None,
     out: Path | None = None,
 ) -> None:
@@ -35,18 +42,16 @@ def evaluate(
         plans: Floor plans by file or name, folders of them, or one suite file.
         targets: Tasks of each plan; 10 if not given, or what the suite has.
         policies: Who chooses the goals, as in `robosim episode`; all but explore and variants of fused if not
-            given. The oracle always runs: difficulty and times go by its steps.
+            given, module:Name for your own. The oracle always runs: difficulty and times go by its steps.
         seeds: Episodes of each task and policy, with other noise.
         seed: What tasks and noise are drawn from; 0 if not given, or what the suite has.
         work: Who does the work.
-        simulation: How the episodes are simulated.
+        reader: Who reads the plans: auto goes by their ending; module:Name is one of your own.
+        base: What the options below start from.
+        settings: How the episodes are run.
         suite_out: Where to write the suite beside the results, as .yaml or .json.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
-    from robosim.evaluation.evaluate import evaluate as run
-    from robosim.evaluation.suite import SUFFIXES, write_suite
-
     check_some("plans", plans, f"{PLANS}, or a suite file")
     for name, value, bounds in (("targets", targets, TASKS), ("seeds", seeds, TASKS), ("seed", seed, SEED)):
         if value is not None:
@@ -55,7 +60,7 @@ def evaluate(
         raise ValueError(
             f"suite_out is {str(suite_out)!r}, expected a name that ends in {', '.join(SUFFIXES)}."
         )
-    names, config = check_policies(policies), simulation.config()
+    names, config = check_policies(policies), settings
     folder = folder_for(out, "evaluate")
     with going_on(folder):
         suite = find_suite(
@@ -63,6 +68,7 @@ def evaluate(
             config,
             targets=targets,
             seed=seed,
+            reader=reader,
             workers=work.count,
             cluster=work.cluster,
             console=console,
@@ -78,8 +84,12 @@ def evaluate(
             workers=work.count,
             cluster=work.cluster,
             console=console,
-            options=simulation.words(),
+            options=words_of(settings),
         )
+    if result.rows:
+        tell_file(folder / "summary.json", warnings=result.warnings)
+    else:
+        tell({"summary": [], "warnings": result.warnings}, folder)
     for line in result.warnings:
         console.print(line, style="yellow", highlight=False, soft_wrap=True)
     if result.rows:

@@ -5,7 +5,7 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, read, results_in
+from robosim.commands.terminal import console, read, results_in, tell
 from robosim.support.checks import PLANS, SEED, check_number, check_some
 
 
@@ -38,6 +38,7 @@ def plans(
     with results_in(out, "figures") as folder:
         path = folder / "plans.png"
         plot_comparison(real, made, path)
+    tell({"files": [path.name]}, folder)
     console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
 
 
@@ -56,6 +57,7 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
     with results_in(out, "figures") as folder:
         path = folder / "arrays.png"
         save_figure(arrays_figure(element), path)
+    tell({"files": [path.name]}, folder)
     console.print(f"Wrote {path}: elements, beams and coverage of the terminals gnb and ue")
 
 
@@ -98,6 +100,7 @@ def wireless(
     found = [read(str(plan)) for plan in find_plans(plans)]
     with results_in(out, "figures") as folder:
         page, notes = draw_wireless(found, folder, config, console)
+    tell({"page": page.name, "notes": notes}, folder)
     for note in notes:
         console.print(note)
     console.print(f"Wrote {page} and the pictures that it shows")
@@ -106,7 +109,7 @@ def wireless(
 def search(
     results: Positional[Path], *, stuck: str = "snr", better: str = "los-or-first", out: Path | None = None
 ) -> None:
-    """Draw the published figures of the search from an evaluation: arrival rates, relative arrival times, an example.
+    """Draw the published figures of the search from an evaluation: arrival rates, relative times, an example.
 
     The example is one start with two policies, where following paths of higher order gets stuck; it is found in the
     episodes. index.html in the folder shows all of them with captions and the published numbers. An evaluation
@@ -126,6 +129,7 @@ def search(
     (follower,), (other,) = check_policies([stuck]), check_policies([better])
     with results_in(out, "figures") as folder:
         page, notes = draw_search(results, folder, follower, other)
+    tell({"page": page.name, "notes": notes}, folder)
     for note in notes:
         console.print(note, highlight=False)
     console.print(f"Wrote {page} and the pictures that it shows")

@@ -1,8 +1,10 @@
 """`robosim doctor`."""
 
 import sys
+from dataclasses import asdict
+from importlib.metadata import version
 
-from robosim.commands.terminal import console
+from robosim.commands.terminal import console, tell
 
 
 def doctor() -> None:
@@ -11,5 +13,8 @@ def doctor() -> None:
 
     with console.status("looking ..."):
         findings = examine()
-    if not report(findings, console):
+    works = report(findings, console)
+    told = [asdict(finding) for finding in findings]
+    tell({"robosim": version("robosim"), "works": works, "findings": told})
+    if not works:
         sys.exit(1)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, folder_for
+from robosim.commands.terminal import console, folder_for, tell
 from robosim.support.checks import check_number
 from robosim.support.run_folder import run_folder
 
@@ -24,6 +24,7 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
     check_number("frames", frames, 1, 1000, whole=True)
     with run_folder(folder_for(out or episode, "episode"), "episode") as folder:
         files = draw(episode, folder, frames)
+    tell({"files": [file.name for file in files]}, folder)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
 
 
@@ -47,4 +48,5 @@ def view(episode: Positional[Path], *, web: bool = False) -> None:
     if not path.is_file():
         raise ValueError(f"{path}: not there. Run the episode with --rerun.")
     rerun_sdk()
+    tell({"recording": path})
     sys.exit(subprocess.call([sys.executable, "-m", "rerun", str(path), *(["--web-viewer"] if web else [])]))

@@ -4,10 +4,11 @@ from pathlib import Path
 from shlex import quote
 from typing import Literal
 
+import numpy as np
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in, tell
 from robosim.support.checks import RADIUS_M, SEED, check_number
 
 
@@ -21,8 +22,8 @@ def plan(
 ) -> None:
     """Show a floor plan: its size, its rooms and what a robot can reach; and export it and its building.
 
-    Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, and a
-    Mitsuba scene with ITU radio materials (mitsuba/) that other radio tools load.
+    Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, a Mitsuba scene
+    with ITU radio materials (mitsuba/) that other radio tools load, and mujoco.xml: building and robot for MuJoCo.
 
     Example: robosim plan office --radius 0.18 --out out/office
 
@@ -38,6 +39,8 @@ def plan(
     from robosim.building.reach import reach
     from robosim.drawing.plots import plot_plan
     from robosim.plans.files import write_png, write_ros
+    from robosim.robot.mjcf import export_mjcf
+    from robosim.robot.robots import robot_of_radius
 
     config = BuildingConfig(tolerance_m=tolerance)
     check_number("radius", radius, *RADIUS_M)
@@ -51,14 +54,32 @@ def plan(
         export_mesh(building, folder / "building.glb")
         export_mesh(building, folder / "building.ply")
         export_mitsuba(building, folder / "mitsuba")
+        if places.n_parts:
+            pose = np.array([*places.widest(), 0.0])
+            export_mjcf(building, folder / "mujoco.xml", robot=robot_of_radius(radius), pose=pose)
+    cut_off = places.cut_off(1) if places.n_parts else []
     rows, columns = floor_plan.shape
+    tell(
+        {
+            "plan": floor_plan.name,
+            "cells": [columns, rows],
+            "resolution_m": floor_plan.resolution_m,
+            "free_m2": building.free.area,
+            "wall_pieces": len(building.walls_2d),
+            "triangles": len(building.mesh.faces),
+            "radius_m": radius,
+            "parts": places.n_parts,
+            "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in cut_off],
+        },
+        folder,
+    )
     told = (
         f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.free.area:.1f} m2 free, "
         f"{len(building.walls_2d)} wall pieces, {len(building.mesh.faces)} triangles"
     )
     console.print(Text.assemble((floor_plan.name, "bold"), told))
     console.print(f"A hull of radius {radius:g} m can drive in {places.n_parts} separate part(s) of it.")
-    for room in places.cut_off(1) if places.n_parts else []:
+    for room in cut_off:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
         console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
     console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
@@ -91,7 +112,7 @@ def generate(
 
     check_number("count", count, 1, 100_000, "plans", whole=True)
     check_number("seed", seed, *SEED, whole=True)
-    config = GeneratorConfig(style=style, navigable=navigable)
+    config, names = GeneratorConfig(style=style, navigable=navigable), []
     with (
         results_in(out, "generate") as folder,
         tracked(range(seed, seed + count), "plans", console) as numbers,
@@ -99,5 +120,7 @@ def generate(
         for number in numbers:
             made = generate_plan(number, config=config)
             write_ros(made, folder / f"{made.name}.yaml")
+            names.append(made.name)
+    tell({"plans": [f"{name}.yaml" for name in names]}, folder)
     console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
     console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

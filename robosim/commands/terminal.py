@@ -1,34 +1,82 @@
-"""What commands share: the terminal they print to, how points are typed, where plans and results lie."""
+"""What commands share: the terminal they print to, how points are typed, where plans and results lie.
 
+A command prints for a person to `console`, and hands its result to `tell`, which prints it for a program instead if
+the command line says --json.
+"""
+
+import json
+import logging
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from rich.console import Console
 
+from robosim.parts import ReaderPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
+from robosim.support.files import plain
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
 #: A pipe has no width; tables should not be cut for it. Names from outside are printed as they are, so that nothing in
 #: brackets is taken for markup, nor :smile: for a picture; what is to be bold says so by its style.
 console = Console(width=None if sys.stdout.isatty() else 150, markup=False, emoji=False)
-
+#: Whether results are printed for programs.
+_as_json = False
 
 #: More processes than this are a slip of the finger.
 MOST_WORKERS = 1024
 
 
-def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.PrimitiveConstructorSpec:
+@contextmanager
+def speaking(*, quiet: bool, as_json: bool) -> Iterator[None]:
+    """How commands speak inside of the block.
+
+    Args:
+        quiet: Whether nothing is printed but errors.
+        as_json: Whether results, and nothing else, are printed to standard output, as JSON.
+    """
+    global _as_json
+    level, before = logging.getLogger().level, (console.quiet, _as_json)
+    console.quiet, _as_json = quiet or as_json, as_json
+    if quiet:
+        logging.getLogger().setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        console.quiet, _as_json = before
+        logging.getLogger().setLevel(level)
+
+
+def tell(result: Mapping[str, Any], out: Path | None = None) -> None:
+    """Hand over the result of a command: once, at its end, for programs that read it.
+
+    Args:
+        result: What it found. Arrays become lists, and not-a-number null.
+        out: The folder it wrote to, if it did.
+    """
+    if _as_json:
+        told = {**result} if out is None else {**result, "out": str(out)}
+        sys.stdout.write(json.dumps(plain(told), allow_nan=False) + "\n")
+
+
+def tell_file(path: Path, **more: Any) -> None:
+    """Hand over what a JSON file holds that the command has just written, and perhaps more."""
+    tell({**json.loads(path.read_bytes()), **more}, path.parent)
+
+
+def _numbers(
+    least: int, most: int, metavar: str
+) -> tyro.constructors.PrimitiveConstructorSpec[tuple[float, ...]]:
     """How tyro reads comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:
@@ -51,10 +99,30 @@ def _numbers(least: int, most: int, metavar: str) -> tyro.constructors.Primitive
     )
 
 
+def _named_place(word: str) -> tuple[str, float, float]:
+    name, *numbers = word.split(",")
+    try:
+        x, y = map(float, numbers)
+    except ValueError:
+        raise ValueError(f"{shown(word)}, expected NAME,X,Y: a name and two numbers [m], no spaces") from None
+    return name, x, y
+
+
 # None stands inside: of a union tyro would tell all that each part of it was tried with.
 XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
 Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
 Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
+#: Something with a name at a place.
+NamedPlace = Annotated[
+    tuple[str, float, float],
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="NAME,X,Y",
+        instance_from_str=lambda words: _named_place(words[0]),
+        is_instance=lambda value: isinstance(value, tuple),
+        str_from_instance=lambda value: [",".join(map(str, value))],
+    ),
+]
 #: One of several places.
 OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 
@@ -71,6 +139,8 @@ class PlanOptions:
     """Axis of a mesh that points up; auto goes by its format and floors."""
     unit: float = 1.0
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
+    reader: ReaderPart = "auto"
+    """Who reads the file: auto goes by its ending; module:Name is one of your own."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -95,6 +165,7 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         floor_height_m=options.floor_height,
         up=options.up,
         unit_m=options.unit,
+        reader=options.reader,
     )
 
 

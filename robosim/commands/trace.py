@@ -20,6 +20,7 @@ from robosim.commands.terminal import (
     folder_for,
     going_on,
     read,
+    tell,
 )
 
 
@@ -61,6 +62,7 @@ def trace(
     """
     from robosim.datasets.trace import check_terminals, trace_link, trace_plan
     from robosim.radio.receivers import check_step
+    from wireless.paths import LinkState
 
     config = radio.config(tolerance, polarisation)
     check_terminals(tx, rx, config.height_m)
@@ -70,6 +72,14 @@ def trace(
     floor_plan = read(plan, reading)
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
+        found = {
+            "paths": len(paths),
+            "states": [LinkState(state).name.lower() for state in paths.link_state()[:, 0]],
+        }
+        tell(
+            {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
+            folder,
+        )
         console.print(f"{len(paths)} paths from {len(tx)} transmitter(s) to the receiver")
         console.print(f"Wrote paths.parquet and rays_tx1.png in {folder}")
         return
@@ -86,6 +96,7 @@ def trace(
             cluster=work.cluster,
             console=console,
         )
+    tell(result, folder)
     timing, states = result["timing"], result["states"]
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items())
     told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"

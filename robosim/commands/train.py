@@ -6,7 +6,15 @@ from typing import Literal
 
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.terminal import ALL_CORES, WorkOptions, check_threads, console, folder_for, going_on
+from robosim.commands.terminal import (
+    ALL_CORES,
+    WorkOptions,
+    check_threads,
+    console,
+    folder_for,
+    going_on,
+    tell,
+)
 from robosim.support.checks import check_number
 
 
@@ -95,6 +103,7 @@ def link_state(
             command=command,
             console=console,
         )
+    tell(card, folder)
     console.print(f"Wrote the classifier, its card and pictures in {folder}")
     if test is not None:
         last = f"test accuracy {card['test']['accuracy']:.4f} ({card['test']['links']} links)"
@@ -148,6 +157,7 @@ def mapper(
     told = f"robosim train mapper --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
     with going_on(folder):
         card = train_mapper(data, folder, recipe, threads=threads, console=console, about=told)
+    tell(card, folder)
     for name, score in (("learned", card["validation"]), ("classical map", card["validation_classical"])):
         console.print(
             f"{name:>14}: IoU of obstacles seen {score['iou_seen']:.3f}, hidden {score['iou_hidden']:.3f}, of hidden "
@@ -171,7 +181,7 @@ def pose(
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the learned pose on collected frames: how far off a predicted pose is, from the map there and the frame.
+    """Train the learned pose on collected frames: how far off a predicted pose is, from map and frame.
 
     Writes pose.safetensors with its card, and result.json. Every tenth home is held out for the scores. Takes minutes;
     an interrupted run begins anew.
@@ -199,6 +209,7 @@ def pose(
     data = data or smoke_frames(folder / "frames", console)
     told = f"robosim train pose --data {data.name} --steps {steps} --batch {batch} --seed {seed}"
     card = train_pose_network(data, folder, recipe, threads=threads, console=console, about=told)
+    tell(card, folder)
     score = card["validation"]
     console.print(
         f"error of the pose, median: {1000 * score['told_m']:.1f} mm and {score['told_deg']:.2f} degrees, from "

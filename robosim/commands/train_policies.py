@@ -4,7 +4,7 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on
+from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell
 
 
 def explorer(
@@ -58,6 +58,7 @@ def explorer(
         card = train_explorer(
             folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
         )
+    tell(card, folder)
     for rating, mean in card["mean_coverage"].items():
         console.print(f"{rating:>10}: {mean:.4f} of the floor seen on average over a walk", highlight=False)
     console.print(f"Wrote the explorer, its card and curve in {folder}")
@@ -73,7 +74,7 @@ def steering(
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives through invented homes.
+    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives in made homes.
 
     Writes steering.safetensors with its card, on which both are compared in homes held out. An interrupted run goes on
     when the same command is given again; the result does not depend on the number of workers.
@@ -104,6 +105,7 @@ def steering(
         card = train_steering(
             folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
         )
+    tell(card, folder)
     for name, mean in card["mean_of_drives"].items():
         console.print(
             f"{name:>10}: {100 * mean['arrived']:.1f} % arrived, {mean['steps']:.1f} decisions and {mean['bumps']:.2f} "

@@ -29,10 +29,12 @@ from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
+from robosim.episode import Turn, drive
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
+from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array
 from robosim.support.checks import SEED, check_numbers
 from robosim.support.files import npz_bytes, write_whole
@@ -40,8 +42,6 @@ from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
-from slam.actions import Action
-from slam.grid import MapEstimate
 from slam.sensing.egocentric import belief_ahead
 
 #: Arrays of a shard, as above.
@@ -157,19 +157,14 @@ def _walk(
     simulator: Simulator, places: Reach, frames: "_Frames", steps: int, rng: np.random.Generator
 ) -> None:
     """One episode of exploring, until all is seen or there are frames enough."""
-    mapper, planner, controller, explorer = make_navigator(simulator.config)
+    navigator = make_navigator(simulator.config)
     task = make_task(places, rng, min_path_m=1.0)
-    view = simulator.reset(task, rng)
-    mapper.reset(task.start)
-    action: Action | None = None
-    while len(frames.rows) < steps:
-        estimate = mapper.update(view.depth, action, view.odometry)
-        frames.add(simulator, view, estimate, action)
-        goal = explorer.goal(estimate)
-        if goal is None:
-            return
-        action = controller.act(estimate.pose, planner.plan(estimate, goal))
-        view, _ = simulator.step(action)
+
+    def judge(turn: Turn) -> bool:
+        frames.add(turn)
+        return len(frames.rows) < steps
+
+    drive(simulator, navigator, Explore(navigator.explorer), task, rng, judge)
 
 
 class _Frames:
@@ -179,20 +174,19 @@ class _Frames:
         self._truth = truth
         self.rows: list[dict[str, Any]] = []
 
-    def add(
-        self, simulator: Simulator, view: Observation, estimate: MapEstimate, action: Action | None
-    ) -> None:
+    def add(self, turn: Turn) -> None:
         """Keep what was sensed and believed, and what is true."""
+        view, estimate = turn.view, turn.estimate
         self.rows.append(
             {
                 "depth": np.minimum(np.rint(view.depth * 1000), 65535).astype(np.uint16),
                 "rgb": view.rgb.copy(),
-                "action": np.int8(-1 if action is None else action),
+                "action": np.int8(-1 if turn.before is None else turn.before),
                 "odometry": view.odometry.astype(np.float32),
-                "pose": simulator.pose,
+                "pose": turn.pose,
                 "estimate": estimate.pose,
                 "belief": np.rint(255 * belief_ahead(estimate)).astype(np.uint8),
-                "truth": np.packbits(self._truth.at(simulator.pose), axis=-1),
+                "truth": np.packbits(self._truth.at(turn.pose), axis=-1),
             }
         )
 

@@ -16,19 +16,19 @@ from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
 from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
+from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, check_choice, check_numbers
-from wireless.antennas.codebook import TERMINALS, terminal_named
+from robosim.support.parts import Part, described
 from wireless.estimates import PathEstimates
-from wireless.estimation.estimators import PathEstimator, estimator_named
+from wireless.estimation.estimators import PathEstimator
 from wireless.estimation.sage import SageEstimator
 from wireless.formats.link_records import link_table, write_links
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 
 Format = Literal["mmwrobotnav", "deepmimo"]
-Estimator = Literal["sage", "pca"]
 Headings = Literal["fixed", "random"]
 #: Links that are sounded at once; results depend on it. Takes 50 MB.
 CHUNK_LINKS = 512
@@ -46,12 +46,12 @@ class LinkSetConfig:
     """Step between receivers [m]."""
     seed: int = 0
     """Seed of places, phases and noise."""
-    estimator: Estimator = "sage"
-    """Which of `wireless.estimation.estimators` is used."""
-    tx: str = "gnb"
-    """Terminal that sends, of `wireless.antennas.codebook`."""
-    rx: str = "ue"
-    """Terminal that listens."""
+    estimator: EstimatorPart = "sage"
+    """What reads paths out of measurements, of `robosim.parts.ESTIMATOR`."""
+    tx: TerminalPart = "gnb"
+    """Terminal that sends, of `robosim.parts.TERMINAL`."""
+    rx: TerminalPart = "ue"
+    """Terminal that receives."""
     headings: Headings = "fixed"
     """Where receivers' arrays face: all the same way, as published, or each at random, as a robot's do."""
     formats: tuple[Format, ...] = ()
@@ -62,10 +62,10 @@ class LinkSetConfig:
     def __post_init__(self) -> None:
         check_numbers(self, tx_per_plan=(1, 10_000, "transmitters"), seed=SEED)
         check_step(self.grid_m)
-        check_choice("estimator", self.estimator, get_args(Estimator))
+        ESTIMATOR.check("estimator", self.estimator)
         check_choice("headings", self.headings, get_args(Headings))
         for name in ("tx", "rx"):
-            check_choice(name, getattr(self, name), TERMINALS)
+            TERMINAL.check(name, getattr(self, name))
         for name in self.formats:
             check_choice("formats", name, get_args(Format))
 
@@ -146,12 +146,10 @@ def prepared(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene
 
 
 @lru_cache(maxsize=1)
-def _receiver(
-    estimator: Estimator, tx: str, rx: str, sounding: SoundingConfig
-) -> tuple[Sounder, PathEstimator]:
+def _receiver(estimator: Part, tx: Part, rx: Part, sounding: SoundingConfig) -> tuple[Sounder, PathEstimator]:
     """The sounder and the estimator, kept for the next unit."""
-    sounder = Sounder(terminal_named(tx), terminal_named(rx), sounding)
-    found = estimator_named(estimator, sounder)
+    sounder = Sounder(TERMINAL.make(tx, field="tx"), TERMINAL.make(rx, field="rx"), sounding)
+    found: PathEstimator = ESTIMATOR.make(estimator, sounder, field="estimator")
     if isinstance(found, SageEstimator):
         found.workers = 1
     return sounder, found
@@ -171,4 +169,4 @@ def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> Pa
 
 def plain_config(config: LinkSetConfig) -> dict[str, Any]:
     """The configuration in plain values."""
-    return {**asdict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}
+    return {**described(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}

@@ -102,52 +102,52 @@ class Picture:
         """Width and height [pixels]."""
         return HEIGHT + len(self._palettes) * self._map_width, HEIGHT + _BAR
 
-    def draw(self, moment: Snapshot) -> UInt8[np.ndarray, "height width 3"]:
+    def draw(self, snapshot: Snapshot) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one decision; the trajectories grow by one point a call.
 
         Without a map the true walls stand alone. Each radio path is an arrow to where it comes from, thicker and
         longer for stronger ones; the likelier a place is to hold the target, the redder it is.
         """
-        self._true = np.concatenate([self._true, self._fixed(moment.pose[None, :2])])
-        if moment.estimate is not None:
-            self._estimated = np.concatenate([self._estimated, self._fixed(moment.estimate[None, :2])])
+        self._true = np.concatenate([self._true, self._fixed(snapshot.pose[None, :2])])
+        if snapshot.estimate is not None:
+            self._estimated = np.concatenate([self._estimated, self._fixed(snapshot.estimate[None, :2])])
         image = np.full((*self.size[::-1], 3), 255, np.uint8)
-        image[:HEIGHT, :HEIGHT] = self._camera(moment.rgb, moment.depth_mm / np.float32(1000))
+        image[:HEIGHT, :HEIGHT] = self._camera(snapshot.rgb, snapshot.depth_mm / np.float32(1000))
         for k, (title, palette) in enumerate(self._palettes.items()):
-            canvas = self._base(moment.built, palette)
-            self._draw_over(canvas, moment)
+            canvas = self._base(snapshot.built, palette)
+            self._draw_over(canvas, snapshot)
             _write(canvas, title, (8, 16))
             left = HEIGHT + k * self._map_width
             image[:HEIGHT, left : left + self._map_width] = canvas
-        _write(image, moment.text, (8, HEIGHT + _BAR - 11))
+        _write(image, snapshot.text, (8, HEIGHT + _BAR - 11))
         return image
 
-    def _draw_over(self, canvas: np.ndarray, moment: Snapshot) -> None:
+    def _draw_over(self, canvas: np.ndarray, snapshot: Snapshot) -> None:
         """Draw belief, walls, ways, arrivals, goal, target and robot over a map."""
-        if moment.belief is not None:
-            self._tint(canvas, moment.belief)
+        if snapshot.belief is not None:
+            self._tint(canvas, snapshot.belief)
         cv2.polylines(canvas, self._walls, True, WALL_BLUE, 1, cv2.LINE_AA, _SHIFT)
         cv2.polylines(canvas, [self._true], False, TRUE_GREEN, 2, cv2.LINE_AA, _SHIFT)
         cv2.polylines(canvas, [self._estimated], False, ESTIMATE_ORANGE, 1, cv2.LINE_AA, _SHIFT)
-        if moment.path is not None and len(moment.path) > 1:
-            cv2.polylines(canvas, [self._fixed(moment.path)], False, PATH_PURPLE, 1, cv2.LINE_AA, _SHIFT)
-        if moment.arrivals is not None and moment.estimate is not None:
-            self._draw_arrivals(canvas, moment.arrivals, moment.estimate)
-        if moment.goal is not None:
-            cv2.drawMarker(canvas, self._pixel(moment.goal), PATH_PURPLE, cv2.MARKER_CROSS, 10, 2)
+        if snapshot.path is not None and len(snapshot.path) > 1:
+            cv2.polylines(canvas, [self._fixed(snapshot.path)], False, PATH_PURPLE, 1, cv2.LINE_AA, _SHIFT)
+        if snapshot.arrivals is not None and snapshot.estimate is not None:
+            self._draw_arrivals(canvas, snapshot.arrivals, snapshot.estimate)
+        if snapshot.goal is not None:
+            cv2.drawMarker(canvas, self._pixel(snapshot.goal), PATH_PURPLE, cv2.MARKER_CROSS, 10, 2)
         cv2.drawMarker(canvas, self._pixel(self._target), TARGET_RED, cv2.MARKER_STAR, 12, 2)
-        pose = moment.pose
+        pose = snapshot.pose
         nose = pose[:2] + 0.3 * np.array([np.cos(pose[2]), np.sin(pose[2])])
         cv2.circle(canvas, self._pixel(pose[:2]), 4, TRUE_GREEN, -1, cv2.LINE_AA)
         cv2.line(canvas, self._pixel(pose[:2]), self._pixel(nose), TRUE_GREEN, 2, cv2.LINE_AA)
 
-    def _draw_arrivals(self, canvas: np.ndarray, heard: Arrivals, pose: Float[np.ndarray, "3"]) -> None:
+    def _draw_arrivals(self, canvas: np.ndarray, arrivals: Arrivals, pose: Float[np.ndarray, "3"]) -> None:
         """Arrows along the estimated arrivals, in the colour of the link state; the strongest thickest."""
-        colour = STATE_COLOURS[heard.state]
+        colour = STATE_COLOURS[arrivals.state]
         at = self._pixel(pose[:2])
-        for i in range(len(heard.aoa_rad))[::-1]:
-            angle = heard.aoa_rad[i]
-            reach = arrow_m(heard, i)
+        for i in range(len(arrivals.aoa_rad))[::-1]:
+            angle = arrivals.aoa_rad[i]
+            reach = arrow_m(arrivals, i)
             tip = self._pixel(pose[:2] + reach * np.array([np.cos(angle), np.sin(angle)]))
             cv2.arrowedLine(canvas, at, tip, colour, 2 if i == 0 else 1, cv2.LINE_AA, tipLength=0.15)
 
@@ -209,9 +209,9 @@ def building_rings(building: Building) -> list[Float[np.ndarray, "_ 2"]]:
     return [np.asarray(ring.coords) for part in building.free.geoms for ring in _rings(part)]
 
 
-def arrow_m(heard: Arrivals, i: int) -> float:
+def arrow_m(arrivals: Arrivals, i: int) -> float:
     """Length of the arrow of a path: shorter for weaker ones [m]."""
-    return float(ARRIVAL_M * max(1.0 - (heard.snr_db[0] - heard.snr_db[i]) / 40.0, 0.25))
+    return float(ARRIVAL_M * max(1.0 - (arrivals.snr_db[0] - arrivals.snr_db[i]) / 40.0, 0.25))
 
 
 def _rings(polygon: shapely.Polygon) -> list[shapely.LinearRing]:

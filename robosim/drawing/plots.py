@@ -13,15 +13,13 @@ from matplotlib.figure import Figure
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
+from robosim.support.colours import ESTIMATE as ESTIMATE
+from robosim.support.colours import TARGET as TARGET
+from robosim.support.colours import TRUE as TRUE
+from robosim.support.colours import WALL as WALL
 from robosim.support.files import whole_file
 from robosim.task.record import EpisodeLog
-from robosim.task.tasks import ARRIVAL_M
 from slam.grid import MapEstimate
-
-WALL = "#56B4E9"
-TRUE = "#009E73"
-ESTIMATE = "#E69F00"
-TARGET = "#D55E00"
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -34,21 +32,9 @@ def save_figure(figure: Figure, path: Path) -> None:
 def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
     """Draw plan, built map, both trajectories and the target of an episode."""
     figure, axes = plan_axes(building)
-    shade = np.full(estimate.obstacle.shape, 0.85)
-    shade[estimate.explored] = 1.0
-    shade[estimate.obstacle] = 0.15
-    x, y = estimate.frame.origin_xy
-    height, width = np.array(shade.shape) * estimate.frame.resolution_m
-    axes.imshow(
-        shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=(x, x + width, y, y + height), zorder=0
-    )
+    estimate.plot(axes, robot=False)
     draw_walls(axes, building)
-    poses, estimates = np.array(log.poses), np.array(log.estimates)
-    axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
-    axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
-    axes.plot(*poses[0, :2], "o", color=TRUE, label="start")
-    axes.plot(*log.task.target, "*", color=TARGET, ms=13, label="target")
-    axes.add_patch(plt.Circle(tuple(log.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    log.plot(axes)
     result = log.result()
     axes.set_title(
         f"{building.plan.name}: {log.ended} after {log.steps} steps, {result['path_length_m']:.1f} m "
@@ -57,7 +43,6 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
         fontsize=9,
         parse_math=False,  # names may have dollars in them
     )
-    axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
     save_figure(figure, path)
 
 

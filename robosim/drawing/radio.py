@@ -4,7 +4,7 @@ Colours are told apart by the colour-blind: states after Okabe and Ito, power in
 which is the same at both ends.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import shapely
 from jaxtyping import Float, UInt8
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PathCollection, QuadMesh
@@ -332,7 +333,7 @@ def _nothing_handle(label: str) -> Patch:
     return Patch(label=label, **_NO_PATH)
 
 
-def _legend(axes: Axes, handles: list) -> None:
+def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
     """Legend below the axes, where it hides nothing."""
     axes.legend(
         handles=handles,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
 from robosim.policies.belief import TargetBelief
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
@@ -62,7 +62,7 @@ class Snapshot:
     path: Float[np.ndarray, "n 2"] | None = None
     """How it means to get there."""
     arrivals: Arrivals | None = None
-    """What its radio heard where it believed to be."""
+    """What its radio measured where it believed to be."""
     belief: Layer | None = None
     """Where the target may be, in levels of `belief_layer`."""
     text: str = ""
@@ -94,6 +94,6 @@ def belief_layer(belief: TargetBelief) -> Layer:
     return Layer(belief.frame, levels.astype(np.uint8))
 
 
-def arrivals(heard: Heard) -> Arrivals:
+def arrivals(measurement: Measurement) -> Arrivals:
     """What is drawn of a measurement."""
-    return Arrivals(heard.aoa_rad, heard.snr_db, heard.state)
+    return Arrivals(measurement.aoa_rad, measurement.snr_db, measurement.state)

@@ -11,38 +11,33 @@ They go by names of their own wherever goal policies do, so that they search the
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Literal, get_args
 
 from robosim.episode import EpisodeConfig
+from robosim.parts import GOAL
 from robosim.policies.belief import BeliefConfig
-from robosim.policies.goals import GoalName
-from robosim.radio.measurement import TRUE_STATES
-from robosim.support.checks import check_choice
-
-AblationName = Literal[
-    "fused-no-vision", "fused-no-aod", "fused-no-memory", "fused-true-states", "fused-true-pose"
-]
-PolicyName = GoalName | AblationName
-
-#: Every policy by name, those of `robosim.policies.goals` first.
-POLICIES: tuple[PolicyName, ...] = (*get_args(GoalName), *get_args(AblationName))
+from robosim.support.parts import Part
 
 
-def configured(config: EpisodeConfig, policy: PolicyName) -> EpisodeConfig:
+def configured(config: EpisodeConfig, policy: Part) -> EpisodeConfig:
     """An episode's configuration with a goal policy, or one of the variants above.
 
     Raises:
         ValueError: If there is none of that name.
     """
-    check_choice("goal", policy, POLICIES)
-    for name in get_args(GoalName):
-        if name == policy:
-            return replace(config, goal=name)
-    return _CHANGES[policy](replace(config, goal="fused"))
+    POLICY.check("goal", policy)
+    if isinstance(policy, str) and policy in _CHANGES:
+        return _CHANGES[policy](replace(config, goal="fused"))
+    return replace(config, goal=policy)
+
+
+def place_of(policy: str) -> tuple[int, str]:
+    """Where a policy stands in tables: those that come with this package as they are listed, others by name."""
+    known = POLICY.names
+    return (known.index(policy) if policy in known else len(known)), policy
 
 
 def _no_vision(config: EpisodeConfig) -> EpisodeConfig:
-    return replace(config, fused=replace(config.fused, looks=False))
+    return replace(config, fused=replace(config.fused, uses_camera=False))
 
 
 def _no_aod(config: EpisodeConfig) -> EpisodeConfig:
@@ -54,7 +49,7 @@ def _no_memory(config: EpisodeConfig) -> EpisodeConfig:
 
 
 def _true_states(config: EpisodeConfig) -> EpisodeConfig:
-    return replace(config, link_states=TRUE_STATES)
+    return replace(config, link_states="true")
 
 
 def _true_pose(config: EpisodeConfig) -> EpisodeConfig:
@@ -67,10 +62,13 @@ def _believing(config: EpisodeConfig, **changes: bool) -> EpisodeConfig:
     return replace(config, fused=replace(config.fused, belief=belief))
 
 
-_CHANGES: dict[PolicyName, Callable[[EpisodeConfig], EpisodeConfig]] = {
+_CHANGES: dict[str, Callable[[EpisodeConfig], EpisodeConfig]] = {
     "fused-no-vision": _no_vision,
     "fused-no-aod": _no_aod,
     "fused-no-memory": _no_memory,
     "fused-true-states": _true_states,
     "fused-true-pose": _true_pose,
 }
+
+#: Goal policies and the variants of one.
+POLICY = replace(GOAL, shipped={**GOAL.shipped, **dict.fromkeys(_CHANGES, GOAL.shipped["fused"])})

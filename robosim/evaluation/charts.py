@@ -10,6 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.ticker import PercentFormatter
 
 from robosim.building.building import Building
@@ -74,7 +75,7 @@ def episode_picture(building: Building, episode: Episode) -> Figure:
     axes.plot(*episode.poses[0, :2], "o", color=TRUE, ms=8, label="start")
     axes.plot(*episode.poses[-1, :2], "s", color=TRUE, ms=7, mec="k", label="end")
     axes.plot(*row["target"], "*", color=TARGET, ms=14, label="target")
-    axes.add_patch(plt.Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     axes.set_title(
         f"{row['plan']} {row['task']}, {row['policy']}: {row['ended']} after {row['steps']} steps, "
         f"{row['final_distance_m']:.1f} m away (the way was {row['shortest_m']:.1f} m)",

@@ -1,7 +1,7 @@
 """One episode of an evaluation: what it needs to run in any process, and all that is kept of it.
 
 What is kept is one compressed NumPy file: the scores as a row of the table, times, both trajectories, the goals, what
-the radio heard, and the map that the robot had built in the end. It holds enough to draw the episode without running
+the radio measured, and the map that the robot had built in the end. It holds enough to draw the episode without running
 it again, in some 20 kB. A process keeps the building of the last plan, since jobs come ordered by plan.
 """
 
@@ -22,7 +22,7 @@ from jaxtyping import Float, UInt8
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
 from robosim.episode import Decision, EpisodeConfig, run_episode
-from robosim.evaluation.ablations import PolicyName, configured
+from robosim.evaluation.ablations import configured
 from robosim.evaluation.rows import check_row, is_number, name_of
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
@@ -58,9 +58,11 @@ class Job:
     """What is searched."""
     plan_file: Path
     """Where."""
+    reader: str
+    """Who reads it."""
     repeat: int
     """Which repetition with other noise, from 0."""
-    policy: PolicyName
+    policy: str
     """Who chooses the goals."""
     config: EpisodeConfig
     """How, with what the policy asks for and the seed."""
@@ -73,6 +75,11 @@ class Job:
         task = self.task
         row = {"plan": task.plan, "task": task.number, "policy": self.policy, "repeat": self.repeat}
         return name_of(row)
+
+    def scene(self) -> tuple[Building, Reach]:
+        """Its building, and what the robot can reach there."""
+        config = self.config
+        return scene(self.plan_file, self.reader, config.building, config.simulator.robot.radius_m)
 
     def file(self, out: Path) -> Path:
         """Where the episode is kept below the folder of an evaluation."""
@@ -113,13 +120,14 @@ class Episode:
 
 
 def make_jobs(
-    suite: Suite, config: EpisodeConfig, policies: tuple[PolicyName, ...], repeats: int, made_by: str
+    suite: Suite, config: EpisodeConfig, policies: tuple[str, ...], repeats: int, made_by: str
 ) -> list[Job]:
     """Every task by every policy, ordered by plan, and there by policy, task and repetition."""
     return [
         Job(
             task=task,
             plan_file=file,
+            reader=suite.reader,
             repeat=repeat,
             policy=policy,
             config=replace(configured(config, policy), seed=task.seed(suite.seed, repeat)),
@@ -147,11 +155,11 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     # How a sum is split over threads changes its last bits, and there is one episode a core.
     torch.set_num_threads(1)
     begin = perf_counter()
-    building, places = scene(job.plan_file, job.config.building, job.config.simulator.robot.radius_m)
+    building, places = job.scene()
     task = _task(places, job.task)
     goals: list[np.ndarray] = []
 
-    def look(decision: Decision) -> None:
+    def look(log: EpisodeLog, decision: Decision) -> None:
         goals.append(np.array(decision.goal, float))
 
     log, estimate = run_episode(building, places, task, job.config, look, watch)
@@ -206,16 +214,16 @@ def _head(arrays: Mapping[str, np.ndarray], path: Path) -> Head:
 
 
 def draw_plan(
-    plan: str, file: Path, count: int, seed: int, building: BuildingConfig, radius_m: float
+    plan: str, file: Path, reader: str, count: int, seed: int, building: BuildingConfig, radius_m: float
 ) -> list[SuiteTask]:
     """Tasks in one plan, for a process of its own."""
-    return draw_tasks(plan, scene(file, building, radius_m)[1], count, seed)
+    return draw_tasks(plan, scene(file, reader, building, radius_m)[1], count, seed)
 
 
 @lru_cache(maxsize=1)
-def scene(plan_file: Path, config: BuildingConfig, radius_m: float) -> tuple[Building, Reach]:
+def scene(plan_file: Path, reader: str, config: BuildingConfig, radius_m: float) -> tuple[Building, Reach]:
     """The building of a plan and what a hull can reach in it; the last one is kept."""
-    building = make_building(read_plan(plan_file), config=config)
+    building = make_building(read_plan(plan_file, reader=reader), config=config)
     return building, reach(building, radius_m)
 
 

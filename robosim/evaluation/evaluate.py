@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
-from robosim.evaluation.ablations import POLICIES, PolicyName
+from robosim.evaluation.ablations import POLICY, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
@@ -23,21 +23,20 @@ from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, wr
 from robosim.evaluation.sweep import sweep
 from robosim.plans.files import find_plans
 from robosim.policies.goals import SEEKERS
-from robosim.support.checks import check_choice
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 
 
-def check_policies(names: Sequence[str]) -> tuple[PolicyName, ...]:
+def check_policies(names: Sequence[str]) -> tuple[str, ...]:
     """Policies by their names; if none is given all that seek the target, without variants of one.
 
     Raises:
         ValueError: If there is none of that name.
     """
     for name in names:
-        check_choice("policies", name, POLICIES)
-    return tuple(name for name in POLICIES if name in (names or SEEKERS))
+        POLICY.check("policies", name)
+    return tuple(sorted(set(names or SEEKERS), key=place_of))
 
 
 def find_suite(
@@ -46,6 +45,7 @@ def find_suite(
     *,
     targets: int | None,
     seed: int | None,
+    reader: str = "auto",
     workers: int,
     cluster: str | None = None,
     console: Console,
@@ -57,6 +57,7 @@ def find_suite(
         config: What says how plans become buildings and how large the robot is.
         targets: Tasks of each plan, 10 if not given.
         seed: What they are drawn from, 0 if not given.
+        reader: Who reads the plans, of `robosim.parts.READER`, by name or `module:Name`.
         workers: Processes at once.
         cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
@@ -66,15 +67,16 @@ def find_suite(
         MapError: If a plan cannot be read or has no room for the robot.
     """
     if any(is_suite(plan) for plan in plans):
-        if len(plans) > 1 or targets is not None or seed is not None:
+        if len(plans) > 1 or targets is not None or seed is not None or reader != "auto":
             raise ValueError(
-                "A suite file lists its plans, tasks and seed: give it alone, without plans, --targets and --seed."
+                "A suite file lists its plans, tasks, seed and reader: give it alone, without plans, --targets, --seed "
+                "and --reader."
             )
         return read_suite(plans[0])
     count, seed = 10 if targets is None else targets, 0 if seed is None else seed
-    files = name_plans(list(dict.fromkeys(find_plans(plans))))
+    files = name_plans(list(dict.fromkeys(find_plans(plans, reader))))
     radius_m = config.simulator.robot.radius_m
-    calls = [(name, file, count, seed, config.building, radius_m) for name, file in files.items()]
+    calls = [(name, file, reader, count, seed, config.building, radius_m) for name, file in files.items()]
     drawn = {}
     with (
         Workers(min(workers, len(calls) or 1), cluster, what="plans") as pool,
@@ -83,7 +85,9 @@ def find_suite(
         for _, tasks in pool.run(draw_plan, calls):
             drawn[tasks[0].plan] = tasks
             tell(tasks[0].plan)
-    return Suite(plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed)
+    return Suite(
+        plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed, reader=reader
+    )
 
 
 def evaluate(
@@ -91,7 +95,7 @@ def evaluate(
     out: Path,
     *,
     config: EpisodeConfig,
-    policies: Sequence[PolicyName],
+    policies: Sequence[str],
     repeats: int,
     workers: int,
     console: Console,
@@ -119,7 +123,7 @@ def evaluate(
     """
     check_weights(config)
     suite.check_places()
-    everyone: tuple[PolicyName, ...] = (
+    everyone = (
         "oracle",
         *(name for name in dict.fromkeys(policies) if name != "oracle"),
     )

@@ -16,6 +16,7 @@ from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.episodes import Episode, read_episode, scene
+from robosim.evaluation.suite import Suite
 from robosim.policies.arrival import FollowConfig
 from wireless.paths import LinkState
 
@@ -42,7 +43,7 @@ class Progress(NamedTuple):
 def progress(
     results: Path,
     rows: Sequence[Mapping[str, Any]],
-    plans: Mapping[str, Path],
+    suite: Suite,
     building: BuildingConfig,
     radius_m: float,
 ) -> dict[str, Progress]:
@@ -51,7 +52,7 @@ def progress(
     Args:
         results: Folder of the evaluation.
         rows: Its episodes.
-        plans: Plan files by name.
+        suite: What was searched.
         building: How plans became buildings.
         radius_m: Radius of the hull [m].
     """
@@ -59,7 +60,7 @@ def progress(
     for row in sorted((r for r in rows if r["policy"] in FOLLOWERS), key=lambda r: (r["plan"], r["task"])):
         name = f"{row['plan']}/{row['task']:03d}-{row['policy']}-{row['repeat']}.npz"
         episode = read_episode(results / "episodes" / name)
-        _, places = scene(plans[row["plan"]], building, radius_m)
+        _, places = scene(suite.plans[row["plan"]], suite.reader, building, radius_m)
         travel = places.travel_m(np.array(row["target"]))
         left = np.array([places.remaining_m(travel, pose[:2]) for pose in episode.poses])
         for told, metres in _gains(episode, left, explores=row["policy"] == "los-or-first"):

@@ -10,7 +10,6 @@ import hashlib
 import importlib.metadata
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +21,7 @@ from robosim.evaluation.suite import Suite
 from robosim.plans.files import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
+from robosim.support.parts import described
 from robosim.support.reading import read_bytes
 
 _PACKAGES = (
@@ -42,7 +42,7 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
     Raises:
         MapError: If a plan cannot be read.
     """
-    episode = plain(asdict(config))
+    episode = plain(described(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)
     for name, value in _flat(episode).items():
@@ -51,7 +51,7 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
             episode[f"{name} content"] = hashlib.sha256(content).hexdigest()[:16]
     return {
         "seed": suite.seed,
-        "plans": {name: read_plan(file).digest() for name, file in suite.plans.items()},
+        "plans": {name: read_plan(file, reader=suite.reader).digest() for name, file in suite.plans.items()},
         "tasks": {f"{t.plan}/{t.number}": [*t.start, *t.target] for t in suite.tasks},
         "episode": episode,
     }

@@ -19,11 +19,10 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.building.building import BuildingConfig
 from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
-from robosim.evaluation.episodes import Job, read_episode, scene
+from robosim.evaluation.episodes import Job, read_episode
 from robosim.evaluation.report import FailedEpisode, Page, write_report
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
@@ -69,7 +68,8 @@ def replay_command(job: Job, options: str) -> str:
     plan = next((name for name, file in shipped_plans().items() if file == job.plan_file), str(job.plan_file))
     start, target = (",".join(f"{v!r}" for v in place) for place in (job.task.start, job.task.target))
     words = f"--start {start} --target {target} --goal {job.policy} --seed {job.config.seed} {options}"
-    return f"robosim episode {shlex.quote(plan)} {words}".strip()
+    reader = "" if job.reader == "auto" else f" --reader {job.reader}"
+    return f"robosim episode {shlex.quote(plan)} {words}".strip() + reader
 
 
 def write_results(
@@ -174,8 +174,7 @@ def _draw_failed(
 
 def _draw(jobs: list[Job], out: Path) -> dict[str, bytes]:
     """Pictures of episodes of one plan, by their names."""
-    config: BuildingConfig = jobs[0].config.building
-    building, _ = scene(jobs[0].plan_file, config, jobs[0].config.simulator.robot.radius_m)
+    building, _ = jobs[0].scene()
     return {job.name: _small(episode_picture(building, read_episode(job.file(out)))) for job in jobs}
 
 

@@ -8,7 +8,7 @@ Reference: arXiv 2110.14789.
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,18 +18,20 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.picture import STATE_COLOURS
 from robosim.drawing.plots import TARGET, TRUE, draw_walls, save_figure
-from robosim.evaluation.ablations import POLICIES, PolicyName
+from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
 from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise
-from robosim.evaluation.suite import read_suite
+from robosim.evaluation.suite import Suite, read_suite
 from robosim.plans.files import read_plan
 from robosim.policies.goals import SEEKERS
 from robosim.support.reading import FileError, naming, shown
@@ -60,7 +62,7 @@ class Example:
 
 
 def draw_search(
-    results: Path, out: Path, follower: PolicyName = "snr", better: PolicyName = "los-or-first"
+    results: Path, out: Path, follower: str = "snr", better: str = "los-or-first"
 ) -> tuple[Path, list[str]]:
     """Draw the figures from a folder of `robosim evaluate`, finished or not.
 
@@ -121,7 +123,7 @@ def _rows(results: Path) -> list[dict[str, Any]]:
     files = sorted((results / "episodes").glob("*/*.npz"))
     if not files or not os.path.lexists(results / _SUITE):
         raise FileError(f"{shown(results)}: no episodes. Expected a folder of `robosim evaluate`.")
-    plans = _plans(results)
+    plans = _suite(results).plans
     rows = [read_head(file).row for file in files]
     if foreign := [row["plan"] for row in rows if row["plan"] not in plans]:
         raise FileError(
@@ -131,15 +133,13 @@ def _rows(results: Path) -> list[dict[str, Any]]:
     kept = [row for row in rows if (row["plan"], row["task"]) in judged]
     if not kept:
         raise FileError(f"{shown(results)}: no episode of the oracle yet. Let `robosim evaluate` go on.")
-    return sorted(
-        kept, key=lambda row: (POLICIES.index(row["policy"]), row["plan"], row["task"], row["repeat"])
-    )
+    return sorted(kept, key=lambda row: (place_of(row["policy"]), row["plan"], row["task"], row["repeat"]))
 
 
 def _following(results: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
     """Whether arrivals that were followed led on."""
     config, radius_m = _scenes(results)
-    found = progress(results, rows, _plans(results), config, radius_m)
+    found = progress(results, rows, _suite(results), config, radius_m)
     return ["Following an arrival, by the link state believed in:", *told(found)] if found else []
 
 
@@ -235,12 +235,12 @@ def example_figure(building: Building, example: Example) -> Figure:
     panels[0].set_ylabel("y [m]")
     first, stayed = example.stay
     centre = example.stuck.poses[first, :2]
-    panels[0].add_patch(plt.Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
+    panels[0].add_patch(Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
     panels[0].annotate(
         f"stays {stayed} decisions", centre, (0, 28), textcoords="offset points", ha="center", fontsize=9
     )
     handles = [
-        plt.Line2D([], [], marker="o", ls="", color=_rgb(state), label=state.name.lower().replace("_", " "))
+        Line2D([], [], marker="o", ls="", color=_rgb(state), label=state.name.lower().replace("_", " "))
         for state in LinkState
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -256,7 +256,7 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
         axes.scatter(x, y, c=colours, s=14, zorder=3)
     axes.plot(*episode.poses[0, :2], "o", mfc="none", mec=TRUE, mew=2, ms=12, zorder=4)
     axes.plot(*row["target"], "*", color=TARGET, mec="k", ms=16, zorder=4)
-    axes.add_patch(plt.Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
         f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",
@@ -273,11 +273,12 @@ def _rgb(state: LinkState) -> tuple[float, float, float]:
 def _building(results: Path, plan: str) -> Building:
     """The building of a plan, made as its episodes had it."""
     config, _ = _scenes(results)
-    return make_building(read_plan(_plans(results)[plan]), config=config)
+    suite = _suite(results)
+    return make_building(read_plan(suite.plans[plan], reader=suite.reader), config=config)
 
 
-def _plans(results: Path) -> Mapping[str, Path]:
-    return read_suite(results / _SUITE).plans
+def _suite(results: Path) -> Suite:
+    return read_suite(results / _SUITE)
 
 
 def _scenes(results: Path) -> tuple[BuildingConfig, float]:

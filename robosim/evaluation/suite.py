@@ -28,6 +28,7 @@ import yaml
 
 from robosim.building.reach import Reach
 from robosim.evaluation.rows import is_number
+from robosim.parts import READER
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FARTHEST_M
 from robosim.support.assets import shipped_plans
@@ -76,6 +77,8 @@ class Suite:
     """Ordered by plan."""
     seed: int = 0
     """What the tasks and all noise are drawn from."""
+    reader: str = "auto"
+    """Who reads the plans, of `robosim.parts.READER`, by name or `module:Name`."""
     file: Path | None = field(default=None, compare=False)
     """What it was read from."""
 
@@ -86,7 +89,7 @@ class Suite:
             ValueError: If one does; the message names the suite's file and the task.
             MapError: If a plan cannot be read.
         """
-        plans = {name: read_plan(file) for name, file in self.plans.items()}
+        plans = {name: read_plan(file, reader=self.reader) for name, file in self.plans.items()}
         for task in self.tasks:
             plan = plans[task.plan]
             for what, place in (("start", task.start[:2]), ("target", task.target)):
@@ -169,6 +172,9 @@ def _suite(content: Mapping[str, Any], path: Path) -> Suite:
         raise FileError(f"`plans` is {_short(listed)}, expected file by name, as in {{flat: flat}}.")
     if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
         raise FileError(f"`seed` is {_short(seed)}, expected a whole number of 0 or more.")
+    reader = str(content.get("reader", "auto"))
+    if reader != "auto":
+        READER.check("`reader`", reader)
     for name in map(str, listed):
         if not is_plan_name(name):
             raise FileError(f"plan {_short(name)} names files too; use letters, digits, - and _.")
@@ -186,7 +192,7 @@ def _suite(content: Mapping[str, Any], path: Path) -> Suite:
         raise FileError("the list of tasks is empty.")
     order = {name: place for place, name in enumerate(plans)}
     ordered = tuple(sorted(tasks, key=lambda t: (order[t.plan], t.number)))
-    return Suite(plans=plans, tasks=ordered, seed=seed, file=path)
+    return Suite(plans=plans, tasks=ordered, seed=seed, reader=reader, file=path)
 
 
 def is_plan_name(name: str) -> bool:
@@ -205,11 +211,14 @@ def write_suite(suite: Suite, path: Path) -> None:
     tasks = [
         {"plan": task.plan, "start": list(task.start), "target": list(task.target)} for task in suite.tasks
     ]
+    head = {"seed": suite.seed, "plans": plans}
+    if suite.reader != "auto":
+        head["reader"] = suite.reader
     with whole_file(path) as partial:
         if path.suffix.lower() == ".json":
-            text = json.dumps({"seed": suite.seed, "plans": plans, "tasks": tasks}, indent=1) + "\n"
+            text = json.dumps({**head, "tasks": tasks}, indent=1) + "\n"
         else:
-            text = yaml.safe_dump({"seed": suite.seed, "plans": plans}, sort_keys=False)
+            text = yaml.safe_dump(head, sort_keys=False)
             text += yaml.safe_dump({"tasks": tasks}, sort_keys=False, default_flow_style=None, width=200)
         partial.write_text(text, encoding="utf-8")
 

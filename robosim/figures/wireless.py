@@ -11,28 +11,29 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Shaped, UInt8
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from robosim.bench.estimation import PUBLISHED, on_plan, pooled, trace_links
-from robosim.bench.estimation_report import draw_shares
 from robosim.building.building import BuildingConfig
 from robosim.building.outline import check_tolerance
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.links import choose_telling, link_figure
 from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import draw_state
+from robosim.drawing.shares import draw_shares
+from robosim.evaluation.arrivals import PUBLISHED, on_plan, pooled, trace_links
 from robosim.figures.training import draw_training
+from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link_state import read_classifier
 from robosim.radio.receivers import check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.assets import shipped_weights
-from robosim.support.checks import SEED, check_network, check_numbers
+from robosim.support.checks import SEED, check_numbers
 from robosim.support.progress import tracked
 from wireless.antennas.codebook import terminal_named
 from wireless.antennas.figures import arrays_figure
@@ -69,7 +70,7 @@ class FiguresConfig:
         check_step(self.grid_m)
         check_tolerance(self.tolerance_m)
         if self.classifier is not None:
-            check_network("classifier", self.classifier, shipped_weights())
+            CLASSIFIER.check("classifier", self.classifier)
 
     @property
     def radio(self) -> RadioConfig:
@@ -174,7 +175,7 @@ def _draw_links(
     return pictures, notes
 
 
-def _draw_errors(rows: list[dict], n_plans: int, out: Path) -> Picture:
+def _draw_errors(rows: list[dict[str, Any]], n_plans: int, out: Path) -> Picture:
     """Errors of the strongest path's azimuth of arrival."""
     summary = pooled(rows)
     figure = Figure(figsize=(8, 5.6), layout="constrained")

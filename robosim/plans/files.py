@@ -9,16 +9,20 @@
 - ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
 - ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`).
 
-A bare name is a plan that comes with the package (`robosim.support.assets`). `write_ros` and `write_png` write.
+A bare name is a plan that comes with the package (`robosim.support.assets`). A reader of your own is one of
+`robosim.parts.READER`. `write_ros` and `write_png` write.
 """
 
 import stat
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
+from typing import Protocol, runtime_checkable
 
+from robosim.parts import READER
 from robosim.plans.floorplan import FloorPlan, MapError, check_resolution
 from robosim.plans.formats import mesh_slice
 from robosim.plans.formats.houseexpo import read_houseexpo
@@ -28,6 +32,7 @@ from robosim.plans.formats.plan_array import plan_from_array, read_npy
 from robosim.plans.formats.plan_image import read_image_plan, write_png
 from robosim.plans.formats.ros_map import read_ros, write_ros
 from robosim.support.assets import shipped_plans
+from robosim.support.parts import Part
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
 from robosim.support.text_in import MOST_JSON
 
@@ -35,9 +40,41 @@ __all__ = ["find_plans", "plan_from_array", "read_plan", "write_png", "write_ros
 
 IMAGES = (".pgm", ".png", ".bmp", ".tif", ".tiff", ".gif", ".jpg", ".jpeg", ".webp", ".pbm", ".ppm", ".pnm")
 MESHES = (".glb", ".gltf", ".ply", ".obj", ".stl", ".off")
-_ROS = (".yaml", ".yml")
+#: Reader of each ending, of `robosim.parts.READER`.
+_READERS = {
+    ".yaml": "ros",
+    ".yml": "ros",
+    **dict.fromkeys(IMAGES, "image"),
+    ".out": "mmwrobotnav",
+    ".json": "houseexpo",
+    ".npy": "array",
+    **dict.fromkeys(MESHES, "mesh"),
+}
 _FILES_OF_A_HINT = 1000
-_KNOWN = (*_ROS, *IMAGES, ".out", ".json", ".npy", *MESHES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Said:
+    """What was said of a plan beside its file; readers take what they need."""
+
+    resolution_m: float | None = None
+    """Side of a cell [m]."""
+    floor_height_m: float | None = None
+    """Height of the storey's floor [m]."""
+    slice_m: tuple[float, float] | None = None
+    """Heights above the floor between which nothing may stand in free cells [m]."""
+    up: UpAxis = "auto"
+    """Axis that points up."""
+    unit_m: float = 1.0
+    """Unit of length [m]."""
+
+
+@runtime_checkable
+class PlanReader(Protocol):
+    """Reads floor plans of one format."""
+
+    def __call__(self, path: Path, said: Said) -> FloorPlan:
+        """The plan in a file. `MapError`, a ValueError, says what is wrong with one that is damaged."""
 
 
 def read_plan(
@@ -48,6 +85,7 @@ def read_plan(
     slice_m: tuple[float, float] | None = None,
     up: UpAxis = "auto",
     unit_m: float = 1.0,
+    reader: Part = "auto",
 ) -> FloorPlan:
     """Read a floor plan from a file of any known format, or a shipped one by its name.
 
@@ -60,6 +98,7 @@ def read_plan(
             0.2 to 1.5 if not given.
         up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
         unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres.
+        reader: Who reads it, of `robosim.parts.READER`; "auto" goes by the file's ending.
 
     Returns:
         The plan; rows of images, which grow downwards, are turned so that y grows upwards.
@@ -67,43 +106,21 @@ def read_plan(
     Raises:
         MapError: If there is no such file, its kind is unknown, an option does not apply to it, or its
             content is damaged or senseless. The message names the file, the value and the fix.
+        ValueError: If there is no such reader.
     """
-    path = _resolve(path)
-    suffix = path.suffix.lower()
-    if resolution_m is not None and suffix in _ROS:
-        raise MapError(
-            f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
-        )
-    mesh_options = {
-        "floor height": floor_height_m,
-        "slice": slice_m,
-        "up axis": None if up == "auto" else up,
-        "unit": None if unit_m == 1.0 else unit_m,
-    }
-    for name, value in mesh_options.items():
-        if value is not None and suffix not in MESHES:
-            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
+    path = _resolve(path, any_ending=reader != "auto")
+    said = Said(
+        resolution_m=resolution_m, floor_height_m=floor_height_m, slice_m=slice_m, up=up, unit_m=unit_m
+    )
+    if reader == "auto":
+        reader = _READERS[path.suffix.lower()]
+    read: PlanReader = READER.make(reader, field="reader")
+    if isinstance(reader, str) and reader in READER.shipped:
+        _check_said(path, said, reader)
     try:
         if resolution_m is not None:
             check_resolution(resolution_m)
-        if suffix in _ROS:
-            return read_ros(path)
-        if suffix in IMAGES:
-            return read_image_plan(path, resolution_m)
-        if suffix == ".npy":
-            return read_npy(path, resolution_m)
-        if suffix == ".out":
-            return read_mmwrobotnav(path, resolution_m or 0.05)
-        if suffix == ".json":
-            return read_houseexpo(path, resolution_m or 0.05)
-        return read_mesh(
-            path,
-            resolution_m=resolution_m or mesh_slice.RESOLUTION_M,
-            floor_height_m=floor_height_m,
-            slice_m=slice_m or mesh_slice.SLICE_M,
-            up=up,
-            unit_m=unit_m,
-        )
+        return read(path, said)
     except MapError as error:
         # What is wrong with the plan as such is said by its name; the user knows it by its file.
         if shown(path) in str(error):
@@ -111,8 +128,62 @@ def read_plan(
         raise MapError(f"{shown(path)}: {error}") from error
 
 
-def _resolve(path: str | Path) -> Path:
-    """The file that is meant, of a known kind."""
+def _check_said(path: Path, said: Said, reader: str) -> None:
+    """Refuse what a reader that comes with this package would not look at."""
+    if said.resolution_m is not None and reader == "ros":
+        raise MapError(
+            f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
+        )
+    of_meshes = {
+        "floor height": said.floor_height_m,
+        "slice": said.slice_m,
+        "up axis": None if said.up == "auto" else said.up,
+        "unit": None if said.unit_m == 1.0 else said.unit_m,
+    }
+    for name, value in of_meshes.items():
+        if value is not None and reader != "mesh":
+            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
+
+
+def ros_map(path: Path, said: Said) -> FloorPlan:
+    """A ROS map_server map."""
+    return read_ros(path)
+
+
+def image(path: Path, said: Said) -> FloorPlan:
+    """A picture in which light is free."""
+    return read_image_plan(path, said.resolution_m)
+
+
+def array(path: Path, said: Said) -> FloorPlan:
+    """A NumPy array."""
+    return read_npy(path, said.resolution_m)
+
+
+def navigation_grid(path: Path, said: Said) -> FloorPlan:
+    """A grid of mmwRobotNav."""
+    return read_mmwrobotnav(path, said.resolution_m or 0.05)
+
+
+def house(path: Path, said: Said) -> FloorPlan:
+    """A plan of HouseExpo."""
+    return read_houseexpo(path, said.resolution_m or 0.05)
+
+
+def storey(path: Path, said: Said) -> FloorPlan:
+    """A slice of a mesh."""
+    return read_mesh(
+        path,
+        resolution_m=said.resolution_m or mesh_slice.RESOLUTION_M,
+        floor_height_m=said.floor_height_m,
+        slice_m=said.slice_m or mesh_slice.SLICE_M,
+        up=said.up,
+        unit_m=said.unit_m,
+    )
+
+
+def _resolve(path: str | Path, *, any_ending: bool = False) -> Path:
+    """The file that is meant, of a known kind unless any will do."""
     file = expanded(path)
     if _is_folder(file):
         raise MapError(f"{shown(file)}: is a folder, expected one floor plan.{_plans_inside(file)}")
@@ -123,10 +194,10 @@ def _resolve(path: str | Path) -> Path:
         raise MapError(
             f"{shown(file)}: no such file, and no shipped plan of that name.{_did_you_mean(file, shipped)}"
         )
-    if file.suffix.lower() not in _KNOWN:
+    if not any_ending and file.suffix.lower() not in _READERS:
         raise MapError(
-            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(_KNOWN)}. "
-            "Rename or convert the file."
+            f"{shown(file)}: the ending '{shown(file.suffix)}' is unknown, expected one of {' '.join(_READERS)}. "
+            "Rename or convert the file, or give a reader of your own: --reader module:Name."
         )
     return file
 
@@ -145,7 +216,7 @@ def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
     """A hint at files and shipped plans with a similar name."""
     names = {name: name for name in shipped}
     with suppress(OSError):
-        beside = [p for p in file.parent.iterdir() if p.suffix.lower() in _KNOWN]
+        beside = [p for p in file.parent.iterdir() if p.suffix.lower() in _READERS]
         names.update({p.name: str(p) for p in beside})
         names.update({Path(name).stem: full for name, full in list(names.items()) if full not in shipped})
     near = get_close_matches(file.name, names, 2, cutoff=0.7)
@@ -163,7 +234,7 @@ def _plans_inside(folder: Path) -> str:
     return f" Inside are {', '.join(shown(p.relative_to(folder)) for p in inside[:5])}{more}."
 
 
-def find_plans(plans: Sequence[str | Path]) -> list[Path]:
+def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]:
     """Files of floor plans: those given, shipped ones by name, and all that lie in given folders, in order.
 
     In folders, ROS maps, mmwRobotNav grids and HouseExpo files count; images, arrays and meshes do not, since
@@ -176,7 +247,7 @@ def find_plans(plans: Sequence[str | Path]) -> list[Path]:
     for plan in plans:
         folder = expanded(plan)
         if not _is_folder(folder):
-            found.append(_resolve(plan))
+            found.append(_resolve(plan, any_ending=reader != "auto"))
             continue
         inside = _plans_in(folder)
         if not inside:

@@ -11,12 +11,16 @@ a margin (``eroded_m``, the radius of the agent they were made for) had been tak
 
 import hashlib
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.support.reading import FileError
+from wireless.support.axes import axes_in_metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
@@ -78,6 +82,11 @@ class FloorPlan:
         problem = self._problem_of_grid() or self._problem_of_place()
         if problem:
             raise MapError(f"{self.name}: {problem}")
+
+    def __repr__(self) -> str:
+        rows, columns = self.shape
+        area_m2 = self.free.sum() * self.resolution_m**2
+        return f"<FloorPlan {self.name!r}: {columns} x {rows} cells of {self.resolution_m:g} m, {area_m2:.1f} m2 free>"
 
     def _problem_of_grid(self) -> str | None:
         """What is wrong with the cells, if anything."""
@@ -147,6 +156,31 @@ class FloorPlan:
         x, y, yaw = self.origin
         c, s = np.cos(yaw), np.sin(yaw)
         return (np.asarray(points, float) - (x, y)) @ np.array([[c, -s], [s, c]]) / self.resolution_m
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the cells in `map`: free ones white, occupied ones black, unknown ones grey.
+
+        Args:
+            axes: Where to draw; None for axes of a new figure.
+        """
+        from matplotlib.transforms import Affine2D
+
+        axes = axes_in_metres(axes)
+        shades = np.array([255, 0, 200], np.uint8)  # of FREE, OCCUPIED, UNKNOWN
+        ny, nx = self.shape
+        x, y, yaw = self.origin
+        placed = Affine2D().scale(self.resolution_m).rotate(yaw).translate(x, y)
+        image = axes.imshow(
+            shades[self.occupancy], cmap="gray", vmin=0, vmax=255, origin="lower", extent=(0, nx, 0, ny)
+        )
+        image.set_transform(placed + axes.transData)
+        # What an image covers is told without regard to how it was turned.
+        corners = self.to_map(np.array([[0.0, 0], [nx, 0], [nx, ny], [0, ny]]))
+        axes.set(
+            xlim=(corners[:, 0].min(), corners[:, 0].max()), ylim=(corners[:, 1].min(), corners[:, 1].max())
+        )
+        axes.set_title(self.name, parse_math=False)  # names may have dollars in them
+        return axes
 
     def centres(self, mask: Bool[np.ndarray, "ny nx"]) -> Float[np.ndarray, "n 2"]:
         """Points (x, y) [m] in `map` of the centres of the cells where `mask` holds, row by row."""

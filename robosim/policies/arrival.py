@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from robosim.support.checks import check_numbers
 from wireless.paths import LinkState
 
@@ -95,7 +95,7 @@ class FollowArrival:
         self._left_alone = 0
         self._dwelt = 0
 
-    def goal(self, heard: Heard, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
+    def goal(self, measurement: Measurement, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path in `map` [m]; None if it is not to be followed now."""
         if self._left_alone > 0:
             self._left_alone -= 1
@@ -103,7 +103,7 @@ class FollowArrival:
         self._age += 1
         kept = self._goal is not None and self._age < self._config.every
         if not kept or math.hypot(*(self._goal - pose[:2])) < self._config.reached_m:
-            self._goal, self._age = self._ahead(heard, pose), 0
+            self._goal, self._age = self._ahead(measurement, pose), 0
         if self._goal is not None and self._dwelling.at(pose[:2]):
             self._dwelt += 1
             self._left_alone = self._config.leave_steps * self._dwelt
@@ -111,9 +111,9 @@ class FollowArrival:
             self._dwelling.forget()
         return self._goal
 
-    def _ahead(self, heard: Heard, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
-        strong = len(heard.snr_db) > 0 and heard.snr_db[0] >= self._config.min_snr_db
-        if not strong or heard.state not in self._trusted:
+    def _ahead(self, measurement: Measurement, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"] | None:
+        strong = len(measurement.snr_db) > 0 and measurement.snr_db[0] >= self._config.min_snr_db
+        if not strong or measurement.state not in self._trusted:
             return None
-        angle = float(heard.aoa_rad[0])
+        angle = float(measurement.aoa_rad[0])
         return pose[:2] + self._config.ahead_m * np.array([math.cos(angle), math.sin(angle)])

@@ -1,4 +1,4 @@
-"""Where the target may be: a probability for each cell, from all that was heard so far and the map as known then.
+"""Where the target may be: a probability for each cell, from all that was measured so far and the map as known then.
 
 Each measurement says something for each link state that it may have had:
 
@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Float32
 from scipy.constants import speed_of_light
 
 from robosim.policies.sightlines import Knowledge, bent, in_sight, knowledge
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
@@ -99,14 +99,14 @@ class TargetBelief:
         p = np.exp(self._log - self._log.max())
         return p / p.sum()
 
-    def hear(self, heard: Heard, estimate: MapEstimate) -> bool:
+    def add(self, measurement: Measurement, estimate: MapEstimate) -> bool:
         """Take in a measurement; says whether it counted, being far enough from the last one that did."""
-        place = heard.pose[:2]
+        place = measurement.pose[:2]
         if self._last is not None and math.hypot(*(place - self._last)) < self.config.apart_m:
             return False
         self._last = place.copy()
         known = knowledge(estimate, beside_m=0.2)
-        density = self._density(heard, known)
+        density = self._density(measurement, known)
         flat = np.float32(self.config.doubt / density.size)
         told = np.log(flat + (1 - np.float32(self.config.doubt)) * density)
         if self.config.remembers:
@@ -132,27 +132,27 @@ class TargetBelief:
         mass = p[part]
         return (self._centres[part] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
 
-    def _density(self, heard: Heard, known: Knowledge) -> Float32[np.ndarray, "ny nx"]:
+    def _density(self, measurement: Measurement, known: Knowledge) -> Float32[np.ndarray, "ny nx"]:
         """Density of the target's place given one measurement."""
-        place = heard.pose[:2]
+        place = measurement.pose[:2]
         surely, _ = in_sight(known, place, self.frame, self.config.half_side_m)
         hidden = np.where(surely, np.float32(self.config.in_sight), np.float32(1.0))
-        probability = heard.probability.astype(np.float32)
+        probability = measurement.probability.astype(np.float32)
         total = probability[LinkState.OUTAGE] * _normal(hidden)
-        if not len(heard.aoa_rad):
+        if not len(measurement.aoa_rad):
             return (
                 total / probability[LinkState.OUTAGE]
                 if probability[LinkState.OUTAGE] > 0
                 else _normal(hidden)
             )
-        free_m = self._free_m(float(heard.gain_db[0]))
+        free_m = self._free_m(float(measurement.gain_db[0]))
         distance = np.hypot(*(self._centres - place).transpose(2, 0, 1)).astype(np.float32)
         if probability[LinkState.LOS] > 1e-3:
-            total = total + probability[LinkState.LOS] * self._straight(heard, known, free_m, distance)
+            total = total + probability[LinkState.LOS] * self._straight(measurement, known, free_m, distance)
         if probability[LinkState.FIRST_ORDER] > 1e-3:
             spread = math.radians(self.config.departure_deg)
-            aoa = float(heard.aoa_rad[0])
-            aod = float(heard.aod_rad[0]) if self.config.departures else None
+            aoa = float(measurement.aoa_rad[0])
+            aod = float(measurement.aod_rad[0]) if self.config.departures else None
             once = bent(known, place, aoa, aod, spread, free_m, self.frame) * hidden
             total = total + probability[LinkState.FIRST_ORDER] * _normal(once if once.any() else hidden)
         if probability[LinkState.HIGHER_ORDER] > 1e-3:
@@ -161,14 +161,22 @@ class TargetBelief:
         return total
 
     def _straight(
-        self, heard: Heard, known: Knowledge, free_m: float, distance: Float32[np.ndarray, "ny nx"]
+        self,
+        measurement: Measurement,
+        known: Knowledge,
+        free_m: float,
+        distance: Float32[np.ndarray, "ny nx"],
     ) -> Float32[np.ndarray, "ny nx"]:
         """Density in line of sight: along the arrival, as far as the power says, nothing known between."""
-        c, place = self.config, heard.pose[:2]
+        c, place = self.config, measurement.pose[:2]
         near = np.maximum(distance, 0.5 * c.cell_m)
         off = self._centres - place
-        aside = off[..., 1] * math.cos(heard.aoa_rad[0]) - off[..., 0] * math.sin(heard.aoa_rad[0])
-        ahead = off[..., 0] * math.cos(heard.aoa_rad[0]) + off[..., 1] * math.sin(heard.aoa_rad[0])
+        aside = off[..., 1] * math.cos(measurement.aoa_rad[0]) - off[..., 0] * math.sin(
+            measurement.aoa_rad[0]
+        )
+        ahead = off[..., 0] * math.cos(measurement.aoa_rad[0]) + off[..., 1] * math.sin(
+            measurement.aoa_rad[0]
+        )
         spread = np.hypot(np.radians(c.arrival_deg) * near, 0.5 * c.cell_m)
         power = 20 * np.log10(near / free_m) / np.hypot(c.power_db, 8.7 * 0.5 * c.cell_m / near)
         density = np.exp(-0.5 * ((aside / spread) ** 2 + power**2)).astype(np.float32)

@@ -14,11 +14,11 @@ from jaxtyping import Float
 
 from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.policies.belief import BeliefConfig, TargetBelief
-from robosim.policies.moment import Moment
 from robosim.policies.sightlines import in_sight, knowledge
+from robosim.policies.situation import Situation
 from robosim.support.checks import check_numbers
 from slam.actions import FORWARD_M, TURN_RAD
-from slam.exploration.explorer import FrontierExplorer
+from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import Frontier, find_frontiers
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box
@@ -33,7 +33,7 @@ class FusedConfig:
 
     belief: BeliefConfig = field(default_factory=BeliefConfig)
     """How the belief is formed."""
-    looks: bool = True
+    uses_camera: bool = True
     """Whether the target is looked for in pictures."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
@@ -73,11 +73,11 @@ class FusedConfig:
 class Fused:
     """Goes where the target is believed to be, or where most is learnt about it."""
 
-    seeks_target, listens = True, True
+    seeks_target, uses_radio = True, True
 
-    def __init__(self, explorer: FrontierExplorer, config: FusedConfig | None = None) -> None:
+    def __init__(self, explorer: Explorer, config: FusedConfig | None = None) -> None:
         self.config = config or FusedConfig()
-        self.looks = self.config.looks
+        self.uses_camera = self.config.uses_camera
         self._explorer = explorer
         self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
         self.belief: TargetBelief | None = None
@@ -87,17 +87,17 @@ class Fused:
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """Where the target is, or is believed to be, or where most is learnt about it."""
-        estimate, here = moment.estimate, moment.estimate.pose[:2]
+        estimate, here = situation.estimate, situation.estimate.pose[:2]
         if self.belief is None:
             self.belief = TargetBelief(here, self.config.belief)
-        self.belief.hear(moment.listened(), estimate)
-        if moment.target is not None:
-            self._seen = to_map(estimate.pose, moment.target)
+        self.belief.add(situation.measured(), estimate)
+        if situation.target is not None:
+            self._seen = to_map(estimate.pose, situation.target)
         if self._seen is not None:
             return self._seen
-        straight = self._in_sight.goal(moment.listened(), estimate.pose)
+        straight = self._in_sight.goal(situation.measured(), estimate.pose)
         if straight is not None:
             self._goal = None
             return straight

@@ -1,8 +1,8 @@
 """Goal policies: where the robot wants to be, given what it knows.
 
-A policy is handed a `Moment`: the map and pose that the robot has estimated, what its radio heard, where its camera
-saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar that
-the others' arrival times are measured against. All policies are asked once a decision, and all arrive by one rule.
+A policy is handed a `Situation`: the map and pose that the robot has estimated, what its radio measured, where its
+camera saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar
+that the others' arrival times are measured against. All policies are asked once a decision, and all arrive by one rule.
 
     oracle         knows the target
     explore        goes where the map ends; does not look for the target
@@ -15,48 +15,40 @@ the others' arrival times are measured against. All policies are asked once a de
 Reference: arXiv 2110.14789 for all but the last.
 """
 
-from typing import Literal, Protocol, get_args, runtime_checkable
+from dataclasses import dataclass, field
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
+from robosim.parts import GOAL
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import Fused, FusedConfig
-from robosim.policies.moment import Moment
-from robosim.support.checks import check_choice
-from robosim.task.tasks import Task
-from slam.exploration.explorer import FrontierExplorer
+from robosim.policies.situation import Situation
+from robosim.support.parts import Part
+from slam.exploration.explorer import Explorer
 from slam.poses import to_map
 from wireless.paths import LinkState
 
-GoalName = Literal["oracle", "explore", "visual", "snr", "los", "los-or-first", "fused"]
-
-#: Policies that look for the target.
-SEEKERS: tuple[GoalName, ...] = tuple(name for name in get_args(GoalName) if name != "explore")
-
-#: Link states in which a policy follows the strongest path.
-_TRUSTED: dict[str, tuple[LinkState, ...]] = {
-    "snr": (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER),
-    "los": (LinkState.LOS,),
-    "los-or-first": (LinkState.LOS, LinkState.FIRST_ORDER),
-}
+#: Policies that come with this package and look for the target.
+SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 
 
 @runtime_checkable
 class GoalPolicy(Protocol):
-    """Chooses a goal once a decision."""
+    """Chooses a goal once a decision; what derives from this class takes what it does not say from here."""
 
     #: Whether the policy looks for the target, so that an episode ends on arrival.
-    seeks_target: bool
+    seeks_target: bool = True
     #: Whether it needs the radio.
-    listens: bool
+    uses_radio: bool = False
     #: Whether it needs the target recognised in pictures.
-    looks: bool
+    uses_camera: bool = False
     #: Where it takes the target to be; None if it keeps no such belief.
-    belief: TargetBelief | None
+    belief: TargetBelief | None = None
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
         ...
 
@@ -64,13 +56,13 @@ class GoalPolicy(Protocol):
 class Oracle:
     """Knows where the target is."""
 
-    seeks_target, listens, looks = True, False, False
+    seeks_target, uses_radio, uses_camera = True, False, False
     belief: TargetBelief | None = None
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """The target."""
         return self._target
 
@@ -78,71 +70,109 @@ class Oracle:
 class Explore:
     """Goes where the map ends, until it ends nowhere."""
 
-    seeks_target, listens, looks = False, False, False
+    seeks_target, uses_radio, uses_camera = False, False, False
     belief: TargetBelief | None = None
 
-    def __init__(self, explorer: FrontierExplorer) -> None:
+    def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A frontier, or None when all that can be reached is explored."""
-        return self._explorer.goal(moment.estimate)
+        return self._explorer.goal(situation.estimate)
 
 
 class Visual:
     """Explores until the target is seen, then goes to where it was seen last."""
 
-    seeks_target, listens, looks = True, False, True
+    seeks_target, uses_radio, uses_camera = True, False, True
     belief: TargetBelief | None = None
 
-    def __init__(self, explorer: FrontierExplorer) -> None:
+    def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
         self._seen: np.ndarray | None = None
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """The target if it was ever seen, else a frontier."""
-        if moment.target is not None:
-            self._seen = to_map(moment.estimate.pose, moment.target)
-        return self._explorer.goal(moment.estimate) if self._seen is None else self._seen
+        if situation.target is not None:
+            self._seen = to_map(situation.estimate.pose, situation.target)
+        return self._explorer.goal(situation.estimate) if self._seen is None else self._seen
 
 
 class Wireless:
     """Follows the strongest path in trusted link states, and explores in others."""
 
-    seeks_target, listens, looks = True, True, False
+    seeks_target, uses_radio, uses_camera = True, True, False
     belief: TargetBelief | None = None
 
-    def __init__(self, explorer: FrontierExplorer, trusted: tuple[LinkState, ...]) -> None:
+    def __init__(self, explorer: Explorer, trusted: tuple[LinkState, ...]) -> None:
         self._explorer = explorer
         self._follow = FollowArrival(trusted)
 
-    def goal(self, moment: Moment) -> Float[np.ndarray, "2"] | None:
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""
-        ahead = self._follow.goal(moment.listened(), moment.estimate.pose)
-        return self._explorer.goal(moment.estimate) if ahead is None else ahead
+        ahead = self._follow.goal(situation.measured(), situation.estimate.pose)
+        return self._explorer.goal(situation.estimate) if ahead is None else ahead
 
 
-def make_policy(
-    name: GoalName, task: Task, explorer: FrontierExplorer, fused: FusedConfig | None = None
-) -> GoalPolicy:
-    """A goal policy by its name.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PolicyContext:
+    """What a goal policy is made from."""
+
+    explorer: Explorer
+    """Who chooses among frontiers."""
+    fused: FusedConfig = field(default_factory=FusedConfig)
+    """How `fused` weighs what it knows."""
+    target: Float[np.ndarray, "2"] | None = None
+    """Where the target truly is: for the oracle alone, and for what is compared with it."""
+
+
+def make_policy(goal: Part, context: PolicyContext) -> GoalPolicy:
+    """A goal policy.
 
     Args:
-        name: Its name.
-        task: What the oracle is told.
-        explorer: Who chooses among frontiers.
-        fused: How `fused` weighs what it knows.
+        goal: Its name, `module:Name`, an object, or a class or function that makes one from a `PolicyContext`.
+        context: What it is made from.
 
     Raises:
-        ValueError: If there is none of that name.
+        ValueError: If there is no such policy.
     """
-    check_choice("goal", name, get_args(GoalName))
-    if name == "oracle":
-        return Oracle(task.target)
-    if name == "explore":
-        return Explore(explorer)
-    if name == "visual":
-        return Visual(explorer)
-    if name in _TRUSTED:
-        return Wireless(explorer, _TRUSTED[name])
-    return Fused(explorer, fused)
+    policy: GoalPolicy = GOAL.make(goal, context, field="goal")
+    return policy
+
+
+def oracle(context: PolicyContext) -> Oracle:
+    """Knows the target."""
+    if context.target is None:
+        raise ValueError("target is None, but the oracle has to be told where it is.")
+    return Oracle(context.target)
+
+
+def explore(context: PolicyContext) -> Explore:
+    """Goes where the map ends."""
+    return Explore(context.explorer)
+
+
+def visual(context: PolicyContext) -> Visual:
+    """Explores until the camera sees the target."""
+    return Visual(context.explorer)
+
+
+def snr(context: PolicyContext) -> Wireless:
+    """Follows any strong arrival."""
+    trusted = LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER
+    return Wireless(context.explorer, trusted)
+
+
+def los(context: PolicyContext) -> Wireless:
+    """Follows arrivals in line of sight."""
+    return Wireless(context.explorer, (LinkState.LOS,))
+
+
+def los_or_first(context: PolicyContext) -> Wireless:
+    """Follows arrivals in line of sight and of first order."""
+    return Wireless(context.explorer, (LinkState.LOS, LinkState.FIRST_ORDER))
+
+
+def fused(context: PolicyContext) -> Fused:
+    """Goes where radio, camera and map together say."""
+    return Fused(context.explorer, context.fused)

@@ -7,9 +7,10 @@ kept for judging.
 With `engine="cached"` paths are traced from the middle of the 0.15 m square that the robot is in, once for each
 square: what a table of traced links would say. Noise is drawn anew every time all the same.
 
-Left out: Doppler, shadowing by the robot's own body, other transmitters.
+Left out: Doppler, shadowing by the robot's own body, interference between transmitters.
 """
 
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal, get_args
@@ -19,11 +20,12 @@ import shapely
 from jaxtyping import Float
 
 from robosim.building.building import Building
+from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.radio.scene import make_tracer
 from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
-from wireless.antennas.codebook import TERMINALS, terminal_named
+from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
-from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
+from wireless.estimation.estimators import PathEstimator
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import TracerConfig
@@ -36,7 +38,7 @@ SQUARE_M = 0.15
 
 @dataclass(frozen=True, kw_only=True)
 class RadioLinkConfig:
-    """How the target sends, and how the robot listens."""
+    """How the target sends, and how the robot measures."""
 
     engine: RadioEngine = "live"
     """live: traced at the robot's true place. cached: at the middle of its square of 0.15 m."""
@@ -44,12 +46,12 @@ class RadioLinkConfig:
     """Carrier frequency."""
     height_m: float = 1.5
     """Height of both antennas above the floor [m]."""
-    transmitter: str = "gnb"
-    """The target's arrays, by their name in `wireless.antennas.codebook`; they face 0 and ±120 degrees in `map`."""
-    receiver: str = "ue"
-    """The robot's arrays; they turn with it."""
-    estimator: str = "sage"
-    """What reads paths out of a measurement, by its name in `wireless.estimation.estimators`."""
+    transmitter: TerminalPart = "gnb"
+    """The target's arrays; gnb, the published base station's, face 0 and ±120 degrees in `map`."""
+    receiver: TerminalPart = "ue"
+    """The robot's arrays, which turn with it; ue is the published robot's."""
+    estimator: EstimatorPart = "sage"
+    """What reads paths out of a measurement: sage by likelihood, pca as published."""
     sounding: SoundingConfig = field(default_factory=SoundingConfig)
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
@@ -57,19 +59,20 @@ class RadioLinkConfig:
 
     def __post_init__(self) -> None:
         check_choice("engine", self.engine, get_args(RadioEngine))
-        check_choice("transmitter", self.transmitter, TERMINALS)
-        check_choice("receiver", self.receiver, TERMINALS)
-        check_choice("estimator", self.estimator, ESTIMATORS)
+        TERMINAL.check("transmitter", self.transmitter)
+        TERMINAL.check("receiver", self.receiver)
+        ESTIMATOR.check("estimator", self.estimator)
         check_numbers(self, frequency_hz=FREQUENCY_HZ, height_m=(0, 100, "m"))
 
 
 @cache
 def _receiver(
-    transmitter: str, receiver: str, estimator: str, sounding: SoundingConfig
+    transmitter: Part, receiver: Part, estimator: Part, sounding: SoundingConfig
 ) -> tuple[Sounder, PathEstimator]:
     """What measures and what estimates; its tables take seconds to make, and serve any building."""
-    sounder = Sounder(terminal_named(transmitter), terminal_named(receiver), sounding)
-    return sounder, estimator_named(estimator, sounder)
+    ends = TERMINAL.make(transmitter, field="transmitter"), TERMINAL.make(receiver, field="receiver")
+    sounder = Sounder(*ends, sounding)
+    return sounder, ESTIMATOR.make(estimator, sounder, field="estimator")
 
 
 class RadioLink:
@@ -95,6 +98,12 @@ class RadioLink:
         self._traced: dict[tuple[int, int], Paths] = {}
         self.paths: Paths | None = None
 
+    def another(self) -> "RadioLink":
+        """The same receiver's link with another transmitter: they take turns, and do not disturb each other."""
+        other = copy(self)
+        other._target, other._traced, other.paths = np.full(3, np.nan), {}, None
+        return other
+
     def place(self, target: Float[np.ndarray, "2"]) -> None:
         """Put the transmitter at a point of `map` [m]."""
         at = np.array([*target, self.config.height_m])
@@ -102,7 +111,7 @@ class RadioLink:
             self._target, self._traced = at, {}
         self.paths = None
 
-    def listen(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
+    def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
         """Sound the channel at a true pose, and estimate its paths.
 
         Args:
@@ -120,7 +129,7 @@ class RadioLink:
     def state(self) -> LinkState:
         """True link state where the robot last listened."""
         if self.paths is None:
-            raise RuntimeError("The radio has not listened yet. Call listen first.")
+            raise RuntimeError("The radio has not measured yet. Call measure first.")
         return LinkState(int(self.paths.link_state()[0, 0]))
 
     @property

@@ -8,7 +8,7 @@ public            trained on the public measurements of mmwRobotNav, and on gene
                   angles of arrival and departure, SNR, heights of peaks
 
 SNR means different things in the two, and states follow different rules: take the one that fits the measurements.
-In generated homes heard by the public receiver, `public` tells 89.5 % of our states rightly; of public links,
+In generated homes measurement by the public receiver, `public` tells 89.5 % of our states rightly; of public links,
 `generated-no-sync`, which alone finds there all that it needs, tells 52 %.
 
 All but `generated-no-sync` can also remember the robot's way (`wireless.linkstate.follower`): along ways to the
@@ -18,11 +18,18 @@ transmitter in unseen homes `generated` is right at 97.5 % of the places alone, 
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from robosim.support.assets import shipped_weights
-from robosim.support.checks import check_network
+from robosim.parts import CLASSIFIER
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
+
+
+class TrueStates:
+    """Stands for the true link states, to see what a perfect classifier would bring."""
+
+    def predict(self) -> None:
+        """Not to be asked: who interprets measurements takes the truth instead."""
+        raise RuntimeError("True link states are not predicted.")
 
 
 def read_classifier(name: str | Path) -> "LinkStateClassifier":
@@ -31,8 +38,12 @@ def read_classifier(name: str | Path) -> "LinkStateClassifier":
     Raises:
         ValueError: If there is none.
     """
+    made: LinkStateClassifier = CLASSIFIER.make(str(name), field="classifier")
+    return made
+
+
+def classifier_of_file(path: Path) -> "LinkStateClassifier":
+    """A classifier with weights of its own."""
     from wireless.linkstate.classifier import load_classifier
 
-    shipped = shipped_weights()
-    check_network("classifier", str(name), shipped)
-    return load_classifier(shipped.get(str(name), Path(name)))
+    return load_classifier(path)

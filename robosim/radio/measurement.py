@@ -6,21 +6,21 @@ by name, to see what a perfect classifier would bring.
 """
 
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
+from robosim.parts import CLASSIFIER
 from robosim.radio.link import RadioLink
-from robosim.radio.link_state import read_classifier
+from robosim.radio.link_state import TrueStates
+from robosim.support.parts import Part, told
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState
 
-#: Asks for true link states in place of a classifier's.
-TRUE_STATES = "true"
-
 
 @dataclass(frozen=True, eq=False)
-class Heard:
+class Measurement:
     """One measurement as the robot understands it; the strongest path first."""
 
     pose: Float[np.ndarray, "3"]
@@ -44,40 +44,73 @@ class Heard:
         return LinkState(int(np.argmax(self.probability)))
 
 
-class Listener:
+@runtime_checkable
+class Classifier(Protocol):
+    """Tells link states of measurements."""
+
+    def predict(
+        self,
+        aoa_rad: Float[np.ndarray, "n paths"],
+        snr_db: Float[np.ndarray, "n paths"],
+        *,
+        aod_rad: Float[np.ndarray, "n paths"] | None = None,
+        delay_s: Float[np.ndarray, "n paths"] | None = None,
+    ) -> Float[np.ndarray, "n 4"]:
+        """Probability of each `LinkState`, in its order; see `wireless.linkstate.classifier.LinkStateClassifier`."""
+
+
+def check_classifier(classifier: Part) -> None:
+    """See that a classifier tells link states by what is measured in episodes.
+
+    Raises:
+        ValueError: If there is none, or it needs something else.
+    """
+    made = CLASSIFIER.make(classifier, field="link_states")
+    if "peak" in getattr(made, "inputs", ()):
+        raise ValueError(
+            f"link_states is {told(classifier)!r}, a classifier that needs heights of peaks, which are not measured "
+            "here. Take one without, such as generated."
+        )
+
+
+class Interpreter:
     """Understands measurements."""
 
-    def __init__(self, radio: RadioLink, classifier: str) -> None:
+    def __init__(self, radio: RadioLink, classifier: Part) -> None:
         """Load a classifier.
 
         Args:
             radio: What measures; gives the antennas' gains, and the truth if that is asked for.
-            classifier: A shipped one by name, a .safetensors file, or `TRUE_STATES`.
+            classifier: One of `robosim.parts.CLASSIFIER`.
 
         Raises:
             ValueError: If there is no such classifier.
         """
         self._radio = radio
-        self._classifier = None if classifier == TRUE_STATES else read_classifier(classifier)
+        self._classifier: Classifier = CLASSIFIER.make(classifier, field="link_states")
 
-    def hear(self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"]) -> Heard:
+    def interpret(
+        self, paths: PathEstimates | None, pose: Float[np.ndarray, "3"], radio: RadioLink | None = None
+    ) -> Measurement:
         """Directions in `map` and link state of a measurement.
 
         Args:
             paths: Estimates of one link, arrivals in the robot's frame.
             pose: Where the robot believes to be.
+            radio: The link that was measured, if it is not the target's; gives its true state if that is asked for.
         """
+        radio = radio or self._radio
         if paths is None:
             raise ValueError("There is no measurement to understand: the simulator was made without a radio.")
         n = int(paths.count[0])
         turned = paths.turned(rx_heading_rad=float(pose[2]))
-        if self._classifier is None:
-            probability = np.eye(len(LinkState))[self._radio.state]
+        if isinstance(self._classifier, TrueStates):
+            probability = np.eye(len(LinkState))[radio.state]
         else:
             probability = self._classifier.predict(
                 turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
             )[0]
-        return Heard(
+        return Measurement(
             pose=np.array(pose),
             aoa_rad=turned.aoa_rad[0, :n],
             aod_rad=turned.aod_rad[0, :n],

@@ -88,7 +88,9 @@ class RadioScene:
         seen = hashlib.sha256()
         for array in (self.building.mesh.vertices, self.building.mesh.faces, self.face_material):
             seen.update(np.ascontiguousarray(array, float).tobytes())
-        seen.update("|".join(self.building.materials).encode())
+        seen.update(
+            "|".join(one if isinstance(one, str) else repr(one) for one in self.building.materials).encode()
+        )
         return seen.hexdigest()[:16]
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:

@@ -51,7 +51,7 @@ class DecisionWriter:
         built, estimate, goal = snapshot.built, snapshot.estimate, snapshot.goal
         if built is None or estimate is None or goal is None:
             raise ValueError("A log is of decisions: expected a map, an estimated pose and a goal.")
-        heard, belief = snapshot.arrivals, snapshot.belief
+        arrivals, belief = snapshot.arrivals, snapshot.belief
         new_belief = belief is not None and (
             self._belief is None or not np.array_equal(belief.values, self._belief.values)
         )
@@ -65,9 +65,9 @@ class DecisionWriter:
                 "rgb": _png(np.ascontiguousarray(snapshot.rgb[..., ::-1])),
                 "depth": _png(snapshot.depth_mm),
                 "path": np.zeros((0, 2)) if snapshot.path is None else np.array(snapshot.path, float),
-                "aoa_rad": np.zeros(0) if heard is None else np.array(heard.aoa_rad, float),
-                "snr_db": np.zeros(0) if heard is None else np.array(heard.snr_db, float),
-                "state": _NO_RADIO if heard is None else int(heard.state),
+                "aoa_rad": np.zeros(0) if arrivals is None else np.array(arrivals.aoa_rad, float),
+                "snr_db": np.zeros(0) if arrivals is None else np.array(arrivals.snr_db, float),
+                "state": _NO_RADIO if arrivals is None else int(arrivals.state),
                 "cell": cells,
                 "value": values,
                 "map_frame": _packed(built.frame),
@@ -163,10 +163,10 @@ class DecisionLog:
             belief = Layer(_unpacked(row["belief_frame"]), _image(row["belief"], "L"))
             if belief.values.shape != belief.frame.shape:
                 raise ValueError(f"the belief of decision {i} is no picture of its frame")
-        heard = None
+        arrivals = None
         if row["state"] != _NO_RADIO:
-            heard = Arrivals(row["aoa_rad"], row["snr_db"], LinkState(int(row["state"])))
-            if len(heard.aoa_rad) != len(heard.snr_db):
+            arrivals = Arrivals(row["aoa_rad"], row["snr_db"], LinkState(int(row["state"])))
+            if len(arrivals.aoa_rad) != len(arrivals.snr_db):
                 raise ValueError(f"decision {i} has other numbers of angles and SNRs")
         rgb, depth = _image(row["rgb"], "RGB"), _image(row["depth"], "I;16")
         if rgb.shape[:2] != depth.shape:
@@ -180,7 +180,7 @@ class DecisionLog:
             built=_changed(built, _unpacked(row["map_frame"]), row["cell"], row["value"]),
             goal=row["goal"],
             path=row["path"],
-            arrivals=heard,
+            arrivals=arrivals,
             belief=belief,
             text=str(row["text"]),
         )

@@ -35,8 +35,9 @@ from robosim.drawing.picture import (
 )
 from robosim.drawing.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
 from robosim.episode import Decision
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from robosim.support.files import partial_path
+from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
@@ -85,16 +86,16 @@ class RerunRecording:
         lens = rr.Pinhole(image_from_camera=camera.K, resolution=[camera.width, camera.height])
         self._log("world/camera", lens, static=True)
 
-    def add(self, decision: Decision) -> None:
+    def add(self, log: EpisodeLog, decision: Decision) -> None:
         """Record a decision."""
-        self._to.set_time("decision", sequence=decision.log.steps)
+        self._to.set_time("decision", sequence=log.steps)
         self._add_robot(decision)
         self._add_maps(decision.estimate)
         self._add_way(decision)
         if decision.paths is not None:
             self._add_rays(decision.paths)
-        if decision.heard is not None:
-            self._add_heard(decision.heard, decision.log.links[-1].state)
+        if decision.situation.measurement is not None:
+            self._add_measurement(decision.situation.measurement, log.links[-1].state)
         if decision.belief is not None:
             layer = belief_layer(decision.belief)
             self._grid("world/belief", layer.frame, _tinted(layer), 3.0)
@@ -110,7 +111,7 @@ class RerunRecording:
         self._to.log(entity, what, **options)
 
     def _add_robot(self, decision: Decision) -> None:
-        rr, pose, estimate = self._rr, decision.log.poses[-1], decision.estimate.pose
+        rr, pose, estimate = self._rr, decision.pose, decision.estimate.pose
         place = camera_pose(pose, self._camera)
         self._log("world/camera", rr.Transform3D(translation=place[:3, 3], mat3x3=place[:3, :3]))
         self._log("world/camera/rgb", rr.Image(decision.view.rgb))
@@ -149,24 +150,26 @@ class RerunRecording:
             "world/rays", self._rr.LineStrips3D(strips, colors=colours, labels=kinds, show_labels=False)
         )
 
-    def _add_heard(self, heard: Heard, true_state: LinkState) -> None:
-        rr, found = self._rr, arrivals(heard)
+    def _add_measurement(self, measurement: Measurement, true_state: LinkState) -> None:
+        rr, found = self._rr, arrivals(measurement)
         vectors = [
             [arrow_m(found, i) * np.cos(angle), arrow_m(found, i) * np.sin(angle), 0.0]
             for i, angle in enumerate(found.aoa_rad)
         ]
-        origins = np.tile([*heard.pose[:2], self._radio_m], (len(vectors), 1))
-        colours = np.tile(STATE_COLOURS[heard.state], (len(vectors), 1))
+        origins = np.tile([*measurement.pose[:2], self._radio_m], (len(vectors), 1))
+        colours = np.tile(STATE_COLOURS[measurement.state], (len(vectors), 1))
         arrows = rr.Arrows3D(
             vectors=np.reshape(vectors, (-1, 3)), origins=origins, colors=colours, radii=0.02
         )
         self._log("world/arrivals", arrows)
-        for name, state in (("believed_state", heard.state), ("true_state", true_state)):
+        for name, state in (("believed_state", measurement.state), ("true_state", true_state)):
             self._log(f"link/{name}", rr.StateChange(state=_words(state)))
         for state in LinkState:
-            self._log(f"link/probability/{state.name.lower()}", rr.Scalars(float(heard.probability[state])))
-        if len(heard.snr_db):
-            self._log("link/snr_db", rr.Scalars(float(heard.snr_db[0])))
+            self._log(
+                f"link/probability/{state.name.lower()}", rr.Scalars(float(measurement.probability[state]))
+            )
+        if len(measurement.snr_db):
+            self._log("link/snr_db", rr.Scalars(float(measurement.snr_db[0])))
 
     def _grid(
         self, entity: str, frame: GridFrame, rgba: UInt8[np.ndarray, "ny nx 4"], draw_order: float

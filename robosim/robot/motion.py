@@ -8,6 +8,7 @@ Left out: bounds on jerk.
 
 import math
 from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -32,6 +33,24 @@ class Motion:
     """How deep the hull was inside of a wall at the worst time [m]."""
     physics_steps: int = 0
     """Steps of the physics engine."""
+
+
+@runtime_checkable
+class Physics(Protocol):
+    """Moves a robot in a building."""
+
+    @property
+    def pose(self) -> Float[np.ndarray, "3"]:
+        """True pose: x [m], y [m], yaw [rad] in `map`."""
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Put the robot at a pose, at rest."""
+
+    def move(self, displacement: Float[np.ndarray, "3"]) -> Motion:
+        """Move by dx [m], dy [m], dyaw [rad] in the robot's frame, as far as walls let it."""
+
+    def drive(self, v_mps: float, w_radps: float, duration_s: float) -> Motion:
+        """Drive with a forward speed and a turn rate for a while, as far as walls let it."""
 
 
 @dataclass(frozen=True)

@@ -79,7 +79,12 @@ def add_floor(spec: mujoco.MjSpec, half_m: Float[np.ndarray, "2"]) -> None:
     )
     for name, axis in (("floor_x", (1, 0, 0)), ("floor_y", (0, 1, 0))):
         floor.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
-    floor.add_geom(
+    add_floor_box(floor, half_m)
+
+
+def add_floor_box(body: mujoco.MjsBody, half_m: Float[np.ndarray, "2"]) -> None:
+    """Add the floor itself to a body, around its origin, by half of its size along x and y [m]."""
+    body.add_geom(
         name="floor",
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=(0, 0, -0.5),
@@ -97,6 +102,7 @@ def add_walls(
     *,
     origin: Float[np.ndarray, "2"],
     height_m: float,
+    body: mujoco.MjsBody | None = None,
 ) -> None:
     """Add walls as upright prisms that go from below the floor to a height.
 
@@ -104,13 +110,15 @@ def add_walls(
         spec: Model to add to.
         walls: Pieces of wall in `map`.
         config: How hard they are.
-        origin: Where the model's origin lies in `map` [m].
+        origin: Where the origin of the body lies in `map` [m].
         height_m: Their upper edge [m].
+        body: What they belong to; the world if not given.
     """
+    body = body or spec.worldbody
     low, high = -1.0, height_m  # the hull must never meet an upper or lower edge
     common: dict[str, Any] = {"contype": WALL, "conaffinity": 0, "rgba": (0.85, 0.85, 0.82, 1), **config.hard}
     for x, y, length, width, yaw in walls.boxes:
-        spec.worldbody.add_geom(
+        body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
             pos=(x - origin[0], y - origin[1], (low + high) / 2),
             size=(length, width, (high - low) / 2),
@@ -122,4 +130,4 @@ def add_walls(
         vertices = np.vstack([np.insert(corners, 2, z, axis=1) for z in (low, high)])
         mesh = spec.add_mesh(name=f"prism{number}", uservert=vertices.ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, **common)
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, **common)

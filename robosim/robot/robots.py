@@ -14,7 +14,8 @@ Left out: suspension, motor electronics, the mast's mass.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,7 +23,9 @@ from jaxtyping import Float
 
 from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
-from robosim.support.checks import RADIUS_M, check_numbers
+from robosim.support.checks import RADIUS_M, check_choice, check_numbers
+from robosim.support.reading import reading
+from robosim.support.text_in import check_object, parse_yaml
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
@@ -98,13 +101,34 @@ class RobotConfig:
         return SpeedProfile.fastest(length_m, speed_mps=self.max_speed_mps, accel_mps2=self.max_accel_mps2)
 
 
-#: The robots that have a name: the radius of the published agent, and of a LoCoBot.
-ROBOTS = {
-    "turtlebot": RobotConfig(),
-    "locobot": RobotConfig(
-        radius_m=0.18, mass_kg=6.5, wheel_radius_m=0.035, track_m=0.23, rotor_inertia_kgm2=0.002
-    ),
-}
+#: With the radius of the published agent.
+TURTLEBOT = RobotConfig()
+#: With the radius of a LoCoBot.
+LOCOBOT = RobotConfig(
+    radius_m=0.18, mass_kg=6.5, wheel_radius_m=0.035, track_m=0.23, rotor_inertia_kgm2=0.002
+)
+
+
+def read_robot(path: Path) -> RobotConfig:
+    """A robot from a YAML or JSON file that has some of the fields above, such as `radius_m: 0.25`.
+
+    Raises:
+        FileError: If the file is damaged, or a field unknown or out of its bounds.
+    """
+    with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
+        told = check_object(parse_yaml(file.read()))
+        known = [field.name for field in fields(RobotConfig)]
+        for name in told:
+            check_choice("a field", name, known)
+        return RobotConfig(**told)
+
+
+def robot_of_radius(radius_m: float) -> RobotConfig:
+    """The robot that has a name and a hull of this radius, or else the small one with such a hull."""
+    for robot in (TURTLEBOT, LOCOBOT):
+        if robot.radius_m == radius_m:
+            return robot
+    return RobotConfig(radius_m=radius_m, track_m=min(RobotConfig().track_m, 1.6 * radius_m))
 
 
 def add_robot(spec: mujoco.MjSpec, robot: RobotConfig, physics: PhysicsConfig) -> None:

@@ -1,11 +1,10 @@
 """What configurations are checked by where they are made, and bounds that many of them share."""
 
-from collections.abc import Collection, Iterable
-from pathlib import Path
+from collections.abc import Collection
 
 from slam.support.checks import check_choice, check_number, check_numbers, shown
 
-__all__ = ["check_choice", "check_network", "check_number", "check_numbers", "check_some", "shown"]
+__all__ = ["check_choice", "check_number", "check_numbers", "check_some", "shown"]
 
 #: Seeds that all that draws here takes.
 SEED = 0, 2**63 - 1
@@ -35,24 +34,3 @@ def check_some(name: str, values: Collection[object], expected: str) -> None:
     """
     if not values:
         raise ValueError(f"{name} is empty, expected {expected}.")
-
-
-def check_network(name: str, value: str, known: Iterable[str]) -> None:
-    """See that a value names a part, or a file of weights that is there.
-
-    Args:
-        name: What the message calls it.
-        value: What was given.
-        known: Names of parts.
-
-    Raises:
-        ValueError: If it does not.
-    """
-    known = tuple(known)
-    if isinstance(value, str) and value not in known and Path(value).suffix == ".safetensors":
-        if not Path(value).is_file():
-            raise ValueError(
-                f"{name} is {value!r}, but there is no such file. Known without a file: {', '.join(known)}."
-            )
-        return
-    check_choice(name, value, known, "a .safetensors file")

@@ -136,7 +136,7 @@ class _TextLoader(yaml.BaseLoader):
         self._values_of: dict[str, int] = {}
 
     def compose_node(self, parent: Any, index: Any) -> Any:
-        event = self.peek_event()
+        event = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
             # One that stands for what it lies in is not known yet.
             if event.anchor not in self._values_of:

@@ -7,18 +7,23 @@ TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo re
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.radio.link import RadioLink
-from robosim.radio.measurement import Heard
-from robosim.robot.dynamic import Motion
+from robosim.radio.measurement import Measurement
+from robosim.robot.motion import Motion
+from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.files import whole_file
 from robosim.task.tasks import ARRIVAL_M, Task
 from slam.poses import wrap
 from wireless.paths import LinkState
+from wireless.support.axes import axes_in_metres
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 class Link(NamedTuple):
@@ -48,29 +53,47 @@ class EpisodeLog:
     coverage: list[float] = field(default_factory=list)
     """Part of the reachable floor seen, at each pose."""
     links: list[Link] = field(default_factory=list)
-    """What the radio heard at each decision, if there is one."""
+    """What the radio measured at each decision, if there is one."""
+    anchor_links: dict[str, list[Link]] = field(default_factory=dict)
+    """The same of other transmitters, by their names."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
 
-    def see(self, pose: Float[np.ndarray, "3"], estimate: Float[np.ndarray, "3"], coverage: float) -> None:
-        """Add a moment: the true and the estimated pose, and the coverage so far."""
+    def __repr__(self) -> str:
+        return f"<EpisodeLog: {self.ended} after {self.steps} step(s)>"
+
+    def add_pose(
+        self,
+        motion: Motion | None,
+        pose: Float[np.ndarray, "3"],
+        estimate: Float[np.ndarray, "3"],
+        coverage: float,
+    ) -> None:
+        """Add a turn: what the action before it did, the true and the estimated pose, and the coverage so far."""
+        if motion is not None:
+            self.motions.append(motion)
         self.poses.append(np.array(pose))
         self.estimates.append(np.array(estimate))
         self.coverage.append(coverage)
 
-    def hear(self, heard: Heard | None, radio: RadioLink | None) -> None:
-        """Add what the radio heard, beside the truth; nothing without a radio."""
-        if heard is None or radio is None:
-            return
-        found = len(heard.snr_db) > 0
-        self.links.append(
+    def add_link(self, measurement: Measurement, radio: RadioLink, anchor: str | None = None) -> None:
+        """Add what the radio measured, beside the truth.
+
+        Args:
+            measurement: As the robot understands it.
+            radio: What measured, and knows the truth.
+            anchor: Name of the transmitter, if it is not the target.
+        """
+        links = self.links if anchor is None else self.anchor_links.setdefault(anchor, [])
+        found = len(measurement.snr_db) > 0
+        links.append(
             Link(
                 state=radio.state,
-                believed=heard.state,
-                snr_db=float(heard.snr_db[0]) if found else -np.inf,
-                aoa_error_rad=abs(wrap(float(heard.aoa_rad[0]) - radio.bearing)) if found else np.nan,
+                believed=measurement.state,
+                snr_db=float(measurement.snr_db[0]) if found else -np.inf,
+                aoa_error_rad=abs(wrap(float(measurement.aoa_rad[0]) - radio.bearing)) if found else np.nan,
             )
         )
 
@@ -120,23 +143,47 @@ class EpisodeLog:
             "start": self.task.start,
             "target": self.task.target,
             "simulated_s": float(self._times()[-1]),
-            **self._radio_result(),
+            **_radio_result(self.links),
+            **({"anchors": self._anchor_results()} if self.task.anchors else {}),
         }
 
-    def _radio_result(self) -> dict[str, Any]:
-        """How well link states and directions were known on the way."""
-        if not self.links:
-            return {}
-        result: dict[str, Any] = {
-            "link_state_accuracy": np.mean([link.state == link.believed for link in self.links])
+    def _anchor_results(self) -> dict[str, Any]:
+        """Other transmitters, and how well their link states and directions were known."""
+        return {
+            anchor.name: {
+                "place": anchor.place,
+                "known": anchor.known,
+                **_radio_result(self.anchor_links.get(anchor.name, [])),
+            }
+            for anchor in self.task.anchors
         }
-        for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
-            name = state.name.lower()
-            mine = [link for link in self.links if link.state == state]
-            result[f"{name}_share"] = len(mine) / len(self.links)
-            near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
-            result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
-        return result
+
+    def plot(self, axes: "Axes | None" = None) -> "Axes":
+        """Draw the true way, the estimated one and the target.
+
+        Args:
+            axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
+        """
+        from matplotlib.patches import Circle
+
+        axes = axes_in_metres(axes)
+        poses, estimates = (np.reshape(way, (-1, 3)) for way in (self.poses, self.estimates))
+        axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
+        axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
+        axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
+        axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
+        for anchor in self.task.anchors:
+            axes.plot(*anchor.place, "^", color=TARGET, ms=7, mfc=TARGET if anchor.known else "none")
+            axes.annotate(
+                anchor.name.replace("$", r"\$"),
+                tuple(anchor.place),
+                xytext=(4, 4),
+                textcoords="offset points",
+                fontsize=7,
+            )
+        axes.add_patch(Circle(tuple(self.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+        axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
+        return axes
 
     def save_trajectories(self, folder: Path) -> None:
         """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""
@@ -156,3 +203,17 @@ def _write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarr
     half = poses[:, 2] / 2
     rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])
     np.savetxt(path, rows, fmt="%.9f")
+
+
+def _radio_result(links: list[Link]) -> dict[str, Any]:
+    """How well link states and directions were known on the way."""
+    if not links:
+        return {}
+    result: dict[str, Any] = {"link_state_accuracy": np.mean([link.state == link.believed for link in links])}
+    for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
+        name = state.name.lower()
+        mine = [link for link in links if link.state == state]
+        result[f"{name}_share"] = len(mine) / len(links)
+        near = [link.aoa_error_rad <= np.deg2rad(5) for link in mine]
+        result[f"{name}_aoa_within_5_deg"] = np.mean(near) if near else None
+    return result

@@ -5,7 +5,8 @@ with the task, since success weighted by path length (SPL, Anderson et al. 2018)
 """
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -27,6 +28,18 @@ ON_EDGE_M = 1e-6
 _TRIES = 20
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Anchor:
+    """A transmitter that is not searched; it is told apart from the target and from others by its name."""
+
+    name: str
+    """What it is called."""
+    place: Float[np.ndarray, "2"]
+    """Where it stands in `map` [m]."""
+    known: bool = True
+    """Whether the robot knows where it stands."""
+
+
 @dataclass(frozen=True, eq=False)
 class Task:
     """One search in one building."""
@@ -37,6 +50,30 @@ class Task:
     """Where the target stands in `map` [m]."""
     shortest_m: float
     """Length of the shortest drive that ends within the arrival radius [m]."""
+    anchors: tuple[Anchor, ...] = ()
+    """Other transmitters."""
+
+
+def with_anchors(task: Task, reach: Reach, anchors: Sequence[Anchor]) -> Task:
+    """A task in a building with other transmitters.
+
+    Raises:
+        MapError: If one stands in a wall.
+        ValueError: If two have one name, or one has the target's or none.
+    """
+    names = [anchor.name for anchor in anchors]
+    for anchor in anchors:
+        x, y = anchor.place
+        what = f"the transmitter {anchor.name!r}"
+        for value in (x, y):
+            check_number(f"the place of {what}", float(value), -FARTHEST, FARTHEST, "m")
+        if not anchor.name or anchor.name == "target" or names.count(anchor.name) > 1:
+            raise ValueError(f"{what} needs a name of its own, other than 'target'.")
+        if reach.free.distance(shapely.Point(x, y)) > ON_EDGE_M:
+            raise _better(
+                reach, f"{what} {_at(anchor.place)} is in a wall, or outside of the building", anchor.place
+            )
+    return replace(task, anchors=tuple(anchors))
 
 
 def make_task(
@@ -57,11 +94,7 @@ def make_task(
             in a wall.
         ValueError: If start or target are no places, whatever the plan.
     """
-    if not reach.n_parts:
-        raise MapError(
-            f"{reach.plan.name}: a hull of radius {reach.radius_m} m fits nowhere. Check the resolution, or "
-            "choose a smaller robot."
-        )
+    reach.check_room()
     _check_places(reach, start, target)
     given = target if target is not None else start[:2] if start is not None else None
     if given is not None and start is not None and target is not None:

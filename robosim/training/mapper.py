@@ -15,13 +15,12 @@ import numpy as np
 from rich.console import Console
 from rich.progress import Progress
 
-from robosim.datasets.collect import SHARD, CollectConfig, collect
+from robosim.datasets.collect import CollectConfig, collect
+from robosim.datasets.shards import read_shard
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN
-from robosim.support.arrays_in import read_npz
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import write_files, write_json
 from robosim.support.interrupt import noted_interrupt
-from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.training.mapper_plots import plot_curve
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
@@ -32,10 +31,6 @@ from slam.support.threads import torch_threads
 
 #: One home in so many is held out.
 HOLD_OUT = 10
-#: Bytes of a shard, packed and unpacked.
-_MOST_BYTES = 400_000_000
-#: Least and largest height or width of a depth image.
-_SIDES = (8, 4096)
 
 
 def train_mapper(
@@ -133,20 +128,6 @@ def read_frames(shards: Sequence[Path], on_shard: Any = lambda: None) -> Frames:
     return Frames(
         features=np.stack(features), obstacle=true[:, OBSTACLE], seen=true[:, SEEN], matters=true[:, MATTERS]
     )
-
-
-def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
-    """Arrays of a file of `robosim.datasets.collect`.
-
-    Raises:
-        FileError: If it is not such a file.
-    """
-    with reading(path, "a shard of `robosim collect`", "Collect it anew.", most_bytes=_MOST_BYTES) as file:
-        arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
-        frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)
-        if not (frames and _SIDES[0] <= min(size) and max(size) <= _SIDES[1]):
-            raise ValueError(f"it has {frames} frames of {size[0]} x {size[1]} pixels")
-    return [arrays[name] for name in names]
 
 
 def smoke_frames(folder: Path, console: Console) -> Path:

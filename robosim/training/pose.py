@@ -15,9 +15,10 @@ import torch
 from rich.console import Console
 from rich.progress import Progress
 
+from robosim.datasets.shards import read_shard
 from robosim.support.files import write_files, write_json
 from robosim.support.run_folder import run_folder
-from robosim.training.mapper import read_shard, split_homes
+from robosim.training.mapper import split_homes
 from slam.learning.mapper import coded
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
 from slam.networks.features import Features

@@ -9,6 +9,7 @@ Reference: Ross, Gordon and Bagnell, A reduction of imitation learning to no-reg
 """
 
 import time
+from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,9 @@ from safetensors.numpy import save
 
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
+from robosim.episode import Turn, drive
 from robosim.navigation import make_navigator
+from robosim.policies.goals import Oracle
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array, read_npz
@@ -31,7 +34,8 @@ from robosim.support.progress import tracked
 from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from robosim.task.tasks import ARRIVAL_M, make_task
+from robosim.task.record import EpisodeLog
+from robosim.task.tasks import make_task
 from slam.actions import Action
 from slam.control.controller import ControlConfig, Controller
 from slam.control.learned import HIDDEN, INPUTS, LearnedController, initial_weights
@@ -107,32 +111,25 @@ class Watched(LearnedController):
         return Action(int(np.argmax(self.scores(senses)))) if self._rng.random() < self._own else advised
 
 
-def drive(home: int, recipe: SteeringRecipe, controller: Controller) -> dict[str, float]:
+def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dict[str, float]:
     """Drive to a target in one invented home; whether the robot arrived, decisions, and forward steps stopped short."""
     building = home_building(CollectConfig(seed=recipe.seed), home)
     config = SimulatorConfig(physics="kinematic", noise=recipe.noise)
     rng = np.random.default_rng([recipe.seed, home, 6])
     task = make_task(reach(building, config.robot.radius_m), rng, min_path_m=2.0)
-    mapper, planner, _, _ = make_navigator(config)
-    simulator = Simulator(building, config)
-    bumps, steps, arrived = 0, 0, False
-    try:
-        controller.reset()
-        view = simulator.reset(task, rng)
-        mapper.reset(task.start)
-        action: Action | None = None
-        while steps < recipe.max_steps:
-            estimate = mapper.update(view.depth, action, view.odometry)
-            action = controller.act(estimate.pose, planner.plan(estimate, task.target))
-            view, motion = simulator.step(action)
-            steps += 1
-            bumps += int(motion.collided)
-            arrived = bool(np.hypot(*(simulator.pose[:2] - task.target)) <= ARRIVAL_M)
-            if arrived:
-                break
-    finally:
-        simulator.close()
-    return {"arrived": float(arrived), "steps": float(steps), "bumps": float(bumps)}
+    navigator = make_navigator(config)._replace(controller=controller)
+    log = EpisodeLog(task)
+
+    def judge(turn: Turn) -> bool:
+        log.add_pose(turn.motion, turn.pose, turn.estimate.pose, 0.0)
+        # One that starts beside its target has something to show all the same.
+        return log.steps < recipe.max_steps and not (log.arrived and log.steps)
+
+    controller.reset()
+    with closing(Simulator(building, config)) as simulator:
+        drive(simulator, navigator, Oracle(task.target), task, rng, judge)
+    bumps = sum(motion.collided for motion in log.motions)
+    return {"arrived": float(log.arrived), "steps": float(log.steps), "bumps": float(bumps)}
 
 
 def lesson(
@@ -142,7 +139,7 @@ def lesson(
     robot = SimulatorConfig().robot
     rng = np.random.default_rng([recipe.seed, home, 7])
     pupil = Watched(weights, own, rng, ControlConfig(radius_m=robot.radius_m))
-    drive(home, recipe, pupil)
+    drive_home(home, recipe, pupil)
     senses = np.array([senses for senses, _ in pupil.told], np.float32).reshape(-1, INPUTS)
     return senses, np.array([int(advised) for _, advised in pupil.told], np.int64)
 
@@ -234,7 +231,7 @@ def train_steering(
         scores = {}
         for name, controller in controllers.items():
             homes = range(_TEST, _TEST + recipe.held_out)
-            drives = pool.in_order(drive, [(home, recipe, controller) for home in homes])
+            drives = pool.in_order(drive_home, [(home, recipe, controller) for home in homes])
             scores[name] = {key: round(float(np.mean([row[key] for row in drives])), 4) for key in drives[0]}
         card: dict[str, Any] = {
             "data": f"{len(senses)} decisions in {recipe.rounds * recipe.homes} invented homes",
@@ -262,8 +259,4 @@ def _round(
         seen = pool.in_order(lesson, [(home, recipe, weights, own) for home in homes])
         senses, advised = (np.concatenate(part) for part in zip(*seen, strict=True))
         write_whole(kept, npz_bytes({"senses": senses, "advised": advised}))
-    with reading(kept, "decisions of a round", "Delete it to drive again.") as file:
-        found = read_npz(file, {"senses": Array("f4", f"n {INPUTS}", FAR), "advised": Array("i", "n")})
-        if not np.isin(found["advised"], list(Action)).all():
-            raise ValueError("an advice is no action")
-        return found["senses"], found["advised"]
+    return read_round(kept)

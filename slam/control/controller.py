@@ -20,6 +20,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -85,6 +86,14 @@ HISTORY, MOST_REVERSALS = 16, 4
 
 #: Places at which one step of a run is checked against obstacles.
 PARTS = 4
+
+
+@runtime_checkable
+class LocalPolicy(Protocol):
+    """Chooses actions."""
+
+    def act(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """The next action at an estimated pose x [m], y [m], yaw [rad], along a plan."""
 
 
 class Controller:

@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -79,6 +79,14 @@ class ExplorerConfig:
             every=(1, 1_000_000, "decisions"),
             patience=(1, 1_000_000, "decisions"),
         )
+
+
+@runtime_checkable
+class Explorer(Protocol):
+    """Chooses where to look next."""
+
+    def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
+        """The spot to go to, in `map` [m]; None when nothing is left to see."""
 
 
 class FrontierExplorer:

@@ -92,7 +92,7 @@ class CostMap:
         """
         cell = self.cell(goal)
         iy, ix = self.frame.index(goal)
-        if self.passable[cell] and (iy, ix) == cell:
+        if self.passable[cell] and (int(iy), int(ix)) == cell:
             return cell, goal, 0.0
         ys, xs = np.nonzero(self.passable)
         if not len(ys):

@@ -8,6 +8,7 @@ import pytest
 from rich.console import Console
 
 from robosim.bench import estimation
+from robosim.evaluation.arrivals import arrival_error_rad, trace_links
 from robosim.plans.floorplan import FloorPlan
 from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates
@@ -86,10 +87,10 @@ def test_errors_wrap_and_missing_paths_are_half_a_turn():
             return PathEstimates(aoa_rad=aoa, aod_rad=aoa, snr_db=aoa, delay_s=aoa, count=np.array([1, 0]))
 
     true = np.deg2rad([[179.0, -170.0], [0.0, 90.0]])
-    got = estimation.arrival_error_rad(Fixed(), np.zeros((2, 1, 1, 1), complex), true)
+    got = arrival_error_rad(Fixed(), np.zeros((2, 1, 1, 1), complex), true)
     np.testing.assert_allclose(np.rad2deg(got), [[2.0, 9.0], [180.0, 180.0]])
 
 
 def test_too_many_links_for_a_plan_are_named(plan):
     with pytest.raises(ValueError, match="links is 100000, but rooms has room for"):
-        estimation.trace_links(plan, 100_000, np.random.default_rng(0))
+        trace_links(plan, 100_000, np.random.default_rng(0))

@@ -6,7 +6,8 @@ import pytest
 from robosim.cli import main
 
 OPTIONS = (
-    "--policies explore --physics kinematic --camera embree --size 48 --max-steps 20 --noise 0.5 --seeds 2"
+    "--policies explore --physics kinematic --camera embree --image.height 48 --max-steps 20 --noise.level 0.5 "
+    "--seeds 2"
 )
 
 

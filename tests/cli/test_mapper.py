@@ -24,7 +24,7 @@ def test_from_frames_to_an_episode(tmp_path, capsys):
     episode = (
         f"episode cottage --goal explore --physics kinematic --max-steps 4 --no-video --out {tmp_path / 'e'}"
     )
-    main(f"{episode} --depth-noise 1 --mapper {weights}".split())
+    main(f"{episode} --depth-noise.level 1 --mapper {weights}".split())
     assert json.loads((tmp_path / "e" / "result.json").read_text())["config"]["mapper"] == str(weights)
 
 

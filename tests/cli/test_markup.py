@@ -52,7 +52,7 @@ def test_plans_and_folders_of_any_name(name, tmp_path, monkeypatch, shown):
 def test_an_episode_in_a_plan_of_any_name(tmp_path, monkeypatch, shown):
     monkeypatch.chdir(tmp_path)
     plan = plan_of(NAMES[0], tmp_path)
-    options = "--goal oracle --physics kinematic --camera embree --size 32 --max-steps 3 --no-video"
+    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video"
     printed = shown("episode", plan, *options.split(), "--mapper", "classical", "--out", f"{NAMES[0]} out")
     assert f"in {NAMES[0]} out" in printed
 
@@ -61,7 +61,9 @@ def test_an_episode_in_a_plan_of_any_name(tmp_path, monkeypatch, shown):
 def test_an_evaluation_of_plans_of_any_name(tmp_path, monkeypatch, shown):
     monkeypatch.chdir(tmp_path)
     plans = [plan_of(name, tmp_path) for name in (NAMES[0], NAMES[4])]
-    options = "--policies explore --physics kinematic --camera embree --size 32 --max-steps 3 --targets 1"
+    options = (
+        "--policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3 --targets 1"
+    )
     printed = shown("evaluate", *plans, *options.split(), "--mapper", "classical", "--out", f"{NAMES[1]} out")
     assert f"in {NAMES[1]} out" in printed
 
@@ -98,7 +100,7 @@ def test_what_is_unknown_is_repeated(word, fails):
 def test_warnings_name_plans_as_they_are(tmp_path):
     """In a process of its own, since the tests have another way with what is logged."""
     plan = plan_of(NAMES[0], tmp_path, room(1.0, 1.0))
-    options = "--goal oracle --physics kinematic --camera embree --size 32 --max-steps 2 --no-video"
+    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 2 --no-video"
     done = subprocess.run(
         [sys.executable, "-m", "robosim", "episode", plan, *options.split(), "--mapper", "classical"],
         capture_output=True,

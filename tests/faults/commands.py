@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 #: What differs from run to run: times, and what they were measured with.
-TIMES = ("timing", "seconds", "single_call_ms", "parts", "decisions_per_s", "stage_ms", "ms")
+TIMES = ("timing", "seconds", "parts", "ms")
+#: And how their names end.
+OF_TIMES = ("_ms", "_per_s")
 #: What `Material` has to hold for a command.
 EPISODE, FRAMES, LINKS, SHARED = "episode", "frames", "links", "shared"
 _QUICK = "--physics kinematic --mapper classical --link-states true --max-steps 10"
@@ -88,7 +90,7 @@ COMMANDS = {
     "bench render": Command("bench render --plan {plan} --sizes 32", goes_on=False),
     "bench physics": Command("bench physics --plans {plan}", goes_on=False),
     "bench wireless": Command("bench wireless {plan} --receivers 6 --workers 1", goes_on=False),
-    "bench estimation": Command("bench estimation {plan} --links 8 --workers 1", goes_on=False),
+    "bench estimation": Command("bench estimation {plan} --links 40 --workers 1", goes_on=False),
 }
 
 
@@ -115,7 +117,11 @@ def contents(folder: Path, command: Command) -> dict[str, Any]:
 
 def _without_times(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _without_times(item) for key, item in value.items() if key not in TIMES}
+        return {
+            key: _without_times(item)
+            for key, item in value.items()
+            if key not in TIMES and not key.endswith(OF_TIMES)
+        }
     return [_without_times(item) for item in value] if isinstance(value, list) else value
 
 

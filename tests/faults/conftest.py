@@ -97,7 +97,7 @@ class Bench:
                 pytest.skip("needs public measurements in ../shared, which are not part of this project")
             else:
                 # One building is enough.
-                places |= {"labels": folder / "labels", "maps": self.shared / "maps" / "mmwrobotnav"}
+                places |= {"labels": folder / "labels", "maps": self.shared / "maps" / "gibson" / "train"}
                 one = self.shared / "data" / "mmwrobotnav" / "Hominy"
                 if not places["labels"].exists():
                     places["labels"].mkdir(parents=True)

@@ -204,7 +204,7 @@ def decisions(folder: Path) -> None:
 def _episode(task: int, policy: str, steps: int) -> bytes:
     log = EpisodeLog(Task(np.array([1.0, 0.6, 0.0]), np.array(TARGET), 3.0))
     for at in np.linspace([1.0, 0.6], TARGET, steps + 1):
-        log.see(np.array([*at, 0.5]), np.array([*at, 0.51]), 0.5)
+        log.add_pose(None, np.array([*at, 0.5]), np.array([*at, 0.51]), 0.5)
     if policy != "oracle":
         log.links = [Link(LinkState.HIGHER_ORDER, LinkState.FIRST_ORDER, 20.0, 0.1)] * steps
     row = kept.row("pair", task, policy, TARGET, steps=steps)

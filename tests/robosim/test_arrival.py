@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from wireless.paths import LinkState
 
 BOTH = (LinkState.LOS, LinkState.FIRST_ORDER)
 
 
-def heard(state=LinkState.LOS, aoa=0.5, snr_db=30.0, n=1) -> Heard:
+def measurement(state=LinkState.LOS, aoa=0.5, snr_db=30.0, n=1) -> Measurement:
     ones = np.ones(n)
-    return Heard(
+    return Measurement(
         pose=np.zeros(3),
         aoa_rad=aoa * ones,
         aod_rad=0 * ones,
@@ -24,13 +24,18 @@ def heard(state=LinkState.LOS, aoa=0.5, snr_db=30.0, n=1) -> Heard:
 
 
 def test_the_goal_lies_ahead_along_the_arrival():
-    goal = FollowArrival(BOTH).goal(heard(aoa=2.0), np.array([1.0, 2.0, 0.3]))
+    goal = FollowArrival(BOTH).goal(measurement(aoa=2.0), np.array([1.0, 2.0, 0.3]))
     assert goal == pytest.approx([1 + 0.6 * np.cos(2.0), 2 + 0.6 * np.sin(2.0)])
 
 
 @pytest.mark.parametrize(
     "what",
-    [heard(LinkState.HIGHER_ORDER), heard(LinkState.OUTAGE), heard(snr_db=9.9), heard(n=0)],
+    [
+        measurement(LinkState.HIGHER_ORDER),
+        measurement(LinkState.OUTAGE),
+        measurement(snr_db=9.9),
+        measurement(n=0),
+    ],
     ids=["higher order", "outage", "weak", "nothing"],
 )
 def test_what_cannot_be_trusted_is_not_followed(what):
@@ -38,23 +43,23 @@ def test_what_cannot_be_trusted_is_not_followed(what):
 
 
 def test_first_order_is_followed_only_if_it_is_trusted():
-    assert FollowArrival((LinkState.LOS,)).goal(heard(LinkState.FIRST_ORDER), np.zeros(3)) is None
-    assert FollowArrival(BOTH).goal(heard(LinkState.FIRST_ORDER), np.zeros(3)) is not None
+    assert FollowArrival((LinkState.LOS,)).goal(measurement(LinkState.FIRST_ORDER), np.zeros(3)) is None
+    assert FollowArrival(BOTH).goal(measurement(LinkState.FIRST_ORDER), np.zeros(3)) is not None
 
 
 def test_a_goal_is_kept_until_its_time_is_over_or_it_is_reached():
     follow, pose = FollowArrival(BOTH), np.zeros(3)
-    first = follow.goal(heard(aoa=0.0), pose)
-    assert all(np.array_equal(follow.goal(heard(aoa=1.0), pose), first) for _ in range(9))
-    assert follow.goal(heard(aoa=1.0), pose) == pytest.approx([0.6 * np.cos(1), 0.6 * np.sin(1)])
+    first = follow.goal(measurement(aoa=0.0), pose)
+    assert all(np.array_equal(follow.goal(measurement(aoa=1.0), pose), first) for _ in range(9))
+    assert follow.goal(measurement(aoa=1.0), pose) == pytest.approx([0.6 * np.cos(1), 0.6 * np.sin(1)])
     beside = np.array([0.6 * np.cos(1) - 0.1, 0.6 * np.sin(1), 0.0])
-    assert follow.goal(heard(aoa=0.0), beside) == pytest.approx([beside[0] + 0.6, beside[1]])
+    assert follow.goal(measurement(aoa=0.0), beside) == pytest.approx([beside[0] + 0.6, beside[1]])
 
 
 def test_a_robot_that_dwells_leaves_arrivals_alone_longer_each_time():
     """It stands still: 29 decisions of following, then 50 without, 29 and 100, and so on."""
     follow, pose = FollowArrival(BOTH, FollowConfig(dwell_steps=30, leave_steps=50)), np.zeros(3)
-    followed = np.array([follow.goal(heard(), pose) is not None for _ in range(400)])
+    followed = np.array([follow.goal(measurement(), pose) is not None for _ in range(400)])
     changes = np.flatnonzero(np.diff(followed)) + 1
     assert changes[:4].tolist() == [29, 80, 109, 210]
     assert followed[0]
@@ -68,7 +73,7 @@ def test_a_robot_that_comes_back_again_and_again_leaves_arrivals_alone():
     follow = FollowArrival(BOTH)
     x = np.abs(np.arange(400) % 40 - 20) * 0.1
     poses = np.column_stack([x, np.zeros((400, 2))])
-    followed = np.array([follow.goal(heard(aoa=0.0), pose) is not None for pose in poses])
+    followed = np.array([follow.goal(measurement(aoa=0.0), pose) is not None for pose in poses])
     assert followed[:40].all()
     assert 40 <= np.flatnonzero(~followed)[0] < 120
     stays = Dwelling(30, 0.5)
@@ -78,4 +83,4 @@ def test_a_robot_that_comes_back_again_and_again_leaves_arrivals_alone():
 def test_a_robot_that_gets_on_goes_on_following():
     follow = FollowArrival(BOTH)
     path = np.column_stack([0.05 * np.arange(200), np.zeros(200), np.zeros(200)])
-    assert all(follow.goal(heard(aoa=0.0), pose) is not None for pose in path)
+    assert all(follow.goal(measurement(aoa=0.0), pose) is not None for pose in path)

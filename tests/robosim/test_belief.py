@@ -5,7 +5,7 @@ import pytest
 
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.sightlines import bent, in_sight, knowledge
-from robosim.radio.measurement import Heard
+from robosim.radio.measurement import Measurement
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
@@ -33,9 +33,9 @@ def wall(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
     return ((at >= y0) & (at <= y1))[:, None] & ((at >= x0) & (at <= x1))[None]
 
 
-def heard(pose, aoa, aod, distance_m, state, loss_db=0.0) -> Heard:
+def measurement(pose, aoa, aod, distance_m, state, loss_db=0.0) -> Measurement:
     """One path that lost as much as a free wave of that length, and more."""
-    return Heard(
+    return Measurement(
         pose=np.array([*pose, 0.0]),
         aoa_rad=np.array([aoa]),
         aod_rad=np.array([aod]),
@@ -55,7 +55,7 @@ def test_one_measurement_in_sight_tells_direction_and_distance():
     target = np.array([3.0, 2.0])
     belief = TargetBelief(np.zeros(2))
     aoa = to((0, 0), target)
-    belief.hear(heard((0, 0), aoa, aoa + np.pi, np.hypot(*target), LinkState.LOS), estimate(known=False))
+    belief.add(measurement((0, 0), aoa, aoa + np.pi, np.hypot(*target), LinkState.LOS), estimate(known=False))
     place, mass = belief.peak()
     assert np.hypot(*(place - target)) < 0.3
     assert mass > 0.01
@@ -66,8 +66,8 @@ def test_measurements_on_the_way_gather_the_belief():
     target, belief = np.array([1.0, 4.0]), TargetBelief(np.zeros(2))
     for x in np.linspace(-1, 1, 8):
         aoa = to((x, 0), target)
-        belief.hear(
-            heard((x, 0), aoa, aoa + np.pi, np.hypot(target[0] - x, target[1]), LinkState.LOS),
+        belief.add(
+            measurement((x, 0), aoa, aoa + np.pi, np.hypot(target[0] - x, target[1]), LinkState.LOS),
             estimate(known=False),
         )
     place, mass = belief.peak()
@@ -87,8 +87,10 @@ def test_a_bent_wave_leads_round_the_corner():
     for y in np.linspace(0.6, 2.6, 9):
         pose, leg = np.array([0.5, y]), np.hypot(*(target - corner))
         length = leg + np.hypot(*(corner - pose))
-        belief.hear(
-            heard(pose, to(pose, corner), to(target, corner), length, LinkState.FIRST_ORDER, loss_db=15),
+        belief.add(
+            measurement(
+                pose, to(pose, corner), to(target, corner), length, LinkState.FIRST_ORDER, loss_db=15
+            ),
             blocks,
         )
     place, _ = belief.peak()
@@ -103,8 +105,8 @@ def test_out_of_sight_the_belief_leaves_what_is_in_sight():
     config = BeliefConfig(weight=1.0, doubt=0.0)
     belief = TargetBelief(np.zeros(2), config)
     before = belief.probability()
-    nothing = Heard(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
-    belief.hear(nothing, estimate())
+    nothing = Measurement(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
+    belief.add(nothing, estimate())
     ratio = belief.probability() / before
     inside = np.abs(belief._centres).max(axis=-1) < 5.5
     outside = np.abs(belief._centres).max(axis=-1) > 6.5
@@ -114,7 +116,7 @@ def test_out_of_sight_the_belief_leaves_what_is_in_sight():
 def test_a_place_that_was_searched_is_left():
     belief = TargetBelief(np.zeros(2))
     aoa = 0.3
-    belief.hear(heard((0, 0), aoa, aoa + np.pi, 3.0, LinkState.LOS), estimate(known=False))
+    belief.add(measurement((0, 0), aoa, aoa + np.pi, 3.0, LinkState.LOS), estimate(known=False))
     place, mass = belief.peak()
     belief.rule_out(place, 0.5)
     after, less = belief.peak()
@@ -128,7 +130,7 @@ def test_a_wrong_measurement_is_put_right_by_later_ones():
     for i, y in enumerate(np.linspace(0, 2, 8)):
         aoa = 2.5 if i < 2 else to((0, y), target)
         distance = np.hypot(target[0], target[1] - y)
-        belief.hear(heard((0, y), aoa, aoa + np.pi, distance, LinkState.LOS), estimate(known=False))
+        belief.add(measurement((0, y), aoa, aoa + np.pi, distance, LinkState.LOS), estimate(known=False))
     assert np.hypot(*(belief.peak()[0] - target)) < 0.3
 
 
@@ -143,7 +145,9 @@ def round_the_corner(**config) -> tuple[TargetBelief, TargetBelief]:
     )
     for belief, wrong in zip(beliefs, (0.0, 2.0), strict=True):
         aod = to(target, corner) + wrong
-        belief.hear(heard(pose, to(pose, corner), aod, length, LinkState.FIRST_ORDER, loss_db=15), blocks)
+        belief.add(
+            measurement(pose, to(pose, corner), aod, length, LinkState.FIRST_ORDER, loss_db=15), blocks
+        )
     return beliefs
 
 
@@ -166,18 +170,18 @@ def test_without_memory_the_last_measurement_is_all():
         both, second = TargetBelief(np.zeros(2), config), TargetBelief(np.zeros(2), config)
         for belief, places in ((both, [(-2.0, -2.0), (0.0, 2.0)]), (second, [(0.0, 2.0)])):
             for at in places:
-                belief.hear(
-                    heard(at, to(at, target), 0.0, np.hypot(*(target - at)), LinkState.LOS),
+                belief.add(
+                    measurement(at, to(at, target), 0.0, np.hypot(*(target - at)), LinkState.LOS),
                     estimate(known=False),
                 )
         assert np.array_equal(both.probability(), second.probability()) != remembers
 
 
 def test_measurements_from_one_place_count_once():
-    belief, one = TargetBelief(np.zeros(2)), heard((0, 0), 0.3, 3.4, 3.0, LinkState.LOS)
-    assert belief.hear(one, estimate())
+    belief, one = TargetBelief(np.zeros(2)), measurement((0, 0), 0.3, 3.4, 3.0, LinkState.LOS)
+    assert belief.add(one, estimate())
     before = belief.probability()
-    assert not belief.hear(one, estimate())
+    assert not belief.add(one, estimate())
     assert np.array_equal(belief.probability(), before)
 
 

@@ -111,11 +111,11 @@ def test_the_replay_command_gives_the_episode_its_very_numbers(suite):
     """Start, target and seed survive printing, so that the replay is the same to the last bit."""
     job = episodes.make_jobs(suite, CONFIG, ("explore",), 1, "")[1]
     job = replace(job, task=replace(job.task, start=(0.1 + 0.2, -1 / 3, 77.07)))
-    words = replay_command(job, "--noise 0").split()
+    words = replay_command(job, "--noise.level 0").split()
     assert tuple(map(float, words[words.index("--start") + 1].split(","))) == job.task.start
     assert int(words[words.index("--seed") + 1]) == job.config.seed
     assert words[words.index("--goal") + 1] == "explore"
-    assert words[-2:] == ["--noise", "0"]
+    assert words[-2:] == ["--noise.level", "0"]
 
 
 # ---- scores

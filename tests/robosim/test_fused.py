@@ -5,11 +5,11 @@ import pytest
 
 from robosim.navigation import make_navigator
 from robosim.policies.fused import Fused
-from robosim.policies.moment import Moment
-from robosim.radio.measurement import Heard
+from robosim.policies.situation import Situation
+from robosim.radio.measurement import Measurement
 from robosim.simulator import SimulatorConfig
 from slam.grid import MapEstimate
-from tests.robosim.test_belief import FRIIS_1M_DB, estimate, heard, to, wall
+from tests.robosim.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
 from wireless.paths import LinkState
 
 TARGET = np.array([3.0, 2.0])
@@ -21,13 +21,15 @@ def fused() -> Fused:
     return Fused(make_navigator(SimulatorConfig()).explorer)
 
 
-def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0) -> Moment:
-    """A moment in which the target is heard straight from where it is, as if with nothing between."""
+def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0) -> Situation:
+    """A situation in which the target is measured straight from where it is, as if with nothing between."""
     pose = np.array([*place, 0.0])
     map_ = MapEstimate(**{**vars(map_), "pose": pose})
     toward = to(place, TARGET)
-    told: Heard = heard(place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db)
-    return Moment(map_, told, seen)
+    told: Measurement = measurement(
+        place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db
+    )
+    return Situation(map_, told, seen)
 
 
 def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):
@@ -52,7 +54,7 @@ def test_an_arrival_that_leads_nowhere_is_left_for_the_belief(fused):
 
 
 def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
-    """Heard in line of sight on the way along a wall, and behind it no more: the place is remembered."""
+    """Measurement in line of sight on the way along a wall, and behind it no more: the place is remembered."""
     map_ = estimate(wall(-0.2, 0.0, 0.5, 3.0))
     for x in np.linspace(2.0, 0.2, 7):
         fused.goal(at((x, 0.0), LinkState.LOS, map_))

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from robosim.building.building import Building, make_building
 from robosim.robot.dynamic import World
 from robosim.robot.kinematic import GAP_M, KinematicWorld
-from robosim.robot.robots import ROBOTS
 from slam.actions import FORWARD_M, TURN_RAD
 from slam.poses import between, compose
 from tests.robosim.plans import room
+from tests.robosim.robots import ROBOTS
 from tests.robosim.test_world import cluttered, turned_to
 
 AHEAD = np.array([FORWARD_M, 0.0, 0.0])

@@ -50,5 +50,7 @@ def test_the_card_says_how_it_was_made(name, least):
 
 
 def test_a_name_that_is_not_there():
-    with pytest.raises(ValueError, match=r"classifier is 'best'\. Known: .*public, or a \.safetensors file"):
+    with pytest.raises(
+        ValueError, match=r"classifier is 'best'\. Known: .*true, a \.safetensors file, or module:Name"
+    ):
         read_classifier("best")

@@ -5,7 +5,7 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.camera.cameras import make_camera
-from robosim.camera.model import CameraConfig, camera_pose
+from robosim.camera.model import RGBD, CameraConfig, camera_pose
 from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
@@ -32,7 +32,7 @@ def test_the_marker_tells_where_the_target_is(camera, bearing_deg):
     bearing = np.deg2rad(bearing_deg)
     place = TARGET + 1.2 * np.array([np.cos(bearing), np.sin(bearing)])
     pose = np.array([*place, bearing + np.pi + 0.1])
-    found = MarkerRecogniser(CONFIG).find(camera.render(camera_pose(pose, CONFIG)).rgb)
+    found = MarkerRecogniser(CONFIG).find(camera.render(camera_pose(pose, CONFIG)), _local(pose))
     assert found is not None
     assert np.hypot(*(found - _local(pose))) < 0.06
 
@@ -49,14 +49,13 @@ def test_the_marker_tells_where_the_target_is(camera, bearing_deg):
 )
 def test_a_perfect_recogniser_sees_what_is_in_the_picture(camera, pose, seen):
     pose = np.array(pose)
-    found = PerfectRecogniser(CONFIG).find(camera.render(camera_pose(pose, CONFIG)).depth, pose, TARGET)
+    found = PerfectRecogniser(CONFIG).find(camera.render(camera_pose(pose, CONFIG)), _local(pose))
     assert (found is not None) == seen
     if seen:
         assert found == pytest.approx(_local(pose), abs=1e-9)
 
 
 def test_nothing_is_found_in_the_dark():
-    black = np.zeros((256, 256, 3), np.uint8)
-    assert MarkerRecogniser(CONFIG).find(black) is None
-    nothing = np.zeros((256, 256), np.float32)
-    assert PerfectRecogniser(CONFIG).find(nothing, np.array([2.0, 1.5, 0.0]), TARGET) is None
+    nothing = RGBD(np.zeros((256, 256, 3), np.uint8), np.zeros((256, 256), np.float32))
+    for recogniser in (MarkerRecogniser(CONFIG), PerfectRecogniser(CONFIG)):
+        assert recogniser.find(nothing, _local(np.array([2.0, 1.5, 0.0]))) is None

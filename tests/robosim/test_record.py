@@ -22,7 +22,7 @@ def _log(xy, target, shortest_m, estimate_offset=(0.0, 0.0, 0.0)) -> EpisodeLog:
     poses = np.column_stack([np.array(xy, float), np.linspace(0, 1, len(xy))])
     log = EpisodeLog(Task(poses[0], np.array(target, float), float(shortest_m)))
     for pose in poses:
-        log.see(pose, pose + estimate_offset, 0.5)
+        log.add_pose(None, pose, pose + estimate_offset, 0.5)
     log.motions += [_motion(pose) for pose in poses[1:]]
     return log
 

@@ -25,7 +25,7 @@ STEPS = 24
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
-    """An episode that listens, looks and believes."""
+    """An episode with radio, camera and a belief."""
     folder = tmp_path_factory.mktemp("episode")
     config = EpisodeConfig(
         goal="fused",
@@ -50,19 +50,21 @@ def test_a_replay_is_the_video_of_the_episode(recorded, tmp_path):
 
 
 def test_the_log_tells_what_the_other_files_tell(recorded):
-    """True and estimated poses as in the trajectories, to the nanometre they are written with; all that was heard."""
+    """True and estimated poses as in the trajectories, to the nanometre they are written with; all arrivals."""
     log = read_decisions(recorded)
-    moments = list(log.snapshots())
-    assert len(moments) == len(log) == json.loads((recorded / "result.json").read_text())["steps"]
+    snapshots = list(log.snapshots())
+    assert len(snapshots) == len(log) == json.loads((recorded / "result.json").read_text())["steps"]
     for name, poses in (
-        ("trajectory", [m.pose for m in moments]),
-        ("estimate", [m.estimate for m in moments]),
+        ("trajectory", [m.pose for m in snapshots]),
+        ("estimate", [m.estimate for m in snapshots]),
     ):
-        kept = np.loadtxt(recorded / f"{name}.tum")[: len(moments)]
+        kept = np.loadtxt(recorded / f"{name}.tum")[: len(snapshots)]
         np.testing.assert_allclose(np.array(poses)[:, :2], kept[:, 1:3], atol=1e-9)
-    assert all(m.arrivals is not None and len(m.arrivals.aoa_rad) == len(m.arrivals.snr_db) for m in moments)
-    assert 0 < moments[-1].belief.values.max() <= TOP_LEVEL
-    assert moments[-1].built.values.any()
+    assert all(
+        m.arrivals is not None and len(m.arrivals.aoa_rad) == len(m.arrivals.snr_db) for m in snapshots
+    )
+    assert 0 < snapshots[-1].belief.values.max() <= TOP_LEVEL
+    assert snapshots[-1].built.values.any()
     np.testing.assert_array_equal(log.target, [5.0, 2.4])
 
 
@@ -112,7 +114,7 @@ def _same(a, b) -> bool:
 def test_what_is_written_reads_the_same(tmp_path):
     """Random snapshots, to the bit: of a map that grows on all sides, with and without radio, paths and belief."""
     cell = 0.05
-    moments = [
+    snapshots = [
         _moment((0.0, 0.0), (4, 5), None, None, "a"),
         _moment((-3 * cell, -2 * cell), (9, 12), 0, LinkState.OUTAGE, "bb"),
         _moment((-3 * cell, -2 * cell), (9, 12), 0, LinkState.LOS, "ccc, %"),
@@ -120,12 +122,12 @@ def test_what_is_written_reads_the_same(tmp_path):
     ]
     rings = [np.array([[0.0, 0.0], [4.0, 0.0], [0.0, 3.0]]), np.array([[1.0, 1.0], [1.5, 1.0]])]
     writer = DecisionWriter(rings, np.array([1.0, 2.0]))
-    for moment in moments:
-        writer.add(moment)
+    for snapshot in snapshots:
+        writer.add(snapshot)
     writer.save(tmp_path / DECISIONS)
     log = read_decisions(tmp_path)
     assert all(np.array_equal(a, b) for a, b in zip(log.rings, rings, strict=True))
-    for written, read in zip(moments, log.snapshots(), strict=True):
+    for written, read in zip(snapshots, log.snapshots(), strict=True):
         for name in vars(written):
             assert _same(getattr(written, name), getattr(read, name)), name
 

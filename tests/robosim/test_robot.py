@@ -7,7 +7,8 @@ import pytest
 from robosim.robot.collision import WallSolids
 from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import PhysicsConfig, add_floor, add_walls, new_spec
-from robosim.robot.robots import ROBOTS, RobotConfig, add_robot
+from robosim.robot.robots import RobotConfig, add_robot
+from tests.robosim.robots import ROBOTS
 
 ROBOT_NAMES = sorted(ROBOTS)
 

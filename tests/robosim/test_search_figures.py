@@ -36,9 +36,9 @@ def _episode(folder, task, policy, steps, *, arrives=True, state=LinkState.HIGHE
     path = folder / "episodes" / "pair" / f"{task:03d}-{policy}-0.npz"
     path.parent.mkdir(parents=True, exist_ok=True)
     head = {"row": row, "timing": {"wall": 1.0}, "made_by": ""}
-    listens = policy != "oracle"
+    uses_radio = policy != "oracle"
     np.savez(path, head=np.array(json.dumps(head)), poses=poses, estimates=poses, goals=poses[:, :2],
-             coverage=np.ones(steps + 1), links=links if listens else links[:0],
+             coverage=np.ones(steps + 1), links=links if uses_radio else links[:0],
              built=np.zeros((0, 0), np.uint8), built_frame=np.zeros(3))  # fmt: skip
 
 

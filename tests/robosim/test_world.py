@@ -18,10 +18,10 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.robot.collision import WallSolids, wall_solids
 from robosim.robot.dynamic import PhysicsConfig, World
 from robosim.robot.odometry import NoiseModel
-from robosim.robot.robots import ROBOTS
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.poses import between
 from tests.robosim.plans import room
+from tests.robosim.robots import ROBOTS
 
 AHEAD = np.array([FORWARD_M, 0.0, 0.0])
 LEFT = np.array([0.0, 0.0, TURN_RAD])

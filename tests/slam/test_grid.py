@@ -1,9 +1,13 @@
 """A map's cells keep their place, and coordinates go there and back."""
 
+import matplotlib
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 
 from slam.grid import GridFrame, MapEstimate
 
@@ -95,3 +99,30 @@ def test_a_cell_of_which_nothing_is_known_is_neither_free_nor_an_obstacle():
     )
     np.testing.assert_array_equal(estimate.known_free, [[True, False, False]])
     np.testing.assert_array_equal(estimate.obstacle, [[False, False, True]])
+
+
+def test_a_map_says_and_draws_what_it_knows():
+    """Obstacles dark, seen floor white, the rest grey, each where it lies; the robot where it is and looks."""
+    probability = np.full((4, 6), 0.5, np.float32)
+    probability[0, 0], probability[0, 1] = 0.9, 0.1
+    explored = np.zeros((4, 6), bool)
+    explored[0, :2] = True
+    estimate = MapEstimate(
+        frame=GridFrame(origin_xy=(1.0, 2.0), resolution_m=0.5, shape=(4, 6)),
+        obstacle_probability=probability,
+        explored=explored,
+        blocked=np.zeros((4, 6), bool),
+        pose=np.array([1.75, 2.25, np.pi / 2]),
+    )
+    assert repr(estimate) == (
+        "<MapEstimate: 6 x 4 cells of 0.5 m, 0.5 m2 explored, robot at (1.75, 2.25) m, 90 deg>"
+    )
+    axes = estimate.plot()
+    (image,) = axes.images
+    assert image.get_extent() == [1.0, 4.0, 2.0, 4.0] and image.origin == "lower"
+    np.testing.assert_array_equal(image.get_array()[0, :3], [0.15, 1.0, 0.85])
+    (arrow,) = axes.collections
+    np.testing.assert_allclose(arrow.get_offsets(), [[1.75, 2.25]])
+    np.testing.assert_allclose([arrow.U[0], arrow.V[0]], [0, 1], atol=1e-12)
+    assert len(estimate.plot(plt.figure().add_subplot(), robot=False).collections) == 0
+    plt.close("all")

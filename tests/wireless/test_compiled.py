@@ -14,10 +14,12 @@ from pathlib import Path
 import numba
 import pytest
 
+import slam.support.axes
 import slam.support.compiled
 import slam.support.compiled_files
 import slam.support.restoring
 import wireless.linkstate.restoring
+import wireless.support.axes
 import wireless.support.compiled
 import wireless.support.compiled_files
 from wireless.support.compiled_files import KEPT
@@ -397,8 +399,9 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
         (wireless.support.compiled, slam.support.compiled),
         (wireless.support.compiled_files, slam.support.compiled_files),
         (wireless.linkstate.restoring, slam.support.restoring),
+        (wireless.support.axes, slam.support.axes),
     ],
-    ids=["compiled", "compiled_files", "restoring"],
+    ids=["compiled", "compiled_files", "restoring", "axes"],
 )
 def test_slam_and_wireless_have_one_text(one, other):
     """Neither package imports the other, so that both have these files."""

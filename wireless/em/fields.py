@@ -8,11 +8,11 @@ All is times lambda / (4 pi r) e^(-j k r) between isotropic antennas, r the unfo
 edge lambda / (4 pi) e^(-j k (s' + s)) / sqrt(s' s (s' + s)) D. Paths shorter than lambda / (2 pi), within the
 reactive near field, are as strong as at that length (-6 dB), lest more arrive than was sent.
 
-Walls are half-spaces, layers of one thickness, or two such layers with air between. At an edge the field
+Walls are half-spaces or layers, the same from both sides. At an edge the field
 splits along and around it (b0 and phi of UTD); the two faces reflect as whole walls would, with their plane
 of incidence, also when the ray meets the edge at a slant.
 
-Left out: walls of layers that differ, antennas (`wireless.antennas.elements`), more than one edge per path.
+Left out: walls whose sides differ, antennas (`wireless.antennas.elements`), more than one edge per path.
 References: ITU-R P.2040-4, equation (37) (see `wireless.em.fresnel`); `wireless.em.diffraction`.
 """
 
@@ -29,15 +29,15 @@ NOWHERE_M = 1e-9
 
 @compiled
 def fresnel(
-    cos_i: float, eps: complex, wavenumber: float, wall_m: tuple[float, float]
+    cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
 ) -> tuple[complex, complex, complex, complex]:
-    """Ratios r_te, r_tm, t_te, t_tm of a wall: `wireless.em.fresnel.slab` or `cavity_wall` for one ray.
+    """Ratios r_te, r_tm, t_te, t_tm of a wall for one ray: those of `wireless.em.fresnel` by the wall's layers.
 
-    A wall is the thickness of a layer, and of the air between two of them, if any. A layer of 0 stands for a
-    half-space, `wireless.em.fresnel.reflection`. Transmission ratios are over the field that would be there
-    without the wall.
+    A wall is the relative permittivity and thickness [m] of each of its layers in turn, zeros beyond the last
+    (`wireless.em.materials.wall_row`). One layer of thickness 0 stands for a half-space. Transmission ratios are over
+    the field that would be there without the wall.
     """
-    thickness_m, gap_m = wall_m
+    eps, thickness_m = wall[0], wall[1].real
     p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j)
     if p.imag > 0:
         p = -p
@@ -46,14 +46,17 @@ def fresnel(
     r_tm = (eps * cos_i - p) / tm if tm != 0 else 0j
     if thickness_m == 0:
         return r_te, r_tm, 0j, 0j
+    several = len(wall) > 2 and wall[2] != 0
+    if several and not _is_cavity(wall):
+        return _stack(cos_i, wall, wavenumber)
     once, free = np.exp(-1j * wavenumber * thickness_m * p), np.exp(1j * wavenumber * thickness_m * cos_i)
     many_te, many_tm = 1 - r_te**2 * once**2, 1 - r_tm**2 * once**2
     t_te, t_tm = (1 - r_te**2) * once / many_te, (1 - r_tm**2) * once / many_tm
     r_te, r_tm = r_te * (1 - once**2) / many_te, r_tm * (1 - once**2) / many_tm
-    if gap_m == 0:
+    if not several:
         return r_te, r_tm, t_te * free, t_tm * free
     # What is over the free field needs no phase of the gap: it is that of the free field too.
-    around = np.exp(-2j * wavenumber * gap_m * cos_i)
+    around = np.exp(-2j * wavenumber * wall[3].real * cos_i)
     many_te, many_tm = 1 - r_te**2 * around, 1 - r_tm**2 * around
     in_te = t_te**2 / many_te if many_te != 0 else 0j  # grazing: nothing gets in
     in_tm = t_tm**2 / many_tm if many_tm != 0 else 0j
@@ -61,13 +64,59 @@ def fresnel(
 
 
 @compiled
+def _is_cavity(wall: Complex[np.ndarray, " l"]) -> bool:
+    """Whether a wall is two equal layers with air between, for which there is a closed form."""
+    three = len(wall) >= 6 and wall[4] != 0 and (len(wall) == 6 or wall[6] == 0)
+    return three and wall[2] == 1 and wall[0] == wall[4] and wall[1] == wall[5]
+
+
+@compiled
+def _stack(
+    cos_i: float, wall: Complex[np.ndarray, " l"], wavenumber: float
+) -> tuple[complex, complex, complex, complex]:
+    """`fresnel` of any layers, from the last to the first (Parratt, Physical Review 95, 359, 1954).
+
+    With s and 1 + s of each boundary, what lies behind it with R and T, R' = (s + R) / (1 + s R) and
+    T' = (1 + s) T / (1 + s R); each layer then turns R by twice its phase and T by once. Of TM this is the
+    magnetic field.
+    """
+    count = len(wall) // 2
+    while wall[2 * count - 2] == 0:
+        count -= 1
+    # Behind the last layer is air, as before the first.
+    p_behind, eps_behind, total_m = cos_i + 0j, 1.0 + 0j, 0.0
+    r_te, r_tm, t_te, t_tm = 0j, 0j, 1 + 0j, 1 + 0j
+    for j in range(count, -1, -1):
+        eps = wall[2 * j - 2] if j else 1.0 + 0j
+        p = np.sqrt(eps - (1 - cos_i * cos_i) + 0j) if j else cos_i + 0j
+        if p.imag > 0:
+            p = -p
+        te, tm = p + p_behind, eps_behind * p + eps * p_behind
+        s_te = (p - p_behind) / te if te != 0 else 0j
+        s_tm = (eps_behind * p - eps * p_behind) / tm if tm != 0 else 0j
+        many_te, many_tm = 1 + s_te * r_te, 1 + s_tm * r_tm
+        # Grazing: nothing gets in.
+        t_te = (1 + s_te) * t_te / many_te if many_te != 0 else 0j
+        t_tm = (1 + s_tm) * t_tm / many_tm if many_tm != 0 else 0j
+        r_te = (s_te + r_te) / many_te if many_te != 0 else s_te
+        r_tm = (s_tm + r_tm) / many_tm if many_tm != 0 else s_tm
+        if j:
+            thickness_m = wall[2 * j - 1].real
+            once = np.exp(-1j * wavenumber * thickness_m * p)
+            r_te, r_tm, t_te, t_tm = r_te * once**2, r_tm * once**2, t_te * once, t_tm * once
+            total_m += thickness_m
+        p_behind, eps_behind = p, eps
+    free = np.exp(1j * wavenumber * total_m * cos_i)
+    return r_te, r_tm, t_te * free, t_tm * free
+
+
+@compiled
 def meet_wall(
     field: Complex[np.ndarray, "2 3"],
     way: Float[np.ndarray, "3"],
     normal: Float[np.ndarray, "3"],
-    eps: complex,
+    wall: Complex[np.ndarray, " l"],
     wavenumber: float,
-    wall_m: tuple[float, float],
     through: bool,
 ) -> None:
     """Turn two fields into what a wall reflects or lets through, in place.
@@ -76,13 +125,12 @@ def meet_wall(
         field: Electric fields of the incoming wave.
         way: Unit direction of the incoming wave.
         normal: Unit normal of the wall, of any side.
-        eps: Relative permittivity of the wall.
+        wall: Its layers, see `fresnel`.
         wavenumber: 2 pi over the wavelength [1/m].
-        wall_m: Thickness of a layer and of the air between two, see `fresnel`.
         through: Whether the wave goes on rather than being reflected.
     """
     c = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]
-    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), eps, wavenumber, wall_m)
+    te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), wall, wavenumber)
     if through:
         te, tm, c = t_te, t_tm, 0.0  # straight on: the direction behind is the one before
     sx = way[1] * normal[2] - way[2] * normal[1]
@@ -133,9 +181,8 @@ def _face_ratios(
     phi_source: float,
     cos_b0: float,
     sin_b0: float,
-    eps: complex,
+    wall: Complex[np.ndarray, " l"],
     wavenumber: float,
-    wall_m: tuple[float, float],
 ) -> tuple[complex, complex, complex]:
     """Reflection of a face in the coordinates of its edge, angles counted from that face.
 
@@ -148,7 +195,7 @@ def _face_ratios(
     """
     sine = np.sin(min(phi, phi_source))
     cos_i = min(abs(sin_b0 * sine), 1.0)
-    te, tm, _, _ = fresnel(cos_i, eps, wavenumber, wall_m)
+    te, tm, _, _ = fresnel(cos_i, wall, wavenumber)
     q2 = 1 - cos_i * cos_i
     if q2 < 1e-14:
         return -te, -tm, 0j
@@ -164,9 +211,8 @@ def diffract(
     out: Float[np.ndarray, "3"],
     wedge: Float[np.ndarray, "3 3"],
     n: float,
-    eps: Complex[np.ndarray, "2"],
+    faces: Complex[np.ndarray, "2 l"],
     wavenumber: float,
-    wall_m: tuple[float, float],
     before_m: float,
     after_m: float,
     work: Float[np.ndarray, "4 3"],
@@ -179,9 +225,8 @@ def diffract(
         out: Unit direction of the outgoing wave, at the same angle to the edge.
         wedge: Unit vectors along the edge, along the 0-face away from it, and normal to that face.
         n: Open angle over pi.
-        eps: Relative permittivities of 0-face and n-face.
+        faces: Walls of 0-face and n-face, see `fresnel`.
         wavenumber: 2 pi over the wavelength [1/m].
-        wall_m: Thickness of a layer of the faces' walls and of the air between two, see `fresnel`.
         before_m: Unfolded distance s' from the source.
         after_m: Unfolded distance s to the observer.
         work: Room for vectors.
@@ -195,9 +240,9 @@ def diffract(
     distance = before_m * after_m * sin_b0 * sin_b0 / (before_m + after_m)
     tie = NOWHERE_M * (1 / before_m + 1 / after_m) / sin_b0
     direct, on_0, on_n = wedge_terms(phi, phi_source, n, wavenumber, distance, sin_b0, tie)
-    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, eps[0], wavenumber, wall_m)
+    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, faces[0], wavenumber)
     bb_n, ff_n, bf_n = _face_ratios(
-        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, eps[1], wavenumber, wall_m
+        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, faces[1], wavenumber
     )
     d_bb = -direct + on_0 * bb_0 + on_n * bb_n
     d_ff = -direct + on_0 * ff_0 + on_n * ff_n
@@ -234,12 +279,11 @@ def path_gain(
     kinds: Int[np.ndarray, " m"],
     count: int,
     normals: Float[np.ndarray, "m 3"],
-    eps: Complex[np.ndarray, " m"],
+    walls: Complex[np.ndarray, "m l"],
     wedge: Float[np.ndarray, "3 3"],
     wedge_n: float,
-    wedge_eps: Complex[np.ndarray, "2"],
+    wedge_walls: Complex[np.ndarray, "2 l"],
     wavenumber: float,
-    wall_m: tuple[float, float],
     gain: Complex[np.ndarray, "2 2"],
     work: Float[np.ndarray, "w 3"],
     field: Complex[np.ndarray, "2 3"],
@@ -251,12 +295,11 @@ def path_gain(
         kinds: `REFLECTION`, `DIFFRACTION` or `TRANSMISSION` at each interaction point.
         count: Number of interactions.
         normals: Unit normals of reflecting walls.
-        eps: Relative permittivities of reflecting walls.
+        walls: Walls that are met, see `fresnel`.
         wedge: See `diffract`; any values on paths without diffraction.
         wedge_n: Open angle of the wedge over pi.
-        wedge_eps: Relative permittivities of its faces.
+        wedge_walls: Those of its faces.
         wavenumber: 2 pi over the wavelength [1/m].
-        wall_m: Thickness of a layer of all walls and of the air between two, see `fresnel`.
         gain: Takes the result: [theta, phi at the receiver, theta, phi at the transmitter].
         work: Room for 8 vectors.
         field: Room for two fields.
@@ -286,7 +329,7 @@ def path_gain(
     for j in range(count):
         if kinds[j] != DIFFRACTION:
             through = kinds[j] == TRANSMISSION
-            meet_wall(field, way, normals[j], eps[j], wavenumber, wall_m, through)
+            meet_wall(field, way, normals[j], walls[j], wavenumber, through)
             c = 0.0 if through else 2 * _dot(way, normals[j])
             for i in range(3):
                 out[i] = way[i] - c * normals[j, i]
@@ -298,9 +341,8 @@ def path_gain(
                 out,
                 wedge,
                 wedge_n,
-                wedge_eps,
+                wedge_walls,
                 wavenumber,
-                wall_m,
                 before,
                 total - before,
                 work[:4],

@@ -11,7 +11,9 @@ Fields vary as exp(+j omega t), so that a lossy wall has Im(eps) < 0. Both ratio
 go to -1 at grazing incidence; at normal incidence they are opposite, since TM then counts the reflected field
 along the direction that is mirrored.
 
-Left out: layers that differ, roughness, diffuse scattering, walls that end.
+Layers that differ are put together in `wireless.em.fields`.
+
+Left out: roughness, diffuse scattering, walls that end.
 Reference: Recommendation ITU-R P.2040-4 (09/2025), equations (37), (43) and (44).
 """
 

@@ -10,14 +10,22 @@ them; the model is its equations (57) to (59). Where ranges of a material overla
 0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015). That walls there are two boards with air
 between is for `wireless.tracing.tracer.TracerConfig` to say.
 
-Left out: magnetic materials, moisture, roughness, and materials made of layers.
+A `Material` of your own is made of layers, each of a material of the table or of a permittivity of its own.
+
+Left out: magnetic materials, moisture, roughness, and walls whose sides differ.
 """
 
 import difflib
+import math
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Complex
 from scipy.constants import epsilon_0
+
+#: Thicker layers and more of them are taken for a mistake.
+THICKEST_M, MOST_LAYERS = 10.0, 20
 
 
 class Row(NamedTuple):
@@ -86,7 +94,77 @@ MATERIALS: dict[str, tuple[Row, ...]] = {
 }
 
 
-def check_material(name: str, field: str = "material") -> None:
+@dataclass(frozen=True, kw_only=True)
+class Layer:
+    """One layer of a wall: of a material of the table, or of a permittivity and conductivity of its own."""
+
+    thickness_m: float
+    """Thickness [m]."""
+    material: str | None = None
+    """A name of `MATERIALS`."""
+    relative_permittivity: float | None = None
+    """Real part of the relative permittivity, at least 1."""
+    conductivity_spm: float = 0.0
+    """Conductivity [S/m]."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.thickness_m <= THICKEST_M:
+            raise ValueError(
+                f"thickness_m is {self.thickness_m}, expected more than 0 and at most {THICKEST_M:g} m."
+            )
+        if (self.material is None) == (self.relative_permittivity is None):
+            raise ValueError(
+                f"material is {self.material!r} and relative_permittivity is {self.relative_permittivity}, expected "
+                "one of them."
+            )
+        if self.material is not None:
+            check_material(self.material)
+        elif self.relative_permittivity is None or not 1 <= self.relative_permittivity <= 1e6:
+            raise ValueError(f"relative_permittivity is {self.relative_permittivity}, expected 1 to 1e6.")
+        if not (math.isfinite(self.conductivity_spm) and self.conductivity_spm >= 0):
+            raise ValueError(f"conductivity_spm is {self.conductivity_spm}, expected 0 or more, in S/m.")
+
+    def properties(self, frequency_hz: float) -> tuple[float, float]:
+        """Relative permittivity and conductivity [S/m] at a frequency.
+
+        Raises:
+            ValueError: If its material was not measured at this frequency.
+        """
+        if self.material is not None:
+            return properties(self.material, frequency_hz)
+        assert self.relative_permittivity is not None  # seen to when it was made
+        return self.relative_permittivity, self.conductivity_spm
+
+
+@dataclass(frozen=True)
+class Material:
+    """A wall made of layers, which are the same from both sides: in `Building` and `Tracer` in place of a name."""
+
+    name: str
+    """What pictures and files call it."""
+    layers: tuple[Layer, ...]
+    """From one face to the other."""
+
+    def __post_init__(self) -> None:
+        if not self.layers or len(self.layers) > MOST_LAYERS:
+            raise ValueError(
+                f"layers of {self.name!r} are {len(self.layers)}, expected 1 to {MOST_LAYERS}, from face to face."
+            )
+        if self.layers != self.layers[::-1]:
+            raise ValueError(
+                f"layers of {self.name!r} differ from its two sides, expected the same order from both: walls here "
+                "have no front. Take the mean of the sides, or the layer that reflects most, on both."
+            )
+
+    def __str__(self) -> str:
+        return self.name
+
+    def properties(self, frequency_hz: float) -> tuple[float, float]:
+        """Relative permittivity and conductivity [S/m] of its outermost layer at a frequency."""
+        return self.layers[0].properties(frequency_hz)
+
+
+def check_material(name: str | Material, field: str = "material") -> None:
     """Complain of a name that no material has, and say which was perhaps meant.
 
     Args:
@@ -96,6 +174,8 @@ def check_material(name: str, field: str = "material") -> None:
     Raises:
         ValueError: If there is no such material.
     """
+    if isinstance(name, Material):
+        return
     if name not in MATERIALS:
         near = difflib.get_close_matches(name.lower().removeprefix("itu_"), MATERIALS, n=1)
         hint = f"Did you mean {near[0]!r}? " if near else ""
@@ -104,12 +184,14 @@ def check_material(name: str, field: str = "material") -> None:
         )
 
 
-def properties(name: str, frequency_hz: float) -> tuple[float, float]:
-    """Relative permittivity and conductivity [S/m] of a material at a frequency.
+def properties(name: str | Material, frequency_hz: float) -> tuple[float, float]:
+    """Relative permittivity and conductivity [S/m] of a material, or its outermost layer, at a frequency.
 
     Raises:
         ValueError: If there is no such material, or it was not measured at this frequency.
     """
+    if isinstance(name, Material):
+        return name.properties(frequency_hz)
     check_material(name)
     frequency_ghz = frequency_hz / 1e9
     for row in MATERIALS[name]:
@@ -129,5 +211,33 @@ def permittivity(name: str, frequency_hz: float) -> complex:
     Raises:
         ValueError: If there is no such material, or it was not measured at this frequency.
     """
-    relative, conductivity = properties(name, frequency_hz)
-    return complex(relative, -conductivity / (2 * np.pi * frequency_hz * epsilon_0))
+    return _complex(*properties(name, frequency_hz), frequency_hz)
+
+
+def wall_row(
+    material: str | Material, frequency_hz: float, thickness_m: float = 0.0, gap_m: float = 0.0
+) -> Complex[np.ndarray, " l"]:
+    """Layers of a wall: relative permittivity and thickness [m] of each in turn.
+
+    Args:
+        material: A name, or layers of its own, to which thickness and gap do not apply.
+        frequency_hz: Carrier frequency.
+        thickness_m: Thickness of one layer [m]; 0 for a half-space.
+        gap_m: Air between two such layers [m]; 0 for one layer.
+
+    Raises:
+        ValueError: If there is no such material, or it was not measured at this frequency.
+    """
+    if isinstance(material, Material):
+        rows = [
+            (_complex(*layer.properties(frequency_hz), frequency_hz), layer.thickness_m)
+            for layer in material.layers
+        ]
+    else:
+        layer = permittivity(material, frequency_hz), thickness_m
+        rows = [layer, (1.0 + 0j, gap_m), layer] if gap_m else [layer]
+    return np.array(rows, complex).ravel()
+
+
+def _complex(relative: float, conductivity_spm: float, frequency_hz: float) -> complex:
+    return complex(relative, -conductivity_spm / (2 * np.pi * frequency_hz * epsilon_0))

@@ -20,7 +20,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Int
 
-from wireless.em.materials import properties
+from wireless.em.materials import Material, properties
 from wireless.paths import Paths
 from wireless.tracing.tracer import TracerConfig
 
@@ -75,7 +75,7 @@ def transmitter_files(paths: Paths, tx: int, *, horizontal: bool = False) -> dic
 def scene_files(
     *,
     mesh: trimesh.Trimesh,
-    materials: tuple[str, ...],
+    materials: tuple[str | Material, ...],
     face_material: Int[np.ndarray, " n_faces"],
     frequency_hz: float,
     config: TracerConfig,
@@ -99,7 +99,9 @@ def scene_files(
     """
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, np.float32)
     used = np.unique(face_material)
-    objects = [{"name": materials[m], "label": "buildings", "id": int(m), "mesh_key": str(m)} for m in used]
+    objects = [
+        {"name": str(materials[m]), "label": "buildings", "id": int(m), "mesh_key": str(m)} for m in used
+    ]
     params = {
         "version": VERSION,
         "rt_params": _rt_params(frequency_hz, config),
@@ -161,11 +163,11 @@ def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
     }
 
 
-def _material(number: int, name: str, frequency_hz: float) -> dict[str, Any]:
+def _material(number: int, name: str | Material, frequency_hz: float) -> dict[str, Any]:
     relative, conductivity = properties(name, frequency_hz)
     return {
         "id": number,
-        "name": name,
+        "name": str(name),
         "permittivity": relative,
         "conductivity": conductivity,
         "scattering_model": "none",

@@ -27,6 +27,8 @@ FLAT_RAD = 1e-4
 LEVEL = 1e-6
 #: How closely unit vectors agree that are one.
 ALIKE = 1e-7
+#: A piece of a line: ends, direction, and facet and inward direction of each triangle there.
+_Piece = tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list[tuple[int, Float[np.ndarray, "3"]]]]
 
 
 class Surfaces(NamedTuple):
@@ -141,7 +143,7 @@ def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 def _pieces_of_lines(
     triangle: Float[np.ndarray, "t 3 3"], facet: Int[np.ndarray, " t"], snap_m: float
-) -> list[tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list[tuple[int, Float[np.ndarray, "3"]]]]]:
+) -> list[_Piece]:
     """Pieces of triangle sides: ends, direction, and facet and inward direction of each triangle there."""
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
     tip = np.roll(triangle, -2, axis=1).reshape(-1, 3)
@@ -171,7 +173,7 @@ def _pieces_of_lines(
 
 
 def _edges(
-    pieces: list[tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list]],
+    pieces: list[_Piece],
     triangle: Float[np.ndarray, "t 3 3"],
     facet: Int[np.ndarray, " t"],
     facet_normal: Float[np.ndarray, "f 3"],

@@ -177,9 +177,9 @@ def _raise(
             for i in range(2):
                 point[m + 1, i] = flat[j, i] + part * (flat[j + 1, i] - flat[j, i])
             point[m + 1, 2] = setting.high_m if up else setting.low_m
-            scratch.kind[m], scratch.primitive[m] = REFLECTION, len(setting.wall_eps) - (1 if up else 2)
+            scratch.kind[m], scratch.primitive[m] = REFLECTION, len(setting.walls) - (1 if up else 2)
             scratch.normal[m, 0], scratch.normal[m, 1], scratch.normal[m, 2] = 0.0, 0.0, 1.0
-            scratch.eps[m] = setting.wall_eps[scratch.primitive[m]]
+            scratch.walls[m] = setting.walls[scratch.primitive[m]]
             m += 1
             done += 1
         way += step
@@ -200,7 +200,7 @@ def _raise(
             wall = scratch.primitive[m]
             scratch.normal[m, 0], scratch.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
             scratch.normal[m, 2] = 0.0
-            scratch.eps[m] = setting.wall_eps[wall]
+            scratch.walls[m] = setting.walls[wall]
         m += 1
     point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[n + 1, 0], flat[n + 1, 1], rx_z
     return m
@@ -229,7 +229,7 @@ def _weigh(plan: Plan, setting: Setting, corner: int, m: int, scratch: Scratch) 
         scratch.wedge[2, 0], scratch.wedge[2, 1] = -ay, ax
         n = plan.corner_gap_rad[corner] / np.pi
         for i in range(2):
-            scratch.wedge_eps[i] = setting.wall_eps[plan.corner_walls[corner, i]]
+            scratch.wedge_walls[i] = setting.walls[plan.corner_walls[corner, i]]
     return weigh(setting, m, n, scratch)
 
 

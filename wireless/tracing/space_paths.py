@@ -124,12 +124,12 @@ def weigh_path(space: Space, setting: Setting, m: int, scratch: Scratch) -> tupl
     for j in range(m):
         primitive = scratch.primitive[j]
         if scratch.kind[j] != DIFFRACTION:
-            scratch.normal[j], scratch.eps[j] = surfaces.facet_normal[primitive], setting.wall_eps[primitive]
+            scratch.normal[j], scratch.walls[j] = surfaces.facet_normal[primitive], setting.walls[primitive]
         else:
             scratch.wedge[:] = surfaces.edge_wedge[primitive]
             n = surfaces.edge_gap_rad[primitive] / np.pi
             for i in range(2):
-                scratch.wedge_eps[i] = setting.wall_eps[surfaces.edge_facets[primitive, i]]
+                scratch.wedge_walls[i] = setting.walls[surfaces.edge_facets[primitive, i]]
     return weigh(setting, m, n, scratch)
 
 

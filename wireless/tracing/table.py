@@ -15,8 +15,8 @@ from wireless.support.compiled import compiled
 class Setting(NamedTuple):
     """What paths are made of and which are kept."""
 
-    wall_eps: Complex[np.ndarray, " n"]
-    """Relative permittivity of each wall, then of floor and ceiling."""
+    walls: Complex[np.ndarray, "n l"]
+    """Layers of each wall, then of floor and ceiling, see `wireless.em.fields.fresnel`."""
     low_m: float
     """Height of the floor."""
     high_m: float
@@ -37,8 +37,6 @@ class Setting(NamedTuple):
     """Most walls that a path passes."""
     max_interactions: int
     """Most interactions of a path, of all kinds."""
-    wall_m: tuple[float, float]
-    """Thickness of a layer of all walls, 0 for half-spaces, and of the air between two of them."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -80,9 +78,9 @@ class Scratch(NamedTuple):
     kind: Int[np.ndarray, " m"]
     primitive: Int[np.ndarray, " m"]
     normal: Float[np.ndarray, "m 3"]
-    eps: Complex[np.ndarray, " m"]
+    walls: Complex[np.ndarray, "m l"]
     wedge: Float[np.ndarray, "3 3"]
-    wedge_eps: Complex[np.ndarray, "2"]
+    wedge_walls: Complex[np.ndarray, "2 l"]
     gain: Complex[np.ndarray, "2 2"]
     work: Float[np.ndarray, "8 3"]
     field: Complex[np.ndarray, "2 3"]
@@ -122,9 +120,9 @@ def make_scratch(setting: Setting) -> Scratch:
         np.zeros(most, np.int64),
         np.zeros(most, np.int64),
         np.zeros((most, 3)),
-        np.zeros(most, np.complex128),
+        np.zeros((most, setting.walls.shape[1]), np.complex128),
         np.zeros((3, 3)),
-        np.zeros(2, np.complex128),
+        np.zeros((2, setting.walls.shape[1]), np.complex128),
         np.zeros((2, 2), np.complex128),
         np.zeros((8, 3)),
         np.zeros((2, 3), np.complex128),
@@ -158,12 +156,11 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
         scratch.kind,
         m,
         scratch.normal,
-        scratch.eps,
+        scratch.walls,
         scratch.wedge,
         n,
-        scratch.wedge_eps,
+        scratch.wedge_walls,
         setting.wavenumber,
-        setting.wall_m,
         scratch.gain,
         scratch.work,
         scratch.field,

@@ -1,6 +1,7 @@
 """Radio paths between points in a building: line of sight, reflections, diffraction, by exact geometry.
 
     paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
+    paths = Tracer(building, frequency_hz=28e9).trace(tx, rx)   # a mesh with materials
 
 A mesh that was extruded from a floor plan is traced as one: views through its exact outline
 (`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh is traced in
@@ -13,14 +14,14 @@ Left out: more than one diffraction on a path, scattering by rough walls.
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
 from jaxtyping import Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
-from wireless.em.materials import permittivity
+from wireless.em.materials import Material, wall_row
 from wireless.geometry.extruded import Extruded, find_extruded
 from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
@@ -48,6 +49,23 @@ POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "bo
 
 class SceneError(ValueError):
     """A mesh that cannot be traced."""
+
+
+@runtime_checkable
+class Scene(Protocol):
+    """A mesh that knows what its faces are made of, such as a building of `robosim`."""
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """Walls (and floor and ceiling) as triangles [m], z up."""
+
+    @property
+    def materials(self) -> tuple[str | Material, ...]:
+        """Radio materials, by the names of `wireless.em.materials`, or of layers of their own."""
+
+    @property
+    def face_material(self) -> Integer[np.ndarray, " n_faces"]:
+        """What each face is made of: index into `materials`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,7 +163,7 @@ class _PlanScene:
     def __init__(
         self,
         extruded: Extruded,
-        face_eps: Complex[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -154,7 +172,7 @@ class _PlanScene:
         self.origin = np.append(self.plan.origin, 0.0)
         self._locate = Locator(self.plan, 2 * config.snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
-        self._setting = setting(face_eps[faces])._replace(
+        self._setting = setting(face_wall[faces])._replace(
             low_m=extruded.low_m,
             high_m=extruded.high_m,
             has_floor=config.floor_ceiling and extruded.floor_face >= 0,
@@ -198,7 +216,7 @@ class _SpaceScene:
         self,
         mesh: trimesh.Trimesh,
         face_material: Int[np.ndarray, " n"],
-        face_eps: Complex[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
@@ -209,7 +227,7 @@ class _SpaceScene:
         surfaces = without_rims(surfaces, ground)
         mirrors = ~ground | config.floor_ceiling
         self.space = make_space(surfaces, mirrors)
-        self._setting = setting(face_eps[surfaces.facet_face])
+        self._setting = setting(face_wall[surfaces.facet_face])
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
 
     def tables(
@@ -230,29 +248,42 @@ class Tracer:
     """A building made ready for tracing.
 
     Args:
-        mesh: Walls (and floor and ceiling) as triangles [m], z up. Which way they face does not matter.
-        materials: Radio materials, by the names of `wireless.em.materials`.
-        face_material: What each face is made of, index into materials; None if all are of the first.
+        scene: Walls (and floor and ceiling) as triangles [m], z up, whichever way they face; or something that has
+            such a mesh, and its materials with it.
+        materials: Radio materials, by the names of `wireless.em.materials` or as a `Material`; None for the
+            scene's own, or drywall.
+        face_material: What each face is made of, index into materials; None for the scene's own, or if all are of
+            the first.
         frequency_hz: Carrier frequency.
         config: Which paths to look for; None for the defaults.
 
     Raises:
-        ValueError: If a material is unknown at this frequency, or face_material does not fit.
+        ValueError: If a material is unknown at this frequency, or face_material does not fit, or the scene has
+            materials of its own.
         SceneError: If the mesh has no area, corners that it does not have or that are not finite, or is so large
             that it cannot be in metres.
     """
 
     def __init__(
         self,
-        mesh: trimesh.Trimesh,
+        scene: trimesh.Trimesh | Scene,
         *,
-        materials: tuple[str, ...] = ("drywall",),
+        materials: tuple[str | Material, ...] | None = None,
         face_material: Integer[np.ndarray, " n_faces"] | None = None,
         frequency_hz: float = 28e9,
         config: TracerConfig | None = None,
     ):
         self.config = config or TracerConfig()
         self.frequency_hz = float(frequency_hz)
+        if isinstance(scene, trimesh.Trimesh):
+            mesh = scene
+        else:
+            if materials is not None or face_material is not None:
+                raise ValueError(
+                    "materials or face_material is given, but the scene has its own: leave them out, or trace its mesh."
+                )
+            mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
+        materials = ("drywall",) if materials is None else materials
         _check_mesh(mesh, self.config.snap_m)
         n_faces = len(mesh.faces)
         of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
@@ -266,7 +297,14 @@ class Tracer:
                 f"{len(materials)} materials."
             )
         of_face = of_face.astype(np.int64)
-        eps = np.array([permittivity(name, self.frequency_hz) for name in materials])[of_face]
+        c = self.config
+        rows = [
+            wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
+        ]
+        face_wall = np.zeros((len(rows), max(map(len, rows))), np.complex128)
+        for i, row in enumerate(rows):
+            face_wall[i, : len(row)] = row
+        face_wall = face_wall[of_face]
         plan = None
         if self.config.scene != "space":
             plan = find_extruded(mesh, of_face, self.config.snap_m)
@@ -276,9 +314,9 @@ class Tracer:
                 "Trace it with scene='space'."
             )
         if plan is not None:
-            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, eps, self._setting, self.config)
+            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, face_wall, self._setting, self.config)
         else:
-            self.scene = _SpaceScene(mesh, of_face, eps, self._setting, self.config)
+            self.scene = _SpaceScene(mesh, of_face, face_wall, self._setting, self.config)
 
     def trace(
         self,
@@ -322,13 +360,13 @@ class Tracer:
         tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
         return self._paths(tx, rx, tables)
 
-    def _setting(self, eps: Complex[np.ndarray, " n"]) -> Setting:
-        """Physics and limits of this tracer, for walls or facets of some permittivities."""
+    def _setting(self, walls: Complex[np.ndarray, "n l"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets of some layers."""
         config = self.config
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
-            wall_eps=eps,
+            walls=walls,
             low_m=0.0,
             high_m=0.0,
             has_floor=False,
@@ -341,7 +379,6 @@ class Tracer:
             max_interactions=np.iinfo(np.int64).max
             if config.max_interactions is None
             else config.max_interactions,
-            wall_m=(config.wall_thickness_m or 0.0, config.wall_gap_m),
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,

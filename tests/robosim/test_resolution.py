@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from robosim.bench.resolution import signature_agreement, strongest_sum_rad
+from robosim.evaluation.resolution import signature_agreement, strongest_sum_rad
 from wireless.antennas.codebook import terminal_named
 from wireless.sounding.sounder import Rays, Sounder
 

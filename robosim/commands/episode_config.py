@@ -1,0 +1,135 @@
+"""The configuration of an episode on the command line: every typed field of it is an option.
+
+Options that are not given start from `--config`, the configuration of an earlier result, or from the defaults, and from
+the robot that `--robot` names. Both are read before the others, so that `--help` shows what the others start from.
+"""
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import wraps
+from pathlib import Path
+from shlex import quote
+from typing import Annotated, Any
+
+import tyro
+from tyro.conf import OmitArgPrefixes
+
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.ablations import POLICY
+from robosim.parts import ROBOT, RobotPart
+from robosim.robot.robots import RobotConfig
+from robosim.support.parts import Part, is_part, restored, told
+from robosim.support.reading import reading
+from robosim.support.text_in import check_object, read_json
+
+#: All of an episode's configuration but goal and seed, which commands ask for themselves.
+Settings = Annotated[EpisodeConfig, tyro.conf.arg(name="")]
+#: A goal policy, or a variant of `fused`.
+GoalOption = Annotated[Part, POLICY.option()]
+#: As published.
+DEFAULTS = EpisodeConfig()
+
+
+@dataclass(frozen=True, kw_only=True)
+class StartingPoint:
+    """What options that are not given start from."""
+
+    config: Path | None = None
+    """result.json of an episode, or settings.json of an evaluation, whose configuration holds where none is given."""
+    robot: RobotPart = "turtlebot"
+    """turtlebot has a hull of radius 0.10 m, locobot 0.18 m; a file says fields, such as radius_m: 0.25."""
+
+
+#: From the defaults.
+AS_PUBLISHED = StartingPoint()
+Base = OmitArgPrefixes[StartingPoint]
+
+
+def started(command: Callable[..., None], words: Sequence[str]) -> Callable[..., None]:
+    """A command with `settings` whose defaults are those of `--config` and `--robot`, if they are among the words.
+
+    Raises:
+        ValueError: If a file cannot be read, or there is no such robot.
+    """
+    parameters = inspect.signature(command).parameters
+    file, robot = _value_of("--config", words), _value_of("--robot", words)
+    config = DEFAULTS if file is None else read_config(Path(file))
+    if robot is not None:
+        made: RobotConfig = ROBOT.make(robot, field="robot")
+        config = replace(config, simulator=replace(config.simulator, robot=made))
+    defaults: dict[str, Any] = {"settings": config}
+    if file is not None:
+        # An evaluation's seed is not an episode's.
+        own = (
+            name for name in ("goal", "seed") if name in parameters and parameters[name].default is not None
+        )
+        defaults |= {name: getattr(config, name) for name in own}
+
+    @wraps(command)
+    def changed(*args: Any, **options: Any) -> None:
+        command(*args, **options)
+
+    of_command = inspect.signature(command)
+    changed.__signature__ = of_command.replace(  # type: ignore[attr-defined]
+        parameters=[
+            parameter.replace(default=defaults.get(name, parameter.default))
+            for name, parameter in of_command.parameters.items()
+        ]
+    )
+    return changed
+
+
+def _value_of(option: str, words: Sequence[str]) -> str | None:
+    """What an option is given, the last time that it is; None if it is not."""
+    found = None
+    for word, after in zip(words, [*words[1:], None], strict=True):
+        if word == option:
+            found = after
+        elif word.startswith(f"{option}="):
+            found = word.partition("=")[2]
+    return found
+
+
+def read_config(path: Path) -> EpisodeConfig:
+    """The configuration that is told in a result.
+
+    Raises:
+        FileError: If there is none, or it is none of an episode.
+    """
+    content = read_json(
+        path, "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
+    )
+    with reading(
+        path, "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
+    ):
+        settings = content.get("settings")
+        config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
+        known: EpisodeConfig = restored(EpisodeConfig, check_object(config))
+        return known
+
+
+def words_of(config: EpisodeConfig) -> str:
+    """What to type to get a configuration, goal and seed aside: what differs from the defaults."""
+    return " ".join(_words(config, DEFAULTS, ""))
+
+
+def _words(value: Any, default: Any, prefix: str) -> list[str]:
+    words = []
+    for field in fields(value):
+        if field.name in ("goal", "seed") and not prefix:
+            continue
+        mine, usual = getattr(value, field.name), getattr(default, field.name)
+        if is_part(field) and not isinstance(mine, str):
+            mine = told(mine)
+        if mine == usual:
+            continue
+        option = field.name.replace("_", "-")
+        if hasattr(mine, "__dataclass_fields__"):
+            words += _words(mine, usual, "" if field.name == "simulator" else f"{prefix}{option}.")
+        elif isinstance(mine, bool):
+            words.append(f"--{prefix}{option}" if mine else f"--{prefix}no-{option}")
+        else:
+            several = mine if isinstance(mine, tuple) else (mine,)
+            words += [f"--{prefix}{option}", *(quote(str(one)) for one in several)]
+    return words

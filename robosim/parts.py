@@ -1,0 +1,169 @@
+"""Every part of the system that somebody may want to replace, and those of each kind that come with this package.
+
+A part is given by its name, as an object, or as `module:Name`: see `robosim.support.parts`. What a part of a kind has
+to do says its protocol:
+
+    GOAL         goal policy             robosim.policies.goals.GoalPolicy
+    EXPLORER     explorer                slam.exploration.explorer.Explorer
+    MAPPER       mapper                  slam.mapping.classical.Mapper
+    CONTROLLER   controller              slam.control.controller.Steering
+    PHYSICS      physics                 robosim.robot.motion.Physics
+    ROBOT        robot                   robosim.robot.robots.RobotConfig
+    CAMERA       camera                  robosim.camera.model.Camera
+    RECOGNISER   recogniser              robosim.camera.recognition.Recogniser
+    TERMINAL     antennas of one end     wireless.antennas.codebook.Terminal
+    ESTIMATOR    path estimator          wireless.estimation.estimators.PathEstimator
+    CLASSIFIER   link-state classifier   wireless.linkstate.classifier.LinkStateClassifier
+    MATERIAL     material                wireless.em.materials.Material
+    READER       reader of floor plans   robosim.plans.files.PlanReader
+
+This module imports none of them: it is what the command line knows before it knows what it will need.
+"""
+
+from typing import Annotated
+
+from robosim.support.assets import shipped_weights
+from robosim.support.parts import Kind, Part
+from wireless.em.materials import MATERIALS
+
+GOAL = Kind(
+    "goal policy",
+    {
+        "oracle": "robosim.policies.goals:oracle",
+        "explore": "robosim.policies.goals:explore",
+        "visual": "robosim.policies.goals:visual",
+        "snr": "robosim.policies.goals:snr",
+        "los": "robosim.policies.goals:los",
+        "los-or-first": "robosim.policies.goals:los_or_first",
+        "fused": "robosim.policies.goals:fused",
+    },
+    has=("goal", "seeks_target", "uses_radio", "uses_camera", "belief"),
+    made_from="a robosim.policies.goals.PolicyContext",
+)
+EXPLORER = Kind(
+    "explorer",
+    {
+        "nearest": "robosim.navigation:nearest_explorer",
+        "cheapest": "robosim.navigation:cheapest_explorer",
+        "gain": "robosim.navigation:gain_explorer",
+        "learned": "robosim.navigation:learned_explorer",
+    },
+    has=("goal",),
+    made_from="a slam.exploration.explorer.ExplorerConfig",
+)
+MAPPER = Kind(
+    "mapper",
+    {
+        "neural": "robosim.navigation:neural_mapper",
+        "classical": "slam.mapping.classical:ClassicalMapper",
+        "learned-pose": "robosim.navigation:learned_pose_mapper",
+    },
+    has=("reset", "update"),
+    made_from="a slam.mapping.classical.MapperConfig",
+    suffixes=(".safetensors",),
+    from_file="robosim.navigation:mapper_of_file",
+)
+CONTROLLER = Kind(
+    "controller",
+    {
+        "planned": "slam.control.controller:Controller",
+        "learned": "robosim.navigation:learned_controller",
+    },
+    has=("act",),
+    made_from="a slam.control.controller.ControlConfig",
+)
+PHYSICS = Kind(
+    "physics",
+    {
+        "dynamic": "robosim.robot.dynamic:World",
+        "kinematic": "robosim.robot.kinematic:KinematicWorld",
+    },
+    has=("pose", "reset", "move", "drive"),
+    made_from="a Building, and robot=RobotConfig",
+)
+ROBOT = Kind(
+    "robot",
+    {
+        "turtlebot": "robosim.robot.robots:TURTLEBOT",
+        "locobot": "robosim.robot.robots:LOCOBOT",
+    },
+    has=("radius_m", "mast_m", "profile", "within_reach"),
+    made_from="nothing",
+    suffixes=(".yaml", ".yml", ".json"),
+    from_file="robosim.robot.robots:read_robot",
+)
+CAMERA = Kind(
+    "camera",
+    {
+        "pyrender": "robosim.camera.cameras:pyrender_camera",
+        "embree": "robosim.camera.cameras:embree_camera",
+    },
+    has=("render", "close"),
+    made_from="a list of meshes and a CameraConfig",
+)
+RECOGNISER = Kind(
+    "recogniser",
+    {
+        "marker": "robosim.camera.recognition:MarkerRecogniser",
+        "perfect": "robosim.camera.recognition:PerfectRecogniser",
+    },
+    has=("find",),
+    made_from="a CameraConfig",
+)
+TERMINAL = Kind(
+    "terminal",
+    {"gnb": "wireless.antennas.codebook:gnb", "ue": "wireless.antennas.codebook:ue"},
+    has=("platform", "n_beams", "beam_response"),
+    made_from="nothing",
+)
+ESTIMATOR = Kind(
+    "path estimator",
+    {"sage": "wireless.estimation.sage:SageEstimator", "pca": "wireless.estimation.pca:PcaEstimator"},
+    has=("estimate",),
+    made_from="a Sounder",
+)
+CLASSIFIER = Kind(
+    "link-state classifier",
+    {
+        **{name: str(path) for name, path in shipped_weights().items()},
+        "true": "robosim.radio.link_state:TrueStates",
+    },
+    has=("predict",),
+    made_from="nothing",
+    suffixes=(".safetensors",),
+    from_file="robosim.radio.link_state:classifier_of_file",
+)
+MATERIAL = Kind(
+    "material",
+    {name: f"wireless.em.materials:MATERIALS.{name}" for name in MATERIALS},
+    has=("name", "layers"),
+    made_from="nothing",
+)
+READER = Kind(
+    "reader of floor plans",
+    {
+        "ros": "robosim.plans.files:ros_map",
+        "image": "robosim.plans.files:image",
+        "array": "robosim.plans.files:array",
+        "mmwrobotnav": "robosim.plans.files:navigation_grid",
+        "houseexpo": "robosim.plans.files:house",
+        "mesh": "robosim.plans.files:storey",
+    },
+    has=("__call__",),
+    made_from="nothing",
+)
+
+#: Types of fields that hold a part, as the command line reads them.
+GoalPart = Annotated[Part, GOAL.option()]
+ExplorerPart = Annotated[Part, EXPLORER.option()]
+MapperPart = Annotated[Part, MAPPER.option()]
+ControllerPart = Annotated[Part, CONTROLLER.option()]
+PhysicsPart = Annotated[Part, PHYSICS.option()]
+RobotPart = Annotated[Part, ROBOT.option()]
+CameraPart = Annotated[Part, CAMERA.option()]
+RecogniserPart = Annotated[Part, RECOGNISER.option()]
+TerminalPart = Annotated[Part, TERMINAL.option()]
+EstimatorPart = Annotated[Part, ESTIMATOR.option()]
+ClassifierPart = Annotated[Part, CLASSIFIER.option()]
+MaterialPart = Annotated[Part, MATERIAL.option()]
+ReaderPart = Annotated[Part, READER.option("auto")]

@@ -1,0 +1,68 @@
+"""A building and a robot as one MJCF file, which MuJoCo and its viewer open as they are.
+
+Walls, robot, contacts and the step of time are those of `robosim.robot.dynamic`, in the frame `map`. Only the floor
+stands still: that of an episode slides under the wheels where a real robot would slip. The robot's wheels take
+speeds [rad/s] by the actuators `left` and `right`; the sensor `touch` counts the contacts of its hull with walls.
+Left out: the ceiling, and the height of furniture, which goes as high as walls.
+"""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.building.building import Building
+from robosim.building.reach import reach
+from robosim.robot.collision import check_pose, wall_solids
+from robosim.robot.physics import PhysicsConfig, add_floor_box, add_walls, new_spec
+from robosim.robot.robots import RobotConfig, add_robot
+from robosim.support.files import whole_file
+
+#: Floor beyond the walls [m].
+_MARGIN_M = 1.0
+
+
+def export_mjcf(
+    building: Building,
+    path: Path,
+    *,
+    robot: RobotConfig | None = None,
+    config: PhysicsConfig | None = None,
+    pose: Float[np.ndarray, "3"] | None = None,
+) -> Path:
+    """Write a building with a robot in it as an MJCF file, whole or not at all.
+
+    Args:
+        building: Its `free` area gives the walls.
+        path: The file, such as `mujoco.xml`.
+        robot: The robot's body; by default a small one.
+        config: Physics settings.
+        pose: Where the robot stands: x [m], y [m], yaw [rad] in `map`; in the widest place if not given.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: If the robot does not fit there, or nowhere.
+    """
+    robot, config = robot or RobotConfig(), config or PhysicsConfig()
+    if pose is None:
+        pose = np.array([*reach(building, robot.radius_m).widest(), 0.0])
+    check_pose(building.free, pose, robot.radius_m)
+    low, high = np.reshape(building.free.bounds, (2, 2))
+    # MJCF is written with six digits: of places around the middle of the building they are a tenth of a millimetre.
+    origin = np.round((low + high) / 2, 1)
+    spec = new_spec(config)
+    spec.modelname = building.plan.name
+    body = spec.worldbody.add_body(name="building", pos=(*origin, 0.0))
+    add_floor_box(body, (high - low) / 2 + _MARGIN_M)
+    walls = wall_solids(building.free, building.plan)
+    add_walls(spec, walls, config, origin=origin, height_m=building.height_m, body=body)
+    add_robot(spec, robot, config)
+    hull = spec.body("robot")
+    hull.pos = (pose[0], pose[1], 0.0)
+    hull.quat = (np.cos(pose[2] / 2), 0.0, 0.0, np.sin(pose[2] / 2))
+    spec.compile()
+    with whole_file(path) as partial:
+        partial.write_text(spec.to_xml(), "utf-8")
+    return Path(path)

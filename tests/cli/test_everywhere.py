@@ -1,0 +1,191 @@
+"""What works with every command, wherever it stands: --version, --quiet, --json; and completion in a shell."""
+
+import ast
+import inspect
+import json
+import subprocess
+import sys
+import textwrap
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from robosim import doctor
+from robosim.cli import main
+from robosim.commands.table import COMMANDS, loaded
+from robosim.commands.terminal import console
+
+FUNCTIONS = {name: loaded(name) for name in COMMANDS}
+
+
+@pytest.mark.parametrize("line", ["--version", "plan --version", "plan flat --quiet --version --radius 0.2"])
+def test_the_version_is_told_and_nothing_done(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    main(line.split())
+    assert capsys.readouterr().out == f"robosim {version('robosim')}\n"
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_help_of_all_names_what_works_everywhere(capsys):
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    printed = capsys.readouterr().out
+    assert all(word in printed for word in ("--quiet", "--json", "--debug", "--version"))
+
+
+@pytest.mark.parametrize("place", [0, 1, 2, 4])
+def test_quiet_says_nothing_but_does_the_same(place, plan_file, tmp_path, capsys):
+    words = ["plan", str(plan_file), "--out", str(tmp_path / "out")]
+    words.insert(place, "--quiet")
+    main(words)
+    assert capsys.readouterr() == ("", "")
+    assert (tmp_path / "out" / "building.glb").is_file()
+    assert not console.quiet
+
+
+def test_quiet_tells_errors(fails):
+    assert "radius is 9" in fails("plan", "--quiet", "flat", "--radius", "9")
+
+
+def test_quiet_keeps_warnings_to_itself(tmp_path, caplog):
+    """A box with its faces to the outside is taken for a room turned inside out, which is a warning."""
+    trimesh.creation.box((4, 3, 2.5)).export(tmp_path / "room.stl")
+    main(f"plan {tmp_path}/room.stl --out {tmp_path}/out".split())
+    assert "inside out" in caplog.text
+    caplog.clear()
+    main(f"plan {tmp_path}/room.stl --quiet --out {tmp_path}/out".split())
+    assert not caplog.text
+
+
+def answer(line: str, capsys) -> dict:
+    """What a command prints with --json, which must be all that it prints to standard output."""
+    main([*line.split(), "--json"])
+    printed = capsys.readouterr().out
+    assert printed.count("\n") == 1
+    return json.loads(printed)
+
+
+def test_plan_as_json(plan_file, tmp_path, capsys):
+    told = answer(f"plan {plan_file} --out {tmp_path}", capsys)
+    assert told["plan"] == "two rooms" and told["out"] == str(tmp_path)
+    assert told["free_m2"] == pytest.approx(18.2, abs=0.05)
+    assert told["parts"] == 1 and told["cut_off"] == []
+
+
+def test_generated_plans_as_json(tmp_path, capsys):
+    told = answer(f"generate --count 2 --seed 4 --out {tmp_path}", capsys)
+    assert len(told["plans"]) == 2 and all((tmp_path / name).is_file() for name in told["plans"])
+
+
+def test_traced_links_as_json(plan_file, tmp_path, capsys):
+    """The same as in trace.json; of one link, paths and the state of each transmitter."""
+    grid = answer(f"trace {plan_file} --tx 1,1 --grid 1 --no-plots --workers 1 --out {tmp_path}/grid", capsys)
+    kept = json.loads((tmp_path / "grid" / "trace.json").read_text())
+    assert {**kept, "out": f"{tmp_path}/grid"} == grid
+    link = answer(f"trace {plan_file} --tx 1,1 --rx 2,1 --out {tmp_path}/link", capsys)
+    assert link["paths"] > 1 and link["states"] == ["los"] and link["rx_m"] == [2.0, 1.0, 1.5]
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_data_set_as_json(plan_file, tmp_path, capsys):
+    """The same as in manifest.json, and how long it took."""
+    told = answer(f"dataset {plan_file} --tx-per-plan 1 --grid 1 --workers 1 --out {tmp_path}", capsys)
+    kept = json.loads((tmp_path / "manifest.json").read_text())
+    assert kept.items() <= told.items() and told["timing"]["links"] == kept["rows"]
+
+
+@pytest.mark.parametrize("works", [True, False])
+def test_the_machine_as_json(works, monkeypatch, capsys):
+    """Findings one by one, and whether all is well; the exit status says so too."""
+    finding = doctor.Finding("camera", works, "draws on [red]OSMesa", "" if works else "install it")
+    monkeypatch.setattr(doctor, "examine", lambda: [finding])
+    if works:
+        told = answer("doctor", capsys)
+    else:
+        with pytest.raises(SystemExit) as stop:
+            main(["doctor", "--json"])
+        assert stop.value.code == 1
+        told = json.loads(capsys.readouterr().out)
+    assert told["works"] == works and told["robosim"] == version("robosim")
+    assert told["findings"][0]["detail"] == "draws on [red]OSMesa"
+
+
+@pytest.mark.usefixtures("in_process")
+def test_a_measurement_as_json(plan_file, tmp_path, capsys):
+    """The same as in the file that it writes."""
+    options = "--goals oracle --mapper classical --explorer nearest --workers 1"
+    told = answer(f"bench navigation {plan_file} {options} --out {tmp_path}", capsys)
+    assert {**json.loads((tmp_path / "navigation.json").read_text()), "out": str(tmp_path)} == told
+
+
+def test_an_episode_as_json(plan_file, tmp_path, capsys):
+    """The same as in result.json."""
+    options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video"
+    told = answer(f"episode {plan_file} {options} --mapper classical --out {tmp_path}", capsys)
+    assert {**json.loads((tmp_path / "result.json").read_text()), "out": str(tmp_path)} == told
+
+
+@pytest.mark.usefixtures("in_process")
+def test_an_evaluation_as_json(plan_file, tmp_path, capsys):
+    """The same as in summary.json, and what to know before trusting it."""
+    options = (
+        "--targets 1 --policies explore --physics kinematic --camera embree --image.height 32 --max-steps 3"
+    )
+    told = answer(f"evaluate {plan_file} {options} --workers 1 --mapper classical --out {tmp_path}", capsys)
+    assert {row["policy"] for row in told["summary"]} == {"oracle", "explore"}
+    assert told["summary"] == json.loads((tmp_path / "summary.json").read_text())["summary"]
+    assert told["warnings"] == [] and told["out"] == str(tmp_path)
+
+
+def test_errors_leave_standard_output_to_results(capsys):
+    """With --json an error is one line on standard error, and the status says so."""
+    with pytest.raises(SystemExit) as stop:
+        main(["plan", "no_such_plan", "--json"])
+    captured = capsys.readouterr()
+    assert stop.value.code == 2 and captured.out == ""
+    assert "no such file, and no shipped plan of that name" in " ".join(captured.err.split())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_hands_over_its_result(name):
+    """Each calls `tell` or `tell_file`, so that none is silent with --json."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(FUNCTIONS[name])))
+    called = {
+        node.func.id
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
+    }
+    assert called & {"tell", "tell_file"}
+
+
+@pytest.fixture(scope="module")
+def completion(tmp_path_factory) -> Path:
+    """What a shell reads to complete commands."""
+    path = tmp_path_factory.mktemp("shell") / "robosim.bash"
+    run = subprocess.run(
+        [sys.executable, "-m", "robosim", "--tyro-print-completion", "bash"], capture_output=True, check=True
+    )
+    path.write_bytes(run.stdout)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [
+        ("robosim ep", {"episode"}),
+        ("robosim bench w", {"wireless"}),
+        ("robosim bench wireless --re", {"--receivers"}),
+        ("robosim episode flat --goal lo", {"los", "los-or-first"}),
+    ],
+)
+def test_bash_completes_commands_of_groups_options_and_choices(typed, offered, completion):
+    """As bash does it: words so far in COMP_WORDS, what may follow in COMPREPLY."""
+    words = typed.split(" ")
+    script = (
+        f"source {completion}; COMP_WORDS=({' '.join(words)}); COMP_CWORD={len(words) - 1}; _tyro_robosim; "
+        'printf "%s\\n" "${COMPREPLY[@]}"'
+    )
+    run = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
+    assert set(run.stdout.split()) == offered

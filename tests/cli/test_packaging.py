@@ -1,0 +1,110 @@
+"""What is built of the project: a wheel that runs from anywhere, and an archive that makes the same wheel."""
+
+import json
+import os
+import subprocess
+import sys
+import tarfile
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def built(target: str, source: Path, folder: Path) -> Path:
+    """What hatchling builds of a source tree: "wheel" or "sdist"."""
+    command = [sys.executable, "-m", "hatchling", "build", "--target", target, "--directory", str(folder)]
+    subprocess.run(command, cwd=source, check=True, capture_output=True)
+    (file,) = folder.iterdir()
+    return file
+
+
+def contents(wheel: Path) -> dict[str, bytes]:
+    with zipfile.ZipFile(wheel) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    return built("wheel", ROOT, tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def site(wheel, tmp_path_factory) -> Path:
+    """A folder with the wheel unpacked, as installers do it."""
+    folder = tmp_path_factory.mktemp("site")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(folder)
+    return folder
+
+
+@pytest.fixture
+def runs(site, tmp_path):
+    """Runs Python in a folder of its own with the unpacked wheel before anything else that is installed."""
+
+    def run(*arguments: str) -> str:
+        env = {**os.environ, "PYTHONPATH": str(site)}
+        done = subprocess.run(
+            [sys.executable, *arguments], cwd=tmp_path, env=env, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return run
+
+
+def test_the_wheel_has_what_is_needed_to_run_and_no_more(wheel):
+    """All modules, marks of types, plans and weights; no tests, scripts or pictures of the README."""
+    names = set(contents(wheel))
+    packages = {"robosim", "slam", "wireless"}
+    modules = {
+        path.relative_to(ROOT).as_posix() for package in packages for path in (ROOT / package).rglob("*.py")
+    }
+    assets = {
+        f"robosim/{path.relative_to(ROOT).as_posix()}"
+        for kind in ("plans", "weights")
+        for path in (ROOT / "assets" / kind).iterdir()
+    }
+    about = {name for name in names if ".dist-info/" in name}
+    assert len(assets) > 20
+    assert names - about == modules | assets | {f"{package}/py.typed" for package in packages}
+    assert {Path(name).name for name in about} == {
+        "METADATA",
+        "WHEEL",
+        "entry_points.txt",
+        "LICENSE",
+        "RECORD",
+    }
+
+
+def test_the_archive_of_the_sources_makes_the_same_wheel(wheel, tmp_path):
+    """Unpacked elsewhere, outside of any repository; the same files, to the byte. Tests and Makefile are in it."""
+    sdist = built("sdist", ROOT, tmp_path / "dist")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path, filter="data")
+    source = tmp_path / sdist.name.removesuffix(".tar.gz")
+    for name in ("Makefile", "README.md", "LICENSE", "tests/conftest.py", "scripts/system_packages.py"):
+        assert (source / name).read_bytes() == (ROOT / name).read_bytes()
+    assert contents(built("wheel", source, tmp_path / "again")) == contents(wheel)
+
+
+def test_an_unpacked_wheel_runs_from_elsewhere(runs, site, wheel):
+    """Its own code, version, plans and weights are found, not those of this source tree."""
+    version = wheel.name.split("-")[1]
+    assert runs("-m", "robosim", "--version") == f"robosim {version}\n"
+    told = json.loads(runs("-m", "robosim", "plan", "cottage", "--json", "--out", "shown"))
+    assert told["plan"] == "cottage" and told["parts"] >= 1
+    code = (
+        "import robosim, slam, wireless; from robosim.support.assets import assets_dir, shipped_network; "
+        "print(robosim.__file__, slam.__file__, wireless.__file__, assets_dir()); "
+        "slam.load_mapper(shipped_network('mapper'))"
+    )
+    assert all(Path(place).is_relative_to(site) for place in runs("-c", code).split())
+
+
+def test_the_command_is_installed(wheel):
+    """`robosim` is the entry point that `python -m robosim` has."""
+    (points,) = (text for name, text in contents(wheel).items() if name.endswith("entry_points.txt"))
+    assert "robosim = robosim.__main__:main" in points.decode()

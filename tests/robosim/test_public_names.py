@@ -1,0 +1,62 @@
+"""What `robosim`, `slam` and `wireless` offer by name: all is there, told of, and costs nothing until asked for."""
+
+import ast
+import subprocess
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+PACKAGES = ("robosim", "slam", "wireless")
+#: Libraries that take long to load, and that nobody needs who only looks around.
+HEAVY = {"torch", "matplotlib", "mujoco", "pyrender", "numba", "pyarrow", "scipy", "shapely", "trimesh"}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_is_there_and_documented(package):
+    """Each resolves, is listed by `dir`, has a docstring, and a line of its own in the package's."""
+    module = import_module(package)
+    listed = {line.split()[0] for line in module.__doc__.splitlines() if line.startswith("    ")}
+    names = set(module.__all__) - {"__version__"}
+    assert listed == names
+    for name in names:
+        assert getattr(module, name).__doc__, name
+    assert names <= set(dir(module))
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_type_checkers_see_the_same_names_in_the_same_places(package):
+    """What is imported for type checkers alone agrees with where the names are found as the program runs."""
+    module = import_module(package)
+    told = {
+        alias.name: node.module
+        for node in ast.walk(ast.parse(Path(module.__file__).read_text()))
+        if isinstance(node, ast.ImportFrom) and node.module.startswith(f"{package}.")
+        for alias in node.names
+    }
+    assert told == {name: f"{package}.{place}" for name, place in module._MODULES.items()}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_an_unknown_name_is_an_attribute_error(package):
+    """As of every module, so that `hasattr` and imports of submodules work."""
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'no_such_name'"):
+        import_module(package).no_such_name  # noqa: B018
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_version_and_types_are_told(package):
+    """`__version__` is the installed one, and `py.typed` says that annotations may be relied on."""
+    module = import_module(package)
+    assert module.__version__ == version("robosim")
+    assert (Path(module.__file__).parent / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_importing_a_package_loads_nothing_heavy(package):
+    """In a fresh process: a name is imported when it is asked for, and with it what it needs."""
+    code = f"import sys, {package}; print(*sys.modules)"
+    process = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not HEAVY & set(process.stdout.split())
