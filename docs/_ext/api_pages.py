@@ -102,21 +102,14 @@ def _package_page(root: Path, package: str, rooms: dict[str, list[str]]) -> str:
 
 
 def _exported(path: Path) -> list[tuple[str, str, str]]:
-    """Names that a package offers, the module of each, and its name there."""
-    tree = ast.parse(path.read_text("utf-8"))
-    public: set[str] = set()
-    found = []
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
-            public = set(ast.literal_eval(node.value))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            found += [
-                (a.asname or a.name, node.module, a.name)
-                for a in node.names
-                if (a.asname or a.name) in public
-            ]
-    return sorted(found, key=lambda entry: (entry[1], entry[0]))
+    """Names that a package offers, the module of each, and its name there, in the package's own order."""
+    package = path.parent.name
+    for node in ast.parse(path.read_text("utf-8")).body:
+        target = node.targets[0] if isinstance(node, ast.Assign) else getattr(node, "target", None)
+        if isinstance(target, ast.Name) and target.id == "_MODULES":
+            places = ast.literal_eval(node.value)
+            return [(name, f"{package}.{module}", name) for name, module in places.items()]
+    return []
 
 
 def _first_line(root: Path, module: str, name: str | None = None) -> str:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from sphinx.application import Sphinx
 
+from robosim.commands.table import COMMANDS, GROUPS
+
 #: So wide that nothing is wrapped.
 _WIDTH = "4000"
 
@@ -22,14 +24,13 @@ def _write(app: Sphinx) -> None:
     folder = Path(app.srcdir) / "reference" / "commands"
     folder.mkdir(parents=True, exist_ok=True)
     wanted = {}
-    for command in _names([]):
-        inner = _names([command])
-        pages = [[command, name] for name in inner] or [[command]]
-        intro = _description(_help([command])) if inner else ""
-        body = f"# `robosim {command}`\n\n{intro}\n\n" if inner else ""
-        for words in pages:
-            body += _page(words, 2 if inner else 1)
-        wanted[f"{command}.md"] = body
+    for command in dict.fromkeys(name.split()[0] for name in COMMANDS):
+        inner = [name.split() for name in COMMANDS if name.split()[0] == command]
+        if command in GROUPS:
+            body = f"# `robosim {command}`\n\n{_prose(GROUPS[command])}\n\n"
+            wanted[f"{command}.md"] = body + "".join(_page(words, 2) for words in inner)
+        else:
+            wanted[f"{command}.md"] = _page(inner[0], 1)
     for old in folder.glob("*.md"):
         if old.name not in wanted:
             old.unlink()
@@ -54,12 +55,6 @@ def _help(words: list[str]) -> str:
         if before is not None:
             os.environ["COLUMNS"] = before
     return re.sub(r"\x1b\[[0-9;]*m", "", out.buffer.getvalue().decode())
-
-
-def _names(words: list[str]) -> list[str]:
-    usage = _help(words).splitlines()[0]
-    found = re.search(r"\[-h\] \{([\w,-]+)\}", usage)
-    return found[1].split(",") if found else []
 
 
 def _description(text: str) -> str:

@@ -9,11 +9,9 @@ room is furniture. The same triangles are what the camera sees, what the robot b
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.building.building import BuildingConfig, make_building
+from robosim import BuildingConfig, CameraConfig, make_building, read_plan
 from robosim.camera.cameras import make_camera
-from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.plans.files import read_plan
 
 plan = read_plan("villa")
 building = make_building(plan, config=BuildingConfig(ceiling=False, height_m=1.6, furniture_height_m=0.8))
@@ -29,10 +27,9 @@ picture = camera.render(T_map_camera)
 camera.close()
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 5.8), layout="constrained")
-rows, columns = plan.occupancy.shape
-extent = (0, columns * plan.resolution_m, 0, rows * plan.resolution_m)
-left.imshow(~plan.free, cmap="gray_r", vmin=0, vmax=1.3, origin="lower", extent=extent)
-left.set(xlabel="x [m]", ylabel="y [m]", title=f"{columns} x {rows} cells of {plan.resolution_m} m")
+plan.plot(left)
+rows, columns = plan.shape
+left.set_title(f"{columns} x {rows} cells of {plan.resolution_m} m")
 right.imshow(np.where(picture.depth[..., None] > 0, picture.rgb, 255))
 right.set_title(f"{len(building.mesh.faces)} triangles, drawn by the robot's camera from above")
 right.axis("off")

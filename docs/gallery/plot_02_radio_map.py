@@ -8,10 +8,8 @@ from. Behind a door, arrows point at the door and not at the transmitter: this i
 
 import matplotlib.pyplot as plt
 
+from robosim import RadioConfig, RadioScene, read_plan, receiver_grid
 from robosim.drawing.radio import draw_arrival, draw_power
-from robosim.plans.files import read_plan
-from robosim.radio.receivers import receiver_grid
-from robosim.radio.scene import RadioConfig, RadioScene
 
 config = RadioConfig()
 scene = RadioScene(read_plan("flat"), config)

@@ -9,11 +9,8 @@ most of what lies round a corner would hear nothing.
 
 import matplotlib.pyplot as plt
 
-from robosim.building.building import BuildingConfig
+from robosim import BuildingConfig, RadioConfig, RadioScene, read_plan, receiver_grid
 from robosim.drawing.radio import draw_state
-from robosim.plans.files import read_plan
-from robosim.radio.receivers import receiver_grid
-from robosim.radio.scene import RadioConfig, RadioScene
 from wireless import TracerConfig
 
 plan, walls = read_plan("office"), BuildingConfig(tolerance_m=0.05)

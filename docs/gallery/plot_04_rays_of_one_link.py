@@ -8,9 +8,8 @@ diffractions; the delay profile below says when and how strongly each arrives.
 
 import matplotlib.pyplot as plt
 
+from robosim import RadioConfig, RadioScene, read_plan
 from robosim.drawing.radio import draw_rays
-from robosim.plans.files import read_plan
-from robosim.radio.scene import RadioConfig, RadioScene
 
 scene = RadioScene(read_plan("flat"), RadioConfig())
 tx, rx = scene.places(((7.0, 7.0), (11.5, 11.5)), "places")

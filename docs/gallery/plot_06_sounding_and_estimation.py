@@ -9,10 +9,9 @@ that arrives from each direction in each beam. Circles are true paths, crosses t
 import matplotlib.pyplot as plt
 import numpy as np
 
+from robosim import RadioConfig, RadioScene, read_plan
 from robosim.drawing.links import draw_directions
 from robosim.drawing.radio import draw_rays
-from robosim.plans.files import read_plan
-from robosim.radio.scene import RadioConfig, RadioScene
 from wireless import Rays, Sounder, estimator_named, terminal_named
 
 scene = RadioScene(read_plan("flat"), RadioConfig())

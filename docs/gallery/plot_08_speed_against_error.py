@@ -11,18 +11,11 @@ import time
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.building.building import BuildingConfig
-from robosim.plans.files import read_plan
-from robosim.radio.receivers import receiver_grid
-from robosim.radio.scene import RadioConfig, RadioScene
+from robosim import BuildingConfig, RadioConfig, RadioScene, read_plan, receiver_grid
 from wireless import TracerConfig
 
 settings = {"line of sight": (0, -1), "1 reflection": (1, -1), "3 reflections": (3, -1)}
-settings |= {
-    "1, or diffraction": (1, 0),
-    "3, or diffraction\nand 1 (the default)": (3, 1),
-    "reference": (6, 2),
-}
+settings |= {"1, or diffraction": (1, 0), "3, or diffraction and 1": (3, 1), "reference": (6, 2)}
 power, rate = {}, {}
 for name, (reflections, bent) in settings.items():
     bends = {"diffraction": bent >= 0, "diffraction_reflections": max(bent, 0)}
@@ -36,21 +29,11 @@ for name, (reflections, bent) in settings.items():
     rate[name] = len(rx) / (time.perf_counter() - start)
     power[name] = np.bincount(paths.rx, paths.power, len(rx))
 figure, axes = plt.subplots(figsize=(8.5, 4.6), layout="constrained")
-for name, colour in zip(
-    list(settings)[:-1], ("#999999", "#E69F00", "#D55E00", "#56B4E9", "#0072B2"), strict=True
-):
+colours = "#999999", "#E69F00", "#D55E00", "#56B4E9", "#0072B2"
+for name, colour in zip(list(settings)[:-1], colours, strict=True):
     missed = 10 * np.log10(power["reference"] / np.maximum(power[name], 1e-3 * power["reference"]))
-    axes.plot(
-        np.sort(missed),
-        np.linspace(0, 100, len(missed)),
-        color=colour,
-        label=f"{name}: {rate[name]:.0f} links/s",
-    )
-axes.set(
-    xlim=(0, 30),
-    xlabel="power missed at most [dB]",
-    ylabel="share of links [%]",
-    title="flat, 0.05 m outline",
-)
-axes.legend(title="most reflections", loc="lower right")
+    share, label = np.linspace(0, 100, len(missed)), f"{name}: {rate[name]:.0f} links/s"
+    axes.plot(np.sort(missed), share, color=colour, label=label)
+axes.set(xlim=(0, 30), xlabel="power missed at most [dB]", ylabel="share of links [%]")
+axes.legend(title="most reflections (the last is the default)", loc="lower right")
 plt.show()

@@ -11,9 +11,7 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 from matplotlib.patches import Patch
 
-from robosim.building.building import make_building
-from robosim.building.reach import reach
-from robosim.plans.files import read_plan
+from robosim import make_building, reach, read_plan
 
 plan = read_plan("cottage")
 building = make_building(plan)

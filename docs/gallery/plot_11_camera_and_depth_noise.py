@@ -9,12 +9,7 @@ returns at grazing angles. The target is the box with markers.
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.building.building import make_building
-from robosim.camera.depth_noise import DepthNoise
-from robosim.camera.model import CameraConfig
-from robosim.plans.files import read_plan
-from robosim.simulator import Simulator, SimulatorConfig
-from robosim.task.tasks import Task
+from robosim import CameraConfig, DepthNoise, Simulator, SimulatorConfig, Task, make_building, read_plan
 
 image = CameraConfig(width=320, height=320)
 config = SimulatorConfig(image=image, depth_noise=DepthNoise(level=1.0), physics="kinematic")

@@ -10,37 +10,29 @@ they hardly differ. The last picture compares the error of the estimated place w
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.building.building import make_building
-from robosim.building.reach import reach
-from robosim.camera.depth_noise import DepthNoise
-from robosim.drawing.plots import draw_walls
-from robosim.episode import EpisodeConfig, run_episode
-from robosim.plans.files import read_plan
-from robosim.simulator import SimulatorConfig
-from robosim.task.tasks import make_task
+import robosim
 from slam.poses import compose
 
-building = make_building(read_plan("flat"))
-places = reach(building, 0.1)
-task = make_task(places, np.random.default_rng(3))
-simulated = SimulatorConfig(physics="kinematic", depth_noise=DepthNoise(level=1.0))
-config = EpisodeConfig(goal="explore", mapper="classical", max_steps=251, simulator=simulated)
+building = robosim.make_building(robosim.read_plan("flat"))
+places = robosim.reach(building, 0.1)
+task = robosim.make_task(places, np.random.default_rng(3))
+simulated = robosim.SimulatorConfig(physics="kinematic", depth_noise=robosim.DepthNoise(level=1.0))
+config = robosim.EpisodeConfig(goal="explore", mapper="classical", max_steps=251, simulator=simulated)
 seen = []
-log, _ = run_episode(building, places, task, config, lambda d: seen.append((d.estimate, d.view.odometry)))
+log, _ = robosim.run_episode(
+    building, places, task, config, lambda _, d: seen.append((d.estimate, d.view.odometry))
+)
 true, believed, alone = np.array(log.poses), np.array(log.estimates), [task.start]
 for _, moved in seen[1:]:
     alone.append(compose(alone[-1], moved))
 
 figure, axes = plt.subplots(2, 2, figsize=(10, 9), layout="constrained")
 for place, step in zip(axes.flat, (20, 80, 250), strict=False):
-    frame, known = seen[step][0].frame, seen[step][0]
-    shade = np.select([known.obstacle, known.explored], [0.0, 1.0], 0.8)
-    (x, y), (rows, columns) = frame.origin_xy, np.array(shade.shape) * frame.resolution_m
-    place.imshow(shade, cmap="gray", origin="lower", extent=(x, x + columns, y, y + rows))
-    draw_walls(place, building)
+    seen[step][0].plot(place, robot=False)
+    building.plot(place)
     place.plot(*true[: step + 1, :2].T, color="#009E73", lw=3)
     place.plot(*believed[: step + 1, :2].T, color="#E69F00", lw=1)
-    place.set(title=f"after {step} decisions", xlim=(0, 15.5), ylim=(0, 14), xlabel="x [m]", facecolor="0.8")
+    place.set(title=f"after {step} decisions", xlim=(0, 15.5), ylim=(0, 14), xlabel="x [m]", facecolor="0.85")
 for ways, colour, label in ((alone, "#D55E00", "odometry alone"), (believed, "#E69F00", "mapper")):
     error_cm = 100 * np.hypot(*(np.array(ways)[:251, :2] - true[:251, :2]).T)
     axes[1, 1].semilogy(error_cm + 0.01, color=colour, label=label)

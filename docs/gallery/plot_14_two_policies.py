@@ -9,25 +9,21 @@ rooms; with its radio it follows directions of arrival. Both see the same buildi
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.building.building import BuildingConfig, make_building
-from robosim.building.reach import reach
-from robosim.drawing.plots import draw_walls
-from robosim.episode import EpisodeConfig, run_episode
-from robosim.plans.files import read_plan
-from robosim.simulator import SimulatorConfig
-from robosim.task.tasks import make_task
+import robosim
 
-building = make_building(read_plan("townhouse"), config=BuildingConfig(tolerance_m=0.05))
-places = reach(building, 0.1)
-task = make_task(places, np.random.default_rng([1, 0]), min_path_m=8.0)
-simulated = SimulatorConfig(physics="kinematic")
+building = robosim.make_building(
+    robosim.read_plan("townhouse"), config=robosim.BuildingConfig(tolerance_m=0.05)
+)
+places = robosim.reach(building, 0.1)
+task = robosim.make_task(places, np.random.default_rng([1, 0]), min_path_m=8.0)
+simulated = robosim.SimulatorConfig(physics="kinematic")
 
 figure, both = plt.subplots(1, 2, figsize=(9.5, 6.6), sharey=True, layout="constrained")
 for axes, goal in zip(both, ("visual", "los-or-first"), strict=True):
-    config = EpisodeConfig(goal=goal, mapper="classical", simulator=simulated)
-    log, _ = run_episode(building, places, task, config)
+    config = robosim.EpisodeConfig(goal=goal, mapper="classical", simulator=simulated)
+    log, _ = robosim.run_episode(building, places, task, config)
     way = np.array(log.poses)
-    draw_walls(axes, building)
+    building.plot(axes)
     axes.scatter(*way[:, :2].T, c=np.arange(len(way)), cmap="viridis", s=8)
     axes.plot(*way[0, :2], "o", color="white", mec="black", ms=9)
     axes.plot(*task.target, "*", color="#D55E00", ms=16)

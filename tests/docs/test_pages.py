@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import robosim.cli as cli
+from robosim.commands.table import loaded
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -35,20 +36,31 @@ def commands(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
-def test_commands_exist(page: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Each command and option is one, and takes the value it is given; nothing is run."""
+def test_commands_exist(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each command and option is one, and takes the value it is given; nothing is run.
 
-    def idle(command: Callable[..., None]) -> Callable[..., None]:
-        @functools.wraps(command)
+    Files that a page has made before are there, empty; a configuration to begin from is not read, and parts of one's
+    own are those of the page on parts.
+    """
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("".join(blocks(DOCS / "tasks" / "parts.md", "python")), "utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def idle(name: str) -> Callable[..., None]:
+        @functools.wraps(loaded(name))
         def nothing(*args: object, **options: object) -> None: ...
 
         return nothing
 
-    for table in (cli._COMMANDS, *(inner for _, inner in cli._GROUPS.values())):
-        for name, command in list(table.items()):
-            monkeypatch.setitem(table, name, idle(command))
+    monkeypatch.setattr(cli, "loaded", idle)
     for line in commands(page):
-        words = [word for word in shlex.split(line)[1:] if word != "--debug"]
+        words = [word for word in shlex.split(line)[1:] if word not in cli._EVERYWHERE]
+        if "--config" in words:
+            del words[words.index("--config") : words.index("--config") + 2]
+        for word in words:
+            if word.endswith((".safetensors", ".yaml")):
+                (tmp_path / word).parent.mkdir(parents=True, exist_ok=True)
+                (tmp_path / word).write_text("radius_m: 0.17\n", "utf-8")
         try:
             cli._run(words)
         except SystemExit as end:
