@@ -39,12 +39,18 @@ Episodes:
 
     make_task        from where to where, drawn at random or given
     Task             one search in one building
+    Anchor           a transmitter that is not searched
+    with_anchors     a task with some of them
     run_episode      drives one robot through one search
     record_episode   the same, with a video and files to look at
     EpisodeConfig    how an episode is run
     EpisodeLog       everything that happened in it
     Decision         what an onlooker may see of one decision
     read_decisions   the log of decisions of a recorded episode
+    GoalPolicy       what a goal policy does: derive yours from it
+    PolicyContext    what it is made from
+    Situation        what a robot knows when it is asked for a goal
+    Measurement      what it makes of what its radio measured
 
 Evaluation:
 
@@ -57,7 +63,6 @@ Radio:
 
     RadioScene       a floor plan made ready for radio
     RadioConfig      what is traced and how
-    make_tracer      the ray tracer of a building
     receiver_grid    receivers all over a building
 
 Data sets:
@@ -125,7 +130,6 @@ _MODULES = {
     "read_suite": "evaluation.suite",
     "RadioScene": "radio.scene",
     "RadioConfig": "radio.scene",
-    "make_tracer": "radio.scene",
     "receiver_grid": "radio.receivers",
     "trace_plan": "datasets.trace",
     "make_dataset": "datasets.links",
@@ -134,6 +138,12 @@ _MODULES = {
     "CollectConfig": "datasets.collect",
     "LinkDataset": "datasets.torch_data",
     "FrameDataset": "datasets.torch_data",
+    "Anchor": "task.tasks",
+    "with_anchors": "task.tasks",
+    "GoalPolicy": "policies.goals",
+    "PolicyContext": "policies.goals",
+    "Situation": "policies.situation",
+    "Measurement": "radio.measurement",
 }
 __all__ = ["__version__", *_MODULES]
 
@@ -179,10 +189,13 @@ if TYPE_CHECKING:
     from robosim.plans.formats.plan_array import plan_from_array as plan_from_array
     from robosim.plans.formats.plan_image import write_png as write_png
     from robosim.plans.formats.ros_map import write_ros as write_ros
+    from robosim.policies.goals import GoalPolicy as GoalPolicy
+    from robosim.policies.goals import PolicyContext as PolicyContext
+    from robosim.policies.situation import Situation as Situation
+    from robosim.radio.measurement import Measurement as Measurement
     from robosim.radio.receivers import receiver_grid as receiver_grid
     from robosim.radio.scene import RadioConfig as RadioConfig
     from robosim.radio.scene import RadioScene as RadioScene
-    from robosim.radio.scene import make_tracer as make_tracer
     from robosim.recording.decision_log import read_decisions as read_decisions
     from robosim.robot.mjcf import export_mjcf as export_mjcf
     from robosim.robot.odometry import NoiseModel as NoiseModel
@@ -192,8 +205,10 @@ if TYPE_CHECKING:
     from robosim.simulator import Simulator as Simulator
     from robosim.simulator import SimulatorConfig as SimulatorConfig
     from robosim.task.record import EpisodeLog as EpisodeLog
+    from robosim.task.tasks import Anchor as Anchor
     from robosim.task.tasks import Task as Task
     from robosim.task.tasks import make_task as make_task
+    from robosim.task.tasks import with_anchors as with_anchors
 
     __version__: str
 else:

@@ -7,6 +7,7 @@ Bad input ends in one sentence on standard error and exit status 2, never in a t
 import errno
 import inspect
 import logging
+import os
 import signal
 import sys
 import traceback
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the `robosim` command.
 
     Ends with status 2 where what was asked for cannot be done, 1 where work failed, 130 after Ctrl-C, 143 after
-    SIGTERM.
+    SIGTERM, 141 where nobody reads on.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     everywhere = {word for word in words if word in _EVERYWHERE}
@@ -57,6 +58,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             _run(words)
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
+    except BrokenPipeError:
+        # Whoever read what is printed has seen enough. What Python still wants to print goes nowhere.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(SIGNALLED + signal.SIGPIPE)
     except Exception as error:
         if interrupt.asked:
             sys.exit(SIGNALLED + interrupt.signal)

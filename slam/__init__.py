@@ -24,6 +24,7 @@ Moving:
     CostConfig        what a metre of it costs
     Plan              a way to a goal
     Controller        chooses actions along it
+    LocalPolicy       what every chooser of actions does
     ControlConfig     how actions are chosen
     load_steering     a controller that has learned to, from a file
     Action            what the robot can do in one decision
@@ -31,6 +32,7 @@ Moving:
 Exploring:
 
     FrontierExplorer  chooses goals until nothing is left to see
+    Explorer          what every explorer does
     ExplorerConfig    how frontiers are found and rated
     load_chooser      a rating that was learned, from a file
 """
@@ -64,6 +66,8 @@ _MODULES = {
     "FrontierExplorer": "exploration.explorer",
     "ExplorerConfig": "exploration.explorer",
     "load_chooser": "exploration.choosing",
+    "Explorer": "exploration.explorer",
+    "LocalPolicy": "control.controller",
 }
 __all__ = ["__version__", *_MODULES]
 
@@ -71,8 +75,10 @@ if TYPE_CHECKING:
     from slam.actions import Action as Action
     from slam.control.controller import ControlConfig as ControlConfig
     from slam.control.controller import Controller as Controller
+    from slam.control.controller import LocalPolicy as LocalPolicy
     from slam.control.learned import load_steering as load_steering
     from slam.exploration.choosing import load_chooser as load_chooser
+    from slam.exploration.explorer import Explorer as Explorer
     from slam.exploration.explorer import ExplorerConfig as ExplorerConfig
     from slam.exploration.explorer import FrontierExplorer as FrontierExplorer
     from slam.grid import GridFrame as GridFrame

@@ -20,6 +20,9 @@ Materials:
 Measurements and what is made out of them:
 
     terminal_named       antenna arrays and beams of the reference's base station or robot
+    Terminal             one of your own: a platform and its beams
+    Platform             arrays that face different ways
+    uniform_array        a line or a plane of elements
     Rays                 paths as two terminals see them
     Sounder              what a receiver measures of them
     SoundingConfig       with which power and waveform
@@ -81,10 +84,16 @@ _MODULES = {
     "traced_csv": "formats.traced_csv",
     "estimated_csv": "formats.estimated_csv",
     "DataError": "support.reading",
+    "Terminal": "antennas.codebook",
+    "Platform": "antennas.arrays",
+    "uniform_array": "antennas.arrays",
 }
 __all__ = ["__version__", *_MODULES]
 
 if TYPE_CHECKING:
+    from wireless.antennas.arrays import Platform as Platform
+    from wireless.antennas.arrays import uniform_array as uniform_array
+    from wireless.antennas.codebook import Terminal as Terminal
     from wireless.antennas.codebook import terminal_named as terminal_named
     from wireless.em.materials import MATERIALS as MATERIALS
     from wireless.em.materials import Layer as Layer

@@ -127,16 +127,10 @@ def _compile() -> float:
     return perf_counter() - begin
 
 
-def _tracer(building: Building, config: TracerConfig) -> Tracer:
-    return Tracer(
-        building.mesh, materials=building.materials, face_material=building.face_material, config=config
-    )
-
-
 def _prepared(building: Building) -> tuple[Tracer, float]:
     """The usual tracer of a building, and the seconds that it took to make."""
     begin = perf_counter()
-    return _tracer(building, USUAL), perf_counter() - begin
+    return Tracer(building, config=USUAL), perf_counter() - begin
 
 
 def _places(buildings: Sequence[Building], count: int, rng: np.random.Generator) -> Float[np.ndarray, "n 3"]:
@@ -172,7 +166,7 @@ def _sweep(
         config = TracerConfig(
             max_reflections=order, diffraction=edges >= 0, diffraction_reflections=max(edges, 0)
         )
-        tracer = _tracer(buildings[tolerance_m], config)
+        tracer = Tracer(buildings[tolerance_m], config=config)
         tracer.trace(tx[:1], rx[:1])
         begin = perf_counter()
         paths = tracer.trace(tx, rx, workers=1)

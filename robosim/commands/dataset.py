@@ -21,7 +21,7 @@ from robosim.commands.terminal import (
     read,
     tell,
 )
-from robosim.parts import EstimatorPart
+from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import check_number
 
 
@@ -33,6 +33,8 @@ def dataset(
     grid: float = 0.15,
     seed: int = 0,
     estimator: EstimatorPart = "sage",
+    transmitter: TerminalPart = "gnb",
+    receiver: TerminalPart = "ue",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
     tolerance: float = 0.05,
@@ -57,6 +59,8 @@ def dataset(
         grid: Step between receivers [m].
         seed: Seed of places, phases and noise, and of the first generated home.
         estimator: sage, likelihood of all paths together, or pca, the reference's, less sharp and faster.
+        transmitter: Antennas that send; gnb is the published base station's.
+        receiver: Antennas that receive; ue is the published robot's.
         headings: Where receivers' arrays face: fixed, as published, or random, as a robot's that drives about.
         format: Written too: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
         tolerance: How far walls may be moved to straighten them [m], faster; 0 keeps every cell.
@@ -80,6 +84,8 @@ def dataset(
         grid_m=grid,
         seed=seed,
         estimator=estimator,
+        tx=transmitter,
+        rx=receiver,
         headings=headings,
         formats=tuple(sorted(set(format))),
         radio=radio.config(tolerance),

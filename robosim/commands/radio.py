@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from robosim.parts import MaterialPart
+
 if TYPE_CHECKING:
     from robosim.radio.scene import RadioConfig
 
@@ -29,7 +31,7 @@ class RadioOptions:
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
-    material: str = "drywall"
+    material: MaterialPart = "drywall"
     """Of walls and furniture."""
     height: float = 1.5
     """Of receivers, and of transmitters that do not say theirs [m]."""

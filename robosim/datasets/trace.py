@@ -30,6 +30,7 @@ from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
+from robosim.support.parts import described
 from robosim.support.run_folder import run_folder
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.paths import LinkState, Paths
@@ -100,7 +101,7 @@ def trace_plan(
             "links": len(transmitters) * len(grid.position),
             "states": {one.name.lower(): int(states[one]) for one in LinkState},
             "deepmimo": scenario_name(plan.name),
-            "config": asdict(config),
+            "config": described(config),
             "timing": {
                 "seconds": round(seconds, 3),
                 "traced": progress.new,

@@ -21,14 +21,13 @@ from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
-from robosim.radio.scene import make_tracer
 from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
 from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
-from wireless.tracing.tracer import TracerConfig
+from wireless.tracing.tracer import Tracer, TracerConfig
 
 RadioEngine = Literal["live", "cached"]
 
@@ -91,7 +90,7 @@ class RadioLink:
                 f"{building.height_m:g} m."
             )
         self._free = building.free
-        self._tracer = make_tracer(building, self.config.frequency_hz, self.config.tracer)
+        self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
         c = self.config
         self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)
         self._target = np.full(3, np.nan)

@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import check_height
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
@@ -49,21 +49,6 @@ class RadioConfig:
         return -np.inf if self.threshold_dbm is None else self.threshold_dbm - self.tx_power_dbm
 
 
-def make_tracer(building: Building, frequency_hz: float, config: TracerConfig) -> Tracer:
-    """A tracer of a building.
-
-    Raises:
-        ValueError: If a material is unknown at this frequency.
-    """
-    return Tracer(
-        building.mesh,
-        materials=building.materials,
-        face_material=building.face_material.astype(np.int64),
-        frequency_hz=frequency_hz,
-        config=config,
-    )
-
-
 class RadioScene:
     """The building of a plan, ready for tracing.
 
@@ -80,7 +65,7 @@ class RadioScene:
         self.config = config
         self.building = make_building(plan, config=config.building)
         self.face_material = self.building.face_material.astype(np.int64)
-        self.tracer = make_tracer(self.building, config.frequency_hz, config.tracer)
+        self.tracer = Tracer(self.building, frequency_hz=config.frequency_hz, config=config.tracer)
 
     @property
     def digest(self) -> str:

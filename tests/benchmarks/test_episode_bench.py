@@ -12,7 +12,7 @@ from robosim.bench import episode
 from robosim.bench.episode import DEFAULT, compare, run, table, variations
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import write_ros
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 
 def _leaves(value, name=""):

@@ -4,7 +4,7 @@ import json
 
 from robosim.bench import physics
 from robosim.building.building import make_building
-from tests.robosim.plans import room
+from tests.plans import room
 
 
 def test_the_benchmark_compares_engines(tmp_path):

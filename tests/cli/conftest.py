@@ -8,7 +8,7 @@ import pytest
 
 from robosim.cli import main
 from robosim.plans.files import write_ros
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 
 @pytest.fixture(scope="session")

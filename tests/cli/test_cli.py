@@ -13,7 +13,7 @@ from robosim.commands.episode import episode
 from robosim.commands.table import COMMANDS, GROUPS, loaded
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import read_plan
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 WORDS = ["", *COMMANDS, *GROUPS]
 

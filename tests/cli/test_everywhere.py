@@ -160,6 +160,24 @@ def test_every_command_hands_over_its_result(name):
     assert called & {"tell", "tell_file"}
 
 
+def test_a_reader_that_has_seen_enough_is_no_error(plan_file, tmp_path):
+    """As of `robosim plan office --json | true`: no message, and the status of a broken pipe."""
+    words = [
+        sys.executable,
+        "-m",
+        "robosim",
+        "plan",
+        str(plan_file),
+        "--json",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 141
+
+
 @pytest.fixture(scope="module")
 def completion(tmp_path_factory) -> Path:
     """What a shell reads to complete commands."""

@@ -10,7 +10,7 @@ import pytest
 from robosim.cli import main
 from robosim.commands import terminal
 from robosim.plans.files import write_ros
-from tests.robosim.plans import room, two_rooms
+from tests.plans import room, two_rooms
 
 #: Names that Rich, its emojis or matplotlib's formulas would take for theirs, or stumble over.
 NAMES = ["[red]x[b]", "a[X,Y]", "x[link=file]", ":smile:", "a$_{$b", "[not"]

@@ -23,7 +23,7 @@ from robosim.task.tasks import make_task
 from slam.control.controller import Controller
 from slam.exploration.explorer import FrontierExplorer
 from slam.mapping.classical import ClassicalMapper
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 from wireless.estimation.pca import PcaEstimator
 from wireless.paths import LinkState
 

@@ -10,7 +10,7 @@ import pytest
 from robosim.cli import main
 from robosim.plans.files import write_ros
 from robosim.radio.scene import RadioConfig, RadioScene
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 from wireless import LinkState, Paths
 
 PICTURES = {"power", "state", "aoa", "rays", "overview"}

@@ -21,7 +21,7 @@ import pytest
 
 from robosim.plans.files import write_ros
 from tests.faults.commands import COMMANDS, EPISODE, FRAMES, LINKS, Command, contents, copied
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 #: Nothing that a command starts may be at work so long after it has ended [s].
 ORPHANS_S = 10

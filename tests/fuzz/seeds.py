@@ -46,8 +46,8 @@ from slam.learning.mapper import Frames
 from slam.learning.mapper import Recipe as MapperRecipe
 from slam.learning.mapper import train as train_mapper
 from slam.networks.map_network import NetworkConfig
-from tests.robosim import kept
-from tests.robosim.plans import two_rooms
+from tests import kept
+from tests.plans import two_rooms
 from wireless.estimates import PathEstimates
 from wireless.formats.estimated_csv import estimated_csv
 from wireless.formats.link_records import link_table, write_links

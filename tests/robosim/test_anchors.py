@@ -16,7 +16,7 @@ from robosim.policies.goals import GoalPolicy, PolicyContext, Wireless, los
 from robosim.radio.link import RadioLinkConfig
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import Anchor, make_task, with_anchors
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 from wireless.paths import LinkState
 
 SIMULATOR = SimulatorConfig(physics="kinematic", camera="embree", radio=RadioLinkConfig(estimator="pca"))

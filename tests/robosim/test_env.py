@@ -8,7 +8,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 FAST = SimulatorConfig(physics="kinematic")
 

@@ -20,7 +20,7 @@ from robosim.run import record_episode
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 KINEMATIC = SimulatorConfig(physics="kinematic")
 

@@ -13,7 +13,7 @@ from robosim.building.building import make_building
 from robosim.robot.motion import Motion
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
-from tests.robosim.plans import two_rooms
+from tests.plans import two_rooms
 
 
 @pytest.fixture

@@ -1,0 +1,98 @@
+"""Where a hull fits, how far it drives, what it cannot enter."""
+
+import numpy as np
+import pytest
+
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from tests.plans import room, two_rooms
+
+
+def test_the_hull_keeps_its_radius_from_the_walls():
+    """In a 4 m x 3 m room a disk of radius r can be in (4 - 2r)(3 - 2r) m2, up to the cells on the rim.
+
+    Cell centres lie at odd multiples of 2.5 cm; with r = 0.18 m those from 0.225 m on count: 3.6 m x 2.6 m.
+    """
+    places = reach(make_building(room()), 0.18)
+    assert places.n_parts == 1
+    assert (places.parts > 0).sum() * 0.05**2 == pytest.approx(3.6 * 2.6)
+
+
+@pytest.mark.parametrize(("door_m", "parts"), [(0.2, 2), (0.5, 1)])
+def test_a_door_joins_rooms_only_if_the_hull_passes(door_m, parts):
+    """A hull 0.36 m wide passes a door of 0.5 m and not one of 0.2 m."""
+    places = reach(make_building(two_rooms(door_m)), 0.18)
+    assert places.n_parts == parts
+
+
+def test_a_room_behind_a_narrow_door_is_reported():
+    """Seen from the left room, the 9 m2 of the right one are cut off, around its middle (4.7, 1.5)."""
+    places = reach(make_building(two_rooms(0.2)), 0.18)
+    (lost,) = places.cut_off(places.part_at(np.array([1.0, 1.5])))
+    assert lost.area_m2 == pytest.approx(9.0, abs=0.5)
+    assert np.hypot(*(lost.centre - (4.7, 1.5))) < 0.1
+    joined = reach(make_building(two_rooms(0.5)), 0.18)
+    assert joined.cut_off(1) == []
+
+
+def test_travel_in_the_open_is_the_straight_distance():
+    """Fast marching of second order on an empty floor: |p - q| within half a cell.
+
+    Measured 0.017 m from the one-cell start; an 8-neighbour Dijkstra would be 8 % long, 0.28 m here.
+    """
+    places = reach(make_building(room()), 0.1)
+    source = np.array([0.525, 0.525])
+    travel = places.travel_m(source)
+    inside = places.parts > 0
+    straight = np.hypot(*(places.plan.centres(inside) - source).T)
+    assert np.abs(travel[inside] - straight).max() < 0.025
+    assert np.isinf(travel[~inside]).all()
+
+
+def test_travel_round_a_corner_is_the_taut_string():
+    """Through the door of two rooms: two straight legs and an arc of the hull's radius about the jambs.
+
+    The string from (0.5, 0.5) to (5.7, 0.5) runs over the disks of radius 0.18 m at the lower jamb corners
+    (3, 1.25) and (3.2, 1.25): its length from the tangents, 5.47 m. Bound two cells, since the raster lets the
+    hull no nearer to a jamb than the next cell centre; measured 0.06 m long.
+    """
+    places = reach(make_building(two_rooms(0.5)), 0.18)
+    travel = places.travel_m(np.array([0.525, 0.525]))
+    got = places.remaining_m(travel, np.array([5.675, 0.525]))
+    corner, r = np.array([3.0 - 0.525, 1.25 - 0.525]), 0.18
+    reach_m = np.hypot(*corner)
+    leg = np.sqrt(reach_m**2 - r**2)
+    slope = np.arctan2(corner[1], corner[0]) + np.arcsin(r / reach_m)
+    assert got == pytest.approx(2 * leg + 2 * r * slope + 0.2, abs=0.1)
+
+
+def test_remaining_way_is_continuous_between_cells():
+    """Moving by 1 cm changes the way by at most 1 cm and a little: no steps of a cell."""
+    places = reach(make_building(room()), 0.1)
+    travel = places.travel_m(np.array([0.5, 0.5]))
+    line = np.column_stack([np.arange(1.0, 3.0, 0.01), np.full(200, 1.33)])
+    ways = np.array([places.remaining_m(travel, p) for p in line])
+    assert np.abs(np.diff(ways)).max() < 0.012
+
+
+def test_the_remaining_way_is_a_number_where_the_sampling_has_closed_a_passage():
+    """A dead end 0.25 m wide between walls through cell centres: no centre has the hull's 0.1 m beside it there.
+
+    The hull fits, and drives in: a reward of such a step was minus infinity, and those after it not a number.
+    """
+    occupancy = np.full((80, 120), OCCUPIED, np.uint8)
+    occupancy[10:70, 5:70] = FREE
+    occupancy[40:46, 70:115] = FREE
+    plan = FloorPlan(occupancy=occupancy, resolution_m=0.05, wall_line="cell_centre")
+    places = reach(make_building(plan), 0.1)
+    travel = places.travel_m(np.array([0.6, 1.0]))
+    line = np.column_stack([np.arange(3.0, 5.5, 0.01), np.full(250, 2.15)])
+    ways = np.array([places.remaining_m(travel, point) for point in line])
+    assert np.diff(ways) == pytest.approx(0.01, abs=0.012)
+    assert places.remaining_m(np.full(plan.shape, np.inf), line[0]) == np.inf
+
+
+def test_a_radius_must_be_positive():
+    with pytest.raises(ValueError, match="radius_m is 0"):
+        reach(make_building(room()), 0.0)

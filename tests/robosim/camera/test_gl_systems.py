@@ -1,0 +1,85 @@
+"""Every OpenGL system that the machine has passes the rendering tests, and nothing of a display is needed.
+
+A process can use one system only, so the other one is tested in processes of their own.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robosim.camera.rendering.gl_binding import default_system
+from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, missing
+
+ROOT = Path(__file__).resolve().parents[3]
+RENDERING_TESTS = ("robosim/test_camera.py", "robosim/test_gl_binding.py", "benchmarks/test_render.py")
+# Far more than the half minute that they take, for a busy machine; and less than for ever.
+LIMIT_S = 1800.0
+
+
+def environment(**settings: str) -> dict[str, str]:
+    """This process's environment without what it has chosen itself, and with some settings."""
+    own = ("PYOPENGL_PLATFORM", "MUJOCO_GL", "LP_NUM_THREADS", "PYTEST_")
+    return {name: value for name, value in os.environ.items() if not name.startswith(own)} | settings
+
+
+@pytest.mark.parametrize("name", RENDERING_TESTS)
+def test_the_other_system_passes_the_rendering_tests_too(name, tmp_path):
+    """On a machine with OSMesa and EGL: this run takes the first, and a child process the second."""
+    (other,) = set(SYSTEM_NAMES) - {default_system()}
+    if lack := missing(other):
+        pytest.skip(str(lack))
+    options = ["-q", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "child"), "-k", "not embree"]
+    child = subprocess.run(
+        [sys.executable, "-m", "pytest", *options, str(ROOT / "tests" / name)],
+        cwd=ROOT,
+        env=environment(PYOPENGL_PLATFORM=other),
+        capture_output=True,
+        text=True,
+        timeout=LIMIT_S,
+    )
+    assert child.returncode == 0, f"on {SYSTEM_NAMES[other]}:\n{child.stdout}{child.stderr}"
+
+
+ALL_THAT_DRAWS = """
+import sys
+import numpy as np, trimesh
+from robosim.camera.cameras import make_camera
+from robosim.camera.model import CameraConfig, camera_pose
+room = trimesh.creation.box((4.0, 3.0, 2.5)); room.invert()
+room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
+with make_camera([room]) as camera:
+    T = camera_pose(np.array([0.0, 0.0, 0.0]), CameraConfig(height_m=0.1))
+    assert abs(camera.render(T).depth[64, 64] - 2.0) < 1e-3
+    assert camera.render_scene(T).shape == (128, 128, 3)
+print("pyglet" in sys.modules)
+print(*{line.split()[-1] for line in open("/proc/self/maps") if ".so" in line})
+"""
+
+
+@pytest.mark.skipif(
+    not Path("/proc/self/maps").exists(), reason="needs Linux to see what a process has loaded"
+)
+@pytest.mark.parametrize("system", SYSTEM_NAMES)
+def test_pictures_need_nothing_of_a_display(system):
+    """A camera loads neither pyglet nor libGL nor X.
+
+    As it comes, pyrender imports its viewer, so that `import pyrender` fails in a bare container; and PyOpenGL
+    loads libGL for EGL. Mesa's own EGL is linked with X's libraries in most distributions, which install them
+    with it: there, only libGL counts. Libraries that come inside of Python packages do not count.
+    """
+    if lack := missing(system):
+        pytest.skip(str(lack))
+    command = [sys.executable, "-c", ALL_THAT_DRAWS]
+    done = subprocess.run(
+        command, env=environment(PYOPENGL_PLATFORM=system), capture_output=True, text=True, timeout=LIMIT_S
+    )
+    assert done.returncode == 0, done.stderr
+    pyglet, libraries = done.stdout.splitlines()
+    assert pyglet == "False"
+    unwanted = ("libGL.", "libGLX") if system == "egl" else ("libGL.", "libGLX", "libX", "libxcb", "libEGL")
+    installed = [Path(path).name for path in libraries.split() if "site-packages" not in path]
+    assert any(name.startswith("libOSMesa" if system == "osmesa" else "libOpenGL") for name in installed)
+    assert [name for name in installed if name.startswith(unwanted)] == []

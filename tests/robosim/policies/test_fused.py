@@ -1,0 +1,69 @@
+"""The fused policy: what is trusted first, and that it lets go of what leads nowhere."""
+
+import numpy as np
+import pytest
+
+from robosim.navigation import make_navigator
+from robosim.policies.fused import Fused
+from robosim.policies.situation import Situation
+from robosim.radio.measurement import Measurement
+from robosim.simulator import SimulatorConfig
+from slam.grid import MapEstimate
+from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
+from wireless.paths import LinkState
+
+TARGET = np.array([3.0, 2.0])
+EVERYWHERE = estimate()
+
+
+@pytest.fixture
+def fused() -> Fused:
+    return Fused(make_navigator(SimulatorConfig()).explorer)
+
+
+def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0) -> Situation:
+    """A situation in which the target is measured straight from where it is, as if with nothing between."""
+    pose = np.array([*place, 0.0])
+    map_ = MapEstimate(**{**vars(map_), "pose": pose})
+    toward = to(place, TARGET)
+    told: Measurement = measurement(
+        place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db
+    )
+    return Situation(map_, told, seen)
+
+
+def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):
+    """6 dB too weak, as if twice as far away: the goal still lies 0.6 m ahead towards the target."""
+    goal = fused.goal(at((0.0, 0.0), LinkState.LOS, loss_db=6.0))
+    assert goal == pytest.approx(0.6 * TARGET / np.hypot(*TARGET))
+
+
+def test_a_target_that_is_seen_counts_before_one_that_is_heard(fused):
+    """Seen 1 m ahead and 0.5 m to the left, and remembered when it is out of the picture."""
+    assert fused.goal(at((0.0, 0.0), LinkState.LOS, seen=np.array([1.0, 0.5]))) == pytest.approx([1.0, 0.5])
+    assert fused.goal(at((0.5, 0.0), LinkState.HIGHER_ORDER)) == pytest.approx([1.0, 0.5])
+
+
+def test_an_arrival_that_leads_nowhere_is_left_for_the_belief(fused):
+    """Held up after a way: 0.6 m along the arrival for a while, then to where the target must be, within 0.4 m."""
+    for x in np.linspace(-3.0, -0.6, 5):
+        fused.goal(at((x, 0.0), LinkState.LOS))
+    goals = np.array([fused.goal(at((0.0, 0.0), LinkState.LOS)) for _ in range(31)])
+    assert np.hypot(*goals[5:25].T) == pytest.approx(0.6)
+    assert goals[-1] == pytest.approx(TARGET, abs=0.4)
+
+
+def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
+    """Measurement in line of sight on the way along a wall, and behind it no more: the place is remembered."""
+    map_ = estimate(wall(-0.2, 0.0, 0.5, 3.0))
+    for x in np.linspace(2.0, 0.2, 7):
+        fused.goal(at((x, 0.0), LinkState.LOS, map_))
+    hidden = at((-1.0, 1.5), LinkState.HIGHER_ORDER, map_, loss_db=30.0)
+    for _ in range(7):
+        goal = fused.goal(hidden)
+    assert goal == pytest.approx(TARGET, abs=0.4)
+
+
+def test_a_free_wave_of_a_metre_has_the_power_that_these_tests_take_it_to_have():
+    """61.4 dB at 28 GHz (Friis)."""
+    assert pytest.approx(-61.4, abs=0.05) == FRIIS_1M_DB
