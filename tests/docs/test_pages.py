@@ -101,3 +101,12 @@ def test_citations() -> None:
 def test_readme_is_short() -> None:
     """A README of one screen or three; the rest is in the documentation."""
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_files_exist(page: Path) -> None:
+    """Tests, modules and folders of the repository that a page names are where it says."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    named = re.findall(r"`((?:tests|docs|robosim|slam|wireless|assets|scripts)/[\w./-]+)`", text)
+    missing = [name for name in named if not (ROOT / name).exists() and not name.startswith("docs/_build")]
+    assert not missing
