@@ -72,7 +72,7 @@ bibtex_reference_style = "author_year"
 bibtex_default_style = "unsrt"
 
 autodoc_member_order = "bysource"
-autodoc_default_options = {"members": True, "undoc-members": True, "show-inheritance": False}
+autodoc_default_options = {"undoc-members": True}
 autodoc_typehints = "signature"
 autodoc_typehints_format = "short"
 autodoc_preserve_defaults = True

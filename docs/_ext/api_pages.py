@@ -56,7 +56,7 @@ def _write(app: Sphinx) -> None:
 def _module_page(root: Path, module: str) -> str:
     title = f"``{module}``"
     members = ", ".join(_members(root.joinpath(*module.split(".")).with_suffix(".py")))
-    listed = f"   :members: {members}" if members else "   :no-members:"
+    listed = f"   :members: {members}" if members else ""
     return f":orphan:\n\n{title}\n{'=' * len(title)}\n\n.. automodule:: {module}\n{listed}\n"
 
 

@@ -1,6 +1,7 @@
 """What the pages tell to type can be typed, their Python runs, and what they cite is in the bibliography."""
 
 import functools
+import importlib
 import os
 import re
 import shlex
@@ -110,3 +111,19 @@ def test_named_files_exist(page: Path) -> None:
     named = re.findall(r"`((?:tests|docs|robosim|slam|wireless|assets|scripts)/[\w./-]+)`", text)
     missing = [name for name in named if not (ROOT / name).exists() and not name.startswith("docs/_build")]
     assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_references_resolve(page: Path) -> None:
+    """What a page refers to in Python is there."""
+    for target in re.findall(r"\{py:\w+\}`(?:[^`<]*<)?~?([\w.]+)>?`", page.read_text("utf-8")):
+        parts = target.split(".")
+        for n in range(len(parts), 0, -1):
+            try:
+                found = importlib.import_module(".".join(parts[:n]))
+            except ModuleNotFoundError:
+                continue
+            break
+        for name in parts[n:]:
+            assert hasattr(found, name), target
+            found = getattr(found, name)
