@@ -69,7 +69,7 @@ math_numfig = False
 
 bibtex_bibfiles = ["references.bib"]
 bibtex_reference_style = "author_year"
-bibtex_default_style = "unsrt"
+bibtex_default_style = "plain"
 
 autodoc_member_order = "bysource"
 autodoc_default_options = {"undoc-members": True}
