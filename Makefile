@@ -7,6 +7,8 @@
 # (OSMesa; EGL where the distribution has no OSMesa; both for the tests) and python3-venv. That takes root or sudo.
 #
 #   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
+#   make docs      the documentation, in docs/_build/html; the first time some minutes, as every example is run
+#   make linkcheck whether the pages that it links to are there; needs the network
 #   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
 #   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
 
@@ -20,7 +22,7 @@ MOMENTS ?= 20
 BIN := $(VENV)/bin
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test coverage faults fuzz install python system system-all fresh clean
+.PHONY: demo test coverage docs linkcheck faults fuzz install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -31,6 +33,14 @@ test: $(VENV)/.test-installed
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
+
+# Warnings are errors. The doctests of its pages run with `make test`.
+docs: $(VENV)/.docs-installed
+	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
+
+linkcheck: $(VENV)/.docs-installed
+	$(BIN)/sphinx-build -b linkcheck docs docs/_build/linkcheck
 
 # Lines of loops that numba compiles count as not run.
 coverage: $(VENV)/.test-installed
@@ -69,6 +79,10 @@ $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
 	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[test]'
 	@touch $@ $(VENV)/.installed
 
+$(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[docs]'
+	@touch $@ $(VENV)/.installed
+
 # Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.
 fresh:
 	scripts/fresh-root.sh bookworm make $(FRESH)
@@ -78,4 +92,4 @@ fresh:
 	AS_USER=1 scripts/fresh-root.sh bookworm make demo
 
 clean:
-	rm -rf $(VENV) out runs
+	rm -rf $(VENV) out runs docs/_build docs/examples docs/reference/api docs/reference/commands

@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from robosim.camera.rendering.gl_binding import default_system
 from robosim.camera.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
@@ -73,8 +73,10 @@ def report(findings: list[Finding], console: Console) -> bool:
     for column in ("part", "", "what was found", "what to do"):
         table.add_column(column, overflow="fold")
     for finding in findings:
-        state = "[green]works" if finding.works else "[red]fails" if finding.needed else "[yellow]fails"
-        table.add_row(escape(finding.part), state, escape(finding.detail), escape(finding.fix))
+        colour = "green" if finding.works else "red" if finding.needed else "yellow"
+        state = Text("works" if finding.works else "fails", colour)
+        # As they are, whether or not the console takes brackets for markup.
+        table.add_row(Text(finding.part), state, Text(finding.detail), Text(finding.fix))
     console.print(table)
     broken = [finding.part for finding in findings if finding.needed and not finding.works]
     if not broken:

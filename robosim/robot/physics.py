@@ -114,7 +114,7 @@ def add_walls(
         height_m: Their upper edge [m].
         body: What they belong to; the world if not given.
     """
-    body = body or spec.worldbody
+    body = spec.worldbody if body is None else body
     low, high = -1.0, height_m  # the hull must never meet an upper or lower edge
     common: dict[str, Any] = {"contype": WALL, "conaffinity": 0, "rgba": (0.85, 0.85, 0.82, 1), **config.hard}
     for x, y, length, width, yaw in walls.boxes:

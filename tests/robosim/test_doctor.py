@@ -12,9 +12,9 @@ from robosim.doctor import Finding, _camera, _check, _system, report
 from robosim.remedies import CACHE_REMEDY, remedy
 
 
-def _printed(findings) -> tuple[bool, str]:
+def _printed(findings, markup: bool = True) -> tuple[bool, str]:
     sink = io.StringIO()
-    able = report(findings, Console(file=sink, width=200))
+    able = report(findings, Console(file=sink, width=200, markup=markup))
     return able, sink.getvalue()
 
 
@@ -59,6 +59,17 @@ def test_brackets_in_an_error_are_shown():
     _, text = _printed([Finding("embree", False, "no [X11]", "pip install 'robosim[cluster]'")])
     assert "no [X11]" in text
     assert "robosim[cluster]" in text
+
+
+def test_what_it_says_does_not_depend_on_markup():
+    """The command line's console prints brackets as they are: a state is "works", not "[green]works"."""
+    finding = Finding("embree", False, "no [X11]", "pip install 'robosim[cluster]'")
+    _, text = _printed([*GOOD, finding], markup=False)
+    assert "[green]" not in text
+    assert "[red]" not in text
+    assert "no [X11]" in text
+    assert "robosim[cluster]" in text
+    assert "\\" not in text
 
 
 @pytest.mark.parametrize(

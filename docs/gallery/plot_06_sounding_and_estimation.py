@@ -1,0 +1,33 @@
+"""
+What a receiver measures, and what it makes of it
+=================================================
+
+The transmitter sends a known waveform on one beam after the other. On the left the true paths, on the right the power
+that arrives from each direction in each beam. Circles are true paths, crosses the five that the estimator finds.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from robosim import RadioConfig, RadioScene, read_plan
+from robosim.drawing.links import draw_directions
+from robosim.drawing.radio import draw_rays
+from wireless import Rays, Sounder, estimator_named, terminal_named
+
+scene = RadioScene(read_plan("flat"), RadioConfig())
+tx, rx = scene.places(((7.0, 7.0), (11.0, 6.6)), "places")
+paths = scene.tracer.trace(tx[None], rx[None])
+
+sounder = Sounder(terminal_named("gnb"), terminal_named("ue"))
+tensor = sounder.measure(Rays.from_paths(paths), np.random.default_rng(1))
+found = estimator_named("sage", sounder).estimate(tensor)
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(13.5, 6.0), layout="constrained")
+draw_rays(left, scene.building, paths, 0, 0, sounder.config.tx_power_dbm)
+draw_directions(right, paths, sounder, tensor[0], found)
+for i in range(int(found.count[0])):
+    print(
+        f"path {i + 1}: arrives from {np.rad2deg(found.aoa_rad[0, i]):6.1f}°, left to "
+        f"{np.rad2deg(found.aod_rad[0, i]):6.1f}°, {1e9 * found.delay_s[0, i]:5.1f} ns, {found.snr_db[0, i]:5.1f} dB"
+    )
+plt.show()

@@ -1,0 +1,166 @@
+"""Tables of columns in `docs/formats` are what the commands write."""
+
+import csv
+import json
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+DOCS = Path(__file__).resolve().parents[2] / "docs"
+WEIGHTS = DOCS.parent / "assets" / "weights"
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the results of each command, as small as they get."""
+    out = tmp_path_factory.mktemp("written")
+    suite = out / "suite.yaml"
+    suite.write_text(
+        "plans: {flat: flat}\ntasks: [{plan: flat, start: [6, 6.4, 30], target: [6.8, 6.9]}]\n", "utf-8"
+    )
+    quick = "--mapper classical --physics kinematic --building.tolerance-m 0.05"
+    for line in (
+        f"episode flat --start 6,6.4,30 --target 6.8,6.9 --goal los --max-steps 5 {quick} --no-video"
+        f" --out {out}/episode",
+        f"evaluate {suite} --policies los --max-steps 5 {quick} --workers 1 --out {out}/evaluation",
+        f"trace flat --tx 7,7 --grid 2 --tolerance 0.1 --no-plots --workers 1 --out {out}/trace",
+        f"dataset flat --tx-per-plan 1 --grid 2 --estimator pca --format mmwrobotnav --workers 1 --out {out}/dataset",
+        f"collect --homes 1 --steps 2 --workers 1 --out {out}/collect",
+    ):
+        # Not in this process, where types are checked at each call.
+        done = subprocess.run(
+            [sys.executable, "-m", "robosim", *line.split()],
+            env={**os.environ, "PYTHONPATH": str(DOCS.parent)},
+            capture_output=True,
+            text=True,
+        )
+        assert done.returncode == 0, f"{line}: {done.stderr[-2000:]}"
+    return out
+
+
+def documented(name: str) -> dict[str, list[str]]:
+    """Names in the table of a file, each with the rest of its row; names side by side and ranges taken apart."""
+    rows: dict[str, list[str]] = {}
+    pages = [page.read_text("utf-8") for page in sorted((DOCS / "formats").glob("*.md"))]
+    (page,) = [page for page in pages if f"<!-- columns: {name} -->" in page]
+    table = page.split(f"<!-- columns: {name} -->")[1].strip().split("\n\n")[0]
+    for line in table.splitlines()[2:]:
+        cells = [cell.strip().replace(r"\|", "|") for cell in line.strip("|").split("|")]
+        first = cells[0]
+        if ends := re.fullmatch(r"`(\D*|)(\d+)(\D*)` to `\1(\d+)\3`", first):
+            names = [f"{ends[1]}{k}{ends[3]}" for k in range(int(ends[2]), int(ends[4]) + 1)]
+        else:
+            names = re.findall(r"`([^`]+)`", first) or [""]
+        rows |= {one: cells[1:] for one in names}
+    return rows
+
+
+@pytest.mark.parametrize(
+    ("table", "file"),
+    [
+        ("episodes.parquet", "evaluation/episodes.parquet"),
+        ("timing.parquet", "evaluation/timing.parquet"),
+        ("links.parquet", "dataset/links/flat_Tx_1.parquet"),
+        ("paths.parquet", "trace/paths.parquet"),
+    ],
+)
+def test_parquet(written: Path, table: str, file: str) -> None:
+    """Names and types of columns."""
+    schema = pq.read_schema(written / file)
+    told = {name: row[0] for name, row in documented(table).items()}
+    # Lists of one length are longer the more interactions are traced.
+    found = {field.name: re.sub(r"<element: (\w+)>(\[\d+\])?", r"<\1>", str(field.type)) for field in schema}
+    assert list(told) == list(found)
+    # A column without any value in these few rows has no type.
+    assert {name: kind for name, kind in told.items() if found[name] != "null"} == {
+        name: kind for name, kind in found.items() if kind != "null"
+    }
+
+
+def test_units_of_links() -> None:
+    """Units of a data set's columns are those of their metadata."""
+    from wireless.formats.link_records import COLUMNS
+
+    assert {name: row[1] for name, row in documented("links.parquet").items()} == {
+        name: unit for name, (_, unit, _) in COLUMNS.items()
+    }
+
+
+@pytest.mark.parametrize(
+    ("table", "file"),
+    [
+        ("decisions.npz", "episode/decisions.npz"),
+        ("episode.npz", "evaluation/episodes/flat/000-los-0.npz"),
+        ("frames.npz", "collect/home-00000.npz"),
+    ],
+)
+def test_archives(written: Path, table: str, file: str) -> None:
+    """Names, types and dimensions of arrays."""
+    with np.load(written / file, allow_pickle=False) as archive:
+        found = {name: (archive[name].dtype, archive[name].ndim) for name in archive.files}
+    told = documented(table)
+    assert set(told) == set(found)
+    for name, (kind, shape, *_) in told.items():
+        dtype, ndim = found[name]
+        assert kind == ("text" if dtype.kind == "U" else str(dtype)), name
+        assert len([axis for axis in shape.strip("()").split(",") if axis.strip()]) == ndim, name
+
+
+def test_deepmimo(written: Path) -> None:
+    """Archives of a scenario, each with one array."""
+    folder = written / "trace" / "deepmimo_scenarios" / "flat"
+    found = {}
+    for path in folder.glob("*_t000_tx000_r001.npz"):
+        with np.load(path) as archive:
+            (name,) = archive.files
+            found[name] = str(archive[name].dtype), archive[name].ndim
+    told = {name: (row[0], row[1].count(",") + 1) for name, row in documented("deepmimo").items()}
+    assert told == found
+
+
+@pytest.mark.parametrize(
+    ("table", "file"),
+    [
+        ("traced.csv", "trace/flat_Tx_1.csv"),
+        ("estimated.csv", "dataset/mmwrobotnav/flat/flat_Tx_1_beam_search.csv"),
+    ],
+)
+def test_csv(written: Path, table: str, file: str) -> None:
+    """Names of columns."""
+    with (written / file).open(newline="") as lines:
+        header = next(csv.reader(lines))
+    assert sorted(documented(table)) == sorted(header)
+
+
+_JSON = {
+    "text": str,
+    "integer": int,
+    "number": (int, float),
+    "bool": bool,
+    "object": dict,
+    "list of numbers": list,
+    "null": type(None),
+}
+
+
+@pytest.mark.parametrize("table", ["result.json", "settings.json"])
+def test_json(written: Path, table: str) -> None:
+    """Keys and types."""
+    value = json.loads((written / "episode" / table).read_text("utf-8"))
+    told = documented(table)
+    assert set(told) == set(value)
+    for name, (kind, *_) in told.items():
+        kinds = tuple(_JSON[one] for one in kind.split(" or "))
+        assert isinstance(value[name], kinds), name  # type: ignore[arg-type]
+
+
+def test_cards() -> None:
+    """Keys that the card of each shipped network has."""
+    for card in WEIGHTS.glob("*.json"):
+        assert set(documented("cards")) <= set(json.loads(card.read_text("utf-8"))), card.name

@@ -1,0 +1,129 @@
+"""What the pages tell to type can be typed, their Python runs, and what they cite is in the bibliography."""
+
+import functools
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import robosim.cli as cli
+from robosim.commands.table import loaded
+
+ROOT = Path(__file__).resolve().parents[2]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    *sorted(path for path in DOCS.rglob("*.md") if not {"_build", "examples", "commands"} & set(path.parts)),
+]
+_FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """Fenced blocks of a page in a language."""
+    return [body for name, body in _FENCE.findall(page.read_text("utf-8")) if name == language]
+
+
+def commands(page: Path) -> list[str]:
+    """Calls of robosim on a page, as they stand after the prompt in blocks of the console."""
+    lines = "".join(blocks(page, "console")).replace("\\\n", " ").splitlines()
+    return [line.removeprefix("$ ").split("  #")[0] for line in lines if line.startswith("$ robosim ")]
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
+def test_commands_exist(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each command and option is one, and takes the value it is given; nothing is run.
+
+    Files that a page has made before are there, empty; a configuration to begin from is not read, and parts of one's
+    own are those of the page on parts.
+    """
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.py").write_text("".join(blocks(DOCS / "tasks" / "parts.md", "python")), "utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def idle(name: str) -> Callable[..., None]:
+        @functools.wraps(loaded(name))
+        def nothing(*args: object, **options: object) -> None: ...
+
+        return nothing
+
+    monkeypatch.setattr(cli, "loaded", idle)
+    for line in commands(page):
+        words = [word for word in shlex.split(line)[1:] if word not in cli._EVERYWHERE]
+        if "--config" in words:
+            del words[words.index("--config") : words.index("--config") + 2]
+        for word in words:
+            if word.endswith((".safetensors", ".yaml")):
+                (tmp_path / word).parent.mkdir(parents=True, exist_ok=True)
+                (tmp_path / word).write_text("radius_m: 0.17\n", "utf-8")
+        try:
+            cli._run(words)
+        except SystemExit as end:
+            assert end.code in (None, 0), line
+
+
+def python_pages() -> list[Path]:
+    """Pages with Python that is run here: blocks named python; those named py are not."""
+    return [page for page in PAGES if blocks(page, "python")]
+
+
+@pytest.mark.parametrize("page", python_pages(), ids=lambda page: page.name)
+def test_python_runs(page: Path, tmp_path: Path) -> None:
+    """Blocks of a page run one after the other, and print what the page says."""
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("run_page.py")), str(page)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr[-3000:]
+
+
+def test_citations() -> None:
+    """Every source that is cited is in the bibliography."""
+    known = set(re.findall(r"^@\w+\{([\w-]+),", (DOCS / "references.bib").read_text("utf-8"), re.MULTILINE))
+    cited = {
+        key.strip()
+        for page in DOCS.rglob("*.md")
+        if "_build" not in page.parts
+        for keys in re.findall(r"\{cite(?::\w+)?\}`([^`]+)`", page.read_text("utf-8"))
+        for key in keys.split(",")
+    }
+    assert cited <= known
+
+
+def test_readme_is_short() -> None:
+    """A README of one screen or three; the rest is in the documentation."""
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_named_files_exist(page: Path) -> None:
+    """Tests, modules and folders of the repository that a page names are where it says."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
+    named = re.findall(r"`((?:tests|docs|robosim|slam|wireless|assets|scripts)/[\w./-]+)`", text)
+    missing = [name for name in named if not (ROOT / name).exists() and not name.startswith("docs/_build")]
+    assert not missing
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_references_resolve(page: Path) -> None:
+    """What a page refers to in Python is there."""
+    for target in re.findall(r"\{py:\w+\}`(?:[^`<]*<)?~?([\w.]+)>?`", page.read_text("utf-8")):
+        parts = target.split(".")
+        for n in range(len(parts), 0, -1):
+            try:
+                found = importlib.import_module(".".join(parts[:n]))
+            except ModuleNotFoundError:
+                continue
+            break
+        for name in parts[n:]:
+            assert hasattr(found, name), target
+            found = getattr(found, name)
