@@ -24,7 +24,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     suite.write_text(
         "plans: {flat: flat}\ntasks: [{plan: flat, start: [6, 6.4, 30], target: [6.8, 6.9]}]\n", "utf-8"
     )
-    quick = "--mapper classical --physics kinematic --building.tolerance-m 0.05"
+    quick = "--mapper classical --physics kinematic --building.tolerance-m 0.05 --radio.estimator pca"
     for line in (
         f"episode flat --start 6,6.4,30 --target 6.8,6.9 --goal los --max-steps 5 {quick} --no-video"
         f" --out {out}/episode",

@@ -31,9 +31,14 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path) -> list[str]:
-    """Calls of robosim on a page, as they stand after the prompt in blocks of the console."""
-    lines = "".join(blocks(page, "console")).replace("\\\n", " ").splitlines()
-    return [line.removeprefix("$ ").split("  #")[0] for line in lines if line.startswith("$ robosim ")]
+    """Calls of robosim on a page: after the prompt in blocks of the console, or in blocks of no language."""
+    plain = "".join(re.findall(r"^```\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL))
+    lines = ("".join(blocks(page, "console")) + plain).replace("\\\n", " ").splitlines()
+    return [
+        line.removeprefix("$ ").split("  #")[0]
+        for line in lines
+        if line.startswith(("$ robosim ", "robosim "))
+    ]
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
