@@ -41,14 +41,12 @@ class OpenGLError(OSError):
 
 def missing(system: GLSystem) -> OpenGLError | None:
     """What a system lacks on this machine, and how to install it; None if its libraries are there."""
-    # Local, since the names of one system's functions must not hide those of the other.
-    mode = ctypes.RTLD_LOCAL
     try:
         if system == "osmesa":
-            open_osmesa(mode)
+            open_osmesa()
         else:
-            open_egl(mode)
-            open_egl_opengl(mode)
+            open_egl()
+            open_egl_opengl()
     except OpenGLError as error:
         return error
     return None
@@ -76,13 +74,13 @@ def load_osmesa() -> ctypes.CDLL:
     return library
 
 
-def open_osmesa(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
+def open_osmesa() -> ctypes.CDLL:
     """The OSMesa library as it comes, a new object at every call.
 
     Raises:
         OpenGLError: If there is none; the message says what to install.
     """
-    library = _open(_OSMESA, mode)
+    library = _open(_OSMESA)
     if library is None:
         raise OpenGLError("OSMesa is not installed.", INSTALL["osmesa"])
     if not hasattr(library, "OSMesaCreateContextAttribs"):
@@ -90,34 +88,36 @@ def open_osmesa(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
     return library
 
 
-def open_egl(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
+def open_egl() -> ctypes.CDLL:
     """The EGL library.
 
     Raises:
         OpenGLError: If there is none; the message says what to install.
     """
-    library = _open(_EGL, mode)
+    library = _open(_EGL)
     if library is None:
         raise OpenGLError("EGL is not installed.", INSTALL["egl"])
     return library
 
 
-def open_egl_opengl(mode: int = ctypes.RTLD_GLOBAL) -> ctypes.CDLL:
+def open_egl_opengl() -> ctypes.CDLL:
     """The OpenGL functions that are used on EGL.
 
     Raises:
         OpenGLError: If there is no library of them; the message says what to install.
     """
-    library = _open(_EGL_OPENGL, mode)
+    library = _open(_EGL_OPENGL)
     if library is None:
         raise OpenGLError("EGL is there, but not libOpenGL.", INSTALL["egl"])
     return library
 
 
-def _open(names: Sequence[str], mode: int) -> ctypes.CDLL | None:
+def _open(names: Sequence[str]) -> ctypes.CDLL | None:
     for name in names:
         try:
-            return ctypes.CDLL(name, mode=mode)
+            # Local: Mesa brings an LLVM, whose names would take the place of those in other libraries that are loaded
+            # later. PyTorch's compiler crashes of that. Nor must one system's functions hide those of the other.
+            return ctypes.CDLL(name, mode=ctypes.RTLD_LOCAL)
         except OSError:
             continue
     return None

@@ -167,6 +167,21 @@ def test_a_servers_setting_for_mujoco_is_no_obstacle():
     assert result.returncode == 0, result.stderr
 
 
+def test_names_of_mesa_stay_its_own():
+    """PyTorch's compiler (Triton) brings an LLVM as Mesa does: with Mesa's names for all, it crashed when imported."""
+    drawn = """
+import ctypes
+from robosim.camera.cameras import make_camera
+with make_camera([room]) as camera:
+    camera.render(np.eye(4))
+everybodys = ctypes.CDLL(None)
+names = "OSMesaCreateContextAttribs", "LLVMContextCreate", "eglInitialize"
+print([name for name in names if hasattr(everybodys, name)])
+"""
+    result = run_alone(ROOM_FROM_TRIMESH + drawn)
+    assert result.stdout == "[]\n", result.stderr
+
+
 def test_mujocos_renderer_works_in_the_same_process():
     """On the same system, frames in turns, both closed: a wall 2 m ahead is at 2 m for both, every time.
 

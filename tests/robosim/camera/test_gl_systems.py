@@ -14,7 +14,11 @@ from robosim.camera.rendering.gl_binding import default_system
 from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, missing
 
 ROOT = Path(__file__).resolve().parents[3]
-RENDERING_TESTS = ("robosim/test_camera.py", "robosim/test_gl_binding.py", "benchmarks/test_render.py")
+RENDERING_TESTS = (
+    "robosim/camera/test_camera.py",
+    "robosim/camera/test_gl_binding.py",
+    "benchmarks/test_render.py",
+)
 # Far more than the half minute that they take, for a busy machine; and less than for ever.
 LIMIT_S = 1800.0
 
