@@ -56,6 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
         ):
             _run(words)
+            sys.stdout.flush()
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
     except BrokenPipeError:

@@ -2,7 +2,9 @@
 
 import os
 import signal
+import sys
 import threading
+from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
 
@@ -51,3 +53,16 @@ def in_process(monkeypatch) -> None:
         return future
 
     monkeypatch.setattr(Workers, "_submit", submit)
+
+
+@pytest.fixture
+def own_modules(monkeypatch) -> Iterator[None]:
+    """Modules that a test imports from a folder of its own are no other test's."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    before = set(sys.modules)
+    for name in ("mine", "broken"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    yield
+    for name in set(sys.modules) - before:
+        if name in ("mine", "broken"):
+            del sys.modules[name]

@@ -103,7 +103,7 @@ def run(line: str) -> None:
 
 
 @pytest.fixture
-def strangers_folder(tmp_path, monkeypatch) -> Path:
+def strangers_folder(tmp_path, monkeypatch, own_modules) -> Path:
     (tmp_path / "mine.py").write_text(MINE)
     (tmp_path / "studio.txt").write_text(DRAWN)
     (tmp_path / "vacuum.yaml").write_text(ROBOT)

@@ -42,7 +42,9 @@ def commands(page: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
-def test_commands_exist(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commands_exist(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_modules: None
+) -> None:
     """Each command and option is one, and takes the value it is given; nothing is run.
 
     Files that a page has made before are there, empty; a configuration to begin from is not read, and parts of one's
