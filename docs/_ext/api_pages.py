@@ -3,6 +3,7 @@
 import ast
 from pathlib import Path
 
+from made_pages import write_pages
 from sphinx.application import Sphinx
 
 #: Rooms that are not for use from Python.
@@ -44,13 +45,7 @@ def _write(app: Sphinx) -> None:
         for module in [m for modules in rooms.values() for m in modules]:
             wanted[f"{module}.rst"] = _module_page(source.parent, module)
         wanted[f"{package}.rst"] = _package_page(source.parent, package, rooms)
-    for old in folder.glob("*.rst"):
-        if old.name not in wanted:
-            old.unlink()
-    for name, text in wanted.items():
-        path = folder / name
-        if not path.exists() or path.read_text("utf-8") != text:
-            path.write_text(text, "utf-8")
+    write_pages(folder, wanted, ".rst")
 
 
 def _module_page(root: Path, module: str) -> str:

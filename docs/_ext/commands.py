@@ -6,6 +6,7 @@ import os
 import re
 from pathlib import Path
 
+from made_pages import write_pages
 from sphinx.application import Sphinx
 
 from robosim.commands.table import COMMANDS, GROUPS
@@ -31,13 +32,7 @@ def _write(app: Sphinx) -> None:
             wanted[f"{command}.md"] = body + "".join(_page(words, 2) for words in inner)
         else:
             wanted[f"{command}.md"] = _page(inner[0], 1)
-    for old in folder.glob("*.md"):
-        if old.name not in wanted:
-            old.unlink()
-    for name, text in wanted.items():
-        path = folder / name
-        if not path.exists() or path.read_text("utf-8") != text:
-            path.write_text(text, "utf-8")
+    write_pages(folder, wanted, ".md")
 
 
 def _help(words: list[str]) -> str:

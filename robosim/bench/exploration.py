@@ -24,7 +24,7 @@ from rich.table import Table
 from robosim.building.building import Building, make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
-from robosim.drawing.plots import draw_walls, plan_axes, save_figure
+from robosim.drawing.plots import plan_axes, save_figure
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
@@ -243,7 +243,7 @@ def plot_way(path: Path, building: Building, row: dict[str, Any]) -> None:
     """Draw the way of an episode through its plan, coloured by decision."""
     figure, axes = plan_axes(building)
     axes.set_facecolor("white")
-    draw_walls(axes, building)
+    building.draw_walls(axes)
     points = np.array(row["poses"])[:, :2]
     way = LineCollection(list(np.stack([points[:-1], points[1:]], axis=1)), cmap="viridis", linewidths=1.6)
     way.set_array(np.arange(len(points) - 1))

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 
 from robosim.bench.exploration import area_under, held
 from robosim.building.building import Building
-from robosim.drawing.plots import ESTIMATE, TRUE, draw_walls, save_figure
+from robosim.drawing.plots import save_figure
 from robosim.support.arrays_in import FAR, Array, read_npz
+from robosim.support.colours import ESTIMATE, TRUE
 from robosim.support.reading import reading
 from slam.networks.scores import PatchScores
 
@@ -66,7 +67,7 @@ def plot_map(path: Path, building: Building, kept: Path, title: str) -> None:
         maps = read_npz(file, _KEPT)
         for ax, name in zip(axes, ("observed", "anticipated"), strict=True):
             _draw_map(ax, maps[name], maps["origin"], float(maps["resolution_m"]))
-            draw_walls(ax, building)
+            building.draw_walls(ax)
             ax.plot(*maps["poses"][:, :2].T, color=TRUE, lw=1.6, label="true way")
             ax.plot(*maps["estimates"][:, :2].T, color=ESTIMATE, lw=0.8, label="estimated way")
             ax.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5), xlabel="x [m]")

@@ -146,13 +146,17 @@ class Building:
         Args:
             axes: Where to draw; None for axes of a new figure.
         """
-        from matplotlib.collections import LineCollection
-
         axes = axes_in_metres(axes)
-        axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
+        self.draw_walls(axes)
         axes.autoscale_view()
         axes.set_title(self.plan.name, parse_math=False)  # names may have dollars in them
         return axes
+
+    def draw_walls(self, axes: "Axes") -> None:
+        """Draw walls and furniture from above into axes as they are."""
+        from matplotlib.collections import LineCollection
+
+        axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.

@@ -20,7 +20,7 @@ from robosim.evaluation.ablations import POLICY
 from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
 from robosim.support.parts import Part, is_part, restored, told
-from robosim.support.reading import reading
+from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
 
 #: All of an episode's configuration but goal and seed, which commands ask for themselves.
@@ -97,12 +97,9 @@ def read_config(path: Path) -> EpisodeConfig:
     Raises:
         FileError: If there is none, or it is none of an episode.
     """
-    content = read_json(
-        path, "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
-    )
-    with reading(
-        path, "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
-    ):
+    what, remedy = "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
+    content = read_json(path, what, remedy)
+    with naming(path, what, remedy):
         settings = content.get("settings")
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
         known: EpisodeConfig = restored(EpisodeConfig, check_object(config))

@@ -8,18 +8,14 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
-from robosim.support.colours import ESTIMATE as ESTIMATE
-from robosim.support.colours import TARGET as TARGET
-from robosim.support.colours import TRUE as TRUE
-from robosim.support.colours import WALL as WALL
 from robosim.support.files import whole_file
 from robosim.task.record import EpisodeLog
 from slam.grid import MapEstimate
+from wireless.support.axes import axes_in_metres
 
 
 def save_figure(figure: Figure, path: Path) -> None:
@@ -33,7 +29,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     """Draw plan, built map, both trajectories and the target of an episode."""
     figure, axes = plan_axes(building)
     estimate.plot(axes, robot=False)
-    draw_walls(axes, building)
+    building.draw_walls(axes)
     log.plot(axes)
     result = log.result()
     axes.set_title(
@@ -49,7 +45,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
 def plot_plan(path: Path, building: Building, places: Reach) -> None:
     """Draw a plan's walls and what parts of its floor a hull can drive through, each in its own colour."""
     figure, axes = plan_axes(building)
-    draw_walls(axes, building)
+    building.draw_walls(axes)
     parts = places.plan.centres(places.parts > 0)
     number = places.parts[places.parts > 0]
     axes.scatter(parts[:, 0], parts[:, 1], c=(number - 1) % 10, cmap="tab10", vmin=0, vmax=9, s=1.5, lw=0)
@@ -68,12 +64,7 @@ def plan_axes(building: Building) -> tuple[Figure, Axes]:
     aspect = (north - south + 1) / (east - west + 1)
     width = 8.0 if aspect < 1.3 else 8.0 / aspect * 1.3
     figure, axes = plt.subplots(figsize=(width, np.clip(width * aspect + 0.6, 3, 12)), layout="constrained")
-    axes.set_aspect("equal")
-    axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5), xlabel="x [m]", ylabel="y [m]")
+    axes_in_metres(axes)
+    axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5))
     axes.set_facecolor("0.85")
     return figure, axes
-
-
-def draw_walls(axes: Axes, building: Building) -> None:
-    """Draw walls and furniture from above."""
-    axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9))

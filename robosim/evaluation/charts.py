@@ -14,9 +14,10 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import PercentFormatter
 
 from robosim.building.building import Building
-from robosim.drawing.plots import ESTIMATE, TARGET, TRUE, draw_walls, plan_axes
+from robosim.drawing.plots import plan_axes
 from robosim.evaluation.episodes import Episode
 from robosim.evaluation.scores import CLASSES, Estimate, Summary
+from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.task.tasks import ARRIVAL_M
 
 #: Okabe and Ito's colours, in the order that policies come in.
@@ -68,7 +69,7 @@ def episode_picture(building: Building, episode: Episode) -> Figure:
         shade = np.array([0.85, 1.0, 0.35])[episode.built]
         extent = (x, x + width, y, y + height)
         axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=0)
-    draw_walls(axes, building)
+    building.draw_walls(axes)
     axes.plot(*episode.goals.T, ".", color="#CC79A7", ms=4, label="goals")
     axes.plot(*episode.poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
     axes.plot(*episode.estimates[:, :2].T, color=ESTIMATE, lw=0.9, label="estimated way")

@@ -24,7 +24,7 @@ from matplotlib.patches import Circle
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.picture import STATE_COLOURS
-from robosim.drawing.plots import TARGET, TRUE, draw_walls, save_figure
+from robosim.drawing.plots import save_figure
 from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episodes import Episode, read_episode, read_head
@@ -34,6 +34,7 @@ from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.plans.files import read_plan
 from robosim.policies.goals import SEEKERS
+from robosim.support.colours import TARGET, TRUE
 from robosim.support.reading import FileError, naming, shown
 from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
@@ -230,7 +231,7 @@ def example_figure(building: Building, example: Example) -> Figure:
     for axes, episode in zip(panels, (example.stuck, example.better), strict=True):
         axes.set_aspect("equal")
         axes.set(xlim=(west - 0.5, east + 0.5), ylim=(south - 0.5, north + 0.5), xlabel="x [m]")
-        draw_walls(axes, building)
+        building.draw_walls(axes)
         _draw_way(axes, episode)
     panels[0].set_ylabel("y [m]")
     first, stayed = example.stay

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
-from robosim.drawing.plots import draw_walls, save_figure
+from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import STATES, TX_COLOUR
 from robosim.published.label_links import Links, prepared
 from wireless.formats.mmwrobotnav import Measurements
@@ -39,7 +39,7 @@ def draw(path: Path, plan: Path, measured: list[Measurements], links: list[Links
         axes.set_axis_off()
     for axes, one, own in zip(panels.flat, measured, links, strict=False):
         axes.set(aspect="equal", xlim=(west - 0.3, east + 0.3), ylim=(south - 0.3, north + 0.3))
-        draw_walls(axes, building)
+        building.draw_walls(axes)
         off = own.published != own.computed
         axes.scatter(
             *one.rx_position[off].T,
