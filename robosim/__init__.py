@@ -80,6 +80,8 @@ import os
 import sys
 from importlib import import_module
 from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 try:
@@ -151,6 +153,18 @@ __all__ = ["__version__", *_MODULES]
 # set, `import mujoco` would fail. Its renderer is not used here but to compare with.
 if os.environ.get("MUJOCO_GL", "").lower() == "egl" and version("PyOpenGL") == "3.1.0":
     del os.environ["MUJOCO_GL"]
+
+# MuJoCo imports glfw, which starts another Python to ask its library for the version. That costs time, and a signal in
+# that moment leaves that Python's traceback on the terminal. Told where the library is, glfw starts none.
+if (
+    "PYGLFW_LIBRARY" not in os.environ
+    and (_glfw := find_spec("glfw")) is not None
+    and _glfw.origin is not None
+):
+    _windows = "wayland" if os.environ.get("XDG_SESSION_TYPE") == "wayland" else "x11"
+    _library = Path(_glfw.origin).with_name(_windows) / "libglfw.so"
+    if _library.is_file():
+        os.environ["PYGLFW_LIBRARY"] = str(_library)
 
 gymnasium.register(
     id="robosim/TargetSearch-v0", entry_point="robosim.env:TargetSearch", max_episode_steps=1000

@@ -1,5 +1,8 @@
 """The robot's body: its size, its balance, and what its wheels do without any feedback."""
 
+import subprocess
+import sys
+
 import mujoco
 import numpy as np
 import pytest
@@ -182,3 +185,15 @@ def test_impossible_robots_are_refused(change, message):
 def test_impossible_physics_is_refused(change, message):
     with pytest.raises(ValueError, match=message):
         PhysicsConfig(**change)
+
+
+def test_loading_the_physics_starts_no_process():
+    """One that a signal meets leaves a traceback on the terminal, though nobody asked for it: glfw would start one."""
+    told = (
+        "import sys; sys.addaudithook(lambda event, _: print(event) if event == 'subprocess.Popen' else None)"
+    )
+    code = f"{told}; import robosim.robot.dynamic; assert 'mujoco' in sys.modules"
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True
+    )
+    assert run.stdout == ""
