@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
 
+import numpy as np
 import pytest
 from typecheck import check_all_again
 
@@ -32,6 +33,18 @@ def shared() -> Path:
     if not SHARED.is_dir():
         pytest.skip("needs the real floor plans in ../shared, which are not part of this project")
     return SHARED
+
+
+@pytest.fixture(scope="session", autouse=True)
+def loops_for_any_mesh() -> None:
+    """On a new machine two processes that run tests compile side by side: one what its tests need, the other this."""
+    if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
+        import trimesh
+
+        from wireless import Tracer, TracerConfig
+
+        box = Tracer(trimesh.creation.box((8, 6, 3)), config=TracerConfig(scene="space"))
+        box.trace(np.zeros((1, 3)), np.ones((1, 3)), workers=1)
 
 
 @pytest.fixture(autouse=True)

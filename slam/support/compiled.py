@@ -23,6 +23,8 @@ from types import FrameType
 from typing import Any, TypeVar, cast
 
 import numba
+from numba import types
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from .compiled_files import CompiledFiles
@@ -50,6 +52,18 @@ class _Loop(CPUDispatcher):
     ):
         super().__init__(function, local_types, options)
         self._cache = CompiledFiles(self, between=_signals.let_in)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        # A constant counts as any number of its type: numba would compile a function for it alone.
+        args, kws = (
+            [types.unliteral(one) for one in args],
+            {k: types.unliteral(one) for k, one in kws.items()},
+        )
+        return super().get_call_template(args, kws)
+
+    def compile(self, sig: Any) -> Any:
+        with global_compiler_lock, self._cache.no_other_process():
+            return super().compile(sig)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         # Signals are handled in the main thread alone.

@@ -11,12 +11,14 @@ by side: a file comes by renaming, whole, and a checksum tells a damaged one.
 
 Files are looked for in the folder that NUMBA_CACHE_DIR names, in `__pycache__` beside the source, and in the
 user's folder for caches, and written into the first of these that can be written. Where none can, functions are
-compiled in every process, and that is said.
+compiled in every process, and that is said. What one process is compiling others wait for: on a new machine ten
+workers would do the same work ten times, side by side.
 
 Left out: what numba knows from elsewhere than a function's globals, as from `numba.extending.overload`.
 """
 
 import contextlib
+import fcntl
 import hashlib
 import logging
 import os
@@ -25,6 +27,7 @@ import sys
 import time
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -48,6 +51,8 @@ _config: Any = numba.config  # whose names come from the environment
 KEPT = 8
 #: Age at which a half-written file is nobody's any more [s].
 LEFT_OVER_S = 3600.0
+#: How long a process waits for another that compiles a function, before it does so itself [s], and how often it looks.
+PATIENCE_S, LOOK_S = 600.0, 0.05
 
 #: What was said to the user already.
 _told: set[str] = set()
@@ -65,6 +70,7 @@ class CompiledFiles(_Cache):
         self._function, self._between = function, between
         self._name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._folders = _folders(Path(function.py_func.__code__.co_filename))
+        self._locks = ExitStack()
 
     @property
     def cache_path(self) -> str | None:
@@ -77,16 +83,12 @@ class CompiledFiles(_Cache):
         self._between()
         target_context.refresh()
         name = self._file(sig)
-        for folder in self._folders:
-            data = _read(folder / name)
-            if data is None:
-                continue
-            try:
-                return CompileResult._rebuild(target_context, *pickle.loads(data))
-            except Exception as error:  # whatever it is, compiling does without
-                logger.info("%s cannot be used (%r); its function is compiled again.", folder / name, error)
-        self._tell()
-        return None
+        found = self._look(name, target_context)
+        if found is None:
+            self._tell()
+            self._wait_for_others(name)
+            found = self._look(name, target_context)
+        return found
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Keep what was compiled, where that can be."""
@@ -101,6 +103,16 @@ class CompiledFiles(_Cache):
                 logger.warning("Compiled loops cannot be kept in %s: %s", folder, error)
         self._between()
 
+    @contextmanager
+    def no_other_process(self) -> Iterator[None]:
+        """Until its end, a function that is not on disk is compiled by this process alone."""
+        before = self._locks
+        try:
+            with ExitStack() as self._locks:
+                yield
+        finally:
+            self._locks = before
+
     def enable(self) -> None:
         """Nothing to do, as for the next two: files are made always, and outdated ones never found."""
 
@@ -109,6 +121,41 @@ class CompiledFiles(_Cache):
 
     def flush(self) -> None:
         """See `enable`."""
+
+    def _look(self, name: str, target_context: Any) -> CompileResult | None:
+        """The function in a file, if there is one that can be used."""
+        for folder in self._folders:
+            data = _read(folder / name)
+            if data is None:
+                continue
+            try:
+                return CompileResult._rebuild(target_context, *pickle.loads(data))
+            except Exception as error:  # whatever it is, compiling does without
+                logger.info("%s cannot be used (%r); its function is compiled again.", folder / name, error)
+        return None
+
+    def _wait_for_others(self, name: str) -> None:
+        """Until no other process compiles a function.
+
+        A process waits with locks on functions that call this one, never on one that this one calls: none waits for
+        another that waits for it. The system gives back locks of a process that died.
+        """
+        folder, _ = _place(self._folders)
+        if folder is None:
+            return
+        path = folder / f".{name}.lock"
+        deadline = time.monotonic() + PATIENCE_S
+        # A disk may know no locks: twice compiled is as right as once.
+        with contextlib.suppress(OSError):
+            lock = os.open(path, os.O_CREAT | os.O_WRONLY)
+            self._locks.callback(_give_back, lock, path)
+            while time.monotonic() < deadline:
+                try:
+                    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                    return
+                except BlockingIOError:
+                    time.sleep(LOOK_S)
+                    self._between()
 
     def _file(self, sig: Any) -> str:
         """Name of the file for some types of arguments."""
@@ -272,12 +319,19 @@ def _write(path: Path, data: bytes) -> None:
         raise
 
 
+def _give_back(lock: int, path: Path) -> None:
+    """Let other processes go on, and leave no file of a lock."""
+    with contextlib.suppress(OSError):
+        path.unlink()
+    os.close(lock)
+
+
 def _tidy(folder: Path, name: str) -> None:
     """Delete versions of a function that were not wanted for the longest time, and what a killed process left."""
     with contextlib.suppress(OSError):  # another process may be at the same
         versions = sorted(folder.glob(f"{name}-*.compiled"), key=lambda path: path.stat().st_mtime)
         for path in versions[:-KEPT]:
             path.unlink(missing_ok=True)
-        for path in folder.glob(".*.compiled.*.partial"):
+        for path in folder.glob(".*.compiled.*"):
             if time.time() - path.stat().st_mtime > LEFT_OVER_S:
                 path.unlink(missing_ok=True)

@@ -1,6 +1,8 @@
 """Compiled functions: what runs is what the sources say, wherever it is kept, and a signal finds it whole."""
 
 import contextlib
+import errno
+import fcntl
 import importlib
 import inspect
 import os
@@ -9,6 +11,8 @@ import signal
 import subprocess
 import sys
 import textwrap
+import threading
+import time
 from pathlib import Path
 
 import numba
@@ -263,13 +267,65 @@ SHOW = """
 
 
 def test_processes_may_start_at_once(mini):
-    """Three on an empty folder, each for three types of argument: all are right, and a fourth compiles nothing.
+    """Three on an empty folder, each for three types of argument: all are right, and each is compiled by one of them.
 
     Numba numbers its files in an index that two processes may write at once: one's types, the other's code.
     """
-    for process in [start(mini, SHOW) for _ in range(3)]:
-        assert told(process).split()[:3] == ["1025.0"] * 3
+    said = [told(process).split() for process in [start(mini, SHOW) for _ in range(3)]]
+    assert [values for *values, _ in said] == [["1025.0"] * 3] * 3
+    assert sum(int(compiled) for *_, compiled in said) == 3
     assert told(start(mini, SHOW)).split() == ["1025.0"] * 3 + ["0"]
+    assert not list(mini.rglob(".*.compiled.*"))
+
+
+def test_a_process_waits_for_another_that_compiles(mini):
+    """What the other has put there in the meantime is what runs."""
+    assert run() == (1025.0, True)
+    [kept] = (mini / "__pycache__").glob("mini.loops.outer-*.compiled")
+    aside = kept.rename(mini / "aside")
+    with kept.with_name(f".{kept.name}.lock").open("wb") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        threading.Timer(0.5, lambda: (aside.rename(kept), lock.close())).start()
+        assert run() == (1025.0, False)
+
+
+@pytest.mark.parametrize("why", ["the other never ends", "the disk knows no locks"])
+def test_without_a_lock_it_compiles_all_the_same(mini, monkeypatch, why):
+    """Twice compiled is as right as once."""
+    if why == "the other never ends":
+        edit(mini / "compiled_files.py", "PATIENCE_S, LOOK_S = 600.0", "PATIENCE_S, LOOK_S = 0.2")
+    begin = time.monotonic()
+
+    def refused(lock, how):
+        raise (
+            BlockingIOError if why == "the other never ends" else OSError(errno.ENOLCK, "No locks available")
+        )
+
+    monkeypatch.setattr(fcntl, "flock", refused)
+    assert run() == (1025.0, True)
+    assert time.monotonic() - begin < 60
+
+
+def test_a_constant_is_compiled_as_any_number(mini):
+    """Called with 2, with 3 and with a variable, an inner loop is compiled once."""
+    edit(
+        mini / "loops.py",
+        "@compiled\ndef outer",
+        """@compiled
+def power(x, n):
+    return x**n
+
+
+@compiled
+def powers(x, n):
+    return power(x, 2) + power(x, 3) + power(x, n)
+
+
+@compiled
+def outer""",
+    )
+    assert run("powers", 2.0, 4) == (28.0, True)
+    assert len(sys.modules["mini.loops"].power.signatures) == 1
 
 
 def test_a_folder_filled_by_another_user_is_read(mini):
