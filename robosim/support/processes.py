@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
@@ -107,6 +108,8 @@ class _Process(NamedTuple):
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_serve, args=(there, os.getpid()), daemon=True)
+        # Python starts it with the first process, and then lets in the signals that are held back here.
+        resource_tracker.ensure_running()
         with _one_thread(), _ctrl_c_held_back(), _main_left_out():
             process.start()
         there.close()  # so that it is closed when the process ends

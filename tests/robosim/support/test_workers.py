@@ -51,6 +51,29 @@ def test_processes_are_others_of_one_thread_each(monkeypatch):
     assert "OMP_NUM_THREADS" not in os.environ
 
 
+def test_no_process_ever_gets_ctrl_c():
+    """Also not the first one, which starts together with another process of Python's: it would die as it imports."""
+    code = """
+import re
+from pathlib import Path
+from robosim.support.workers import Workers
+
+def held_back():
+    return int(re.search(r"SigBlk:\\s*(\\w+)", Path("/proc/self/status").read_text())[1], 16)
+
+with Workers(2) as pool:
+    print(*[mask for _, mask in pool.run(held_back, [()] * 2)])
+print(held_back())
+"""
+    run = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=600, check=True
+    )
+    workers, own = run.stdout.splitlines()
+    ctrl_c = 1 << (signal.SIGINT - 1)
+    assert [int(mask) & ctrl_c for mask in workers.split()] == [ctrl_c, ctrl_c]
+    assert int(own) & ctrl_c == 0
+
+
 def test_functions_travel_by_value():
     """As those of a notebook have to, where no module can be imported."""
     offset = np.arange(3)
