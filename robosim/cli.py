@@ -23,6 +23,7 @@ from rich.text import Text
 from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
 from robosim.commands.terminal import speaking
 from robosim.support.interrupt import SIGNALLED, unwinding
+from robosim.support.processes import processes_kept
 
 #: Options that every command has, wherever they stand.
 _EVERYWHERE = ("--debug", "--quiet", "--json", "--version")
@@ -53,6 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with (
             unwinding() as interrupt,
+            processes_kept(),
             speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
         ):
             _run(words)

@@ -38,6 +38,7 @@ class Processes(ThreadPoolExecutor):
         super().__init__(count)
         self._count = count
         self._lock = threading.Lock()
+        self._killed = False
         self._calls = 0
         self._all: list[_Process] = []
         self._idle: SimpleQueue[_Process] = SimpleQueue()
@@ -50,22 +51,25 @@ class Processes(ThreadPoolExecutor):
         with self._lock:
             self._calls += 1
             if len(self._all) < min(self._calls, self._count):
-                self._all.append(_Process.started())
+                self._all.append(_kept_one() or _Process.started())
                 self._idle.put(self._all[-1])
         return super().submit(self._work, pickle.dumps((function, args, kwargs)))
 
     def kill(self) -> None:
         """End all processes at once, whatever they do."""
         with self._lock:
+            self._killed = True
             for process in self._all:
                 process.process.kill()
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """See `concurrent.futures.Executor`."""
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        for process in self._all:
-            process.pipe.close()
-            process.process.join()
+        if _kept is not None and wait and not self._killed:
+            _kept.extend(self._all)
+        else:
+            for process in self._all:
+                process.end()
         self._all.clear()
 
     def _work(self, call: bytes) -> Any:
@@ -115,6 +119,38 @@ class _Process(NamedTuple):
         there.close()  # so that it is closed when the process ends
         return cls(process, here)
 
+    def end(self) -> None:
+        """End a process that has nothing to do."""
+        self.pipe.close()
+        self.process.join()
+
+
+#: Processes that wait for more work; None where they end with the work that they were started for.
+_kept: list[_Process] | None = None
+
+
+@contextmanager
+def processes_kept() -> Iterator[None]:
+    """Until the block ends, processes whose work is done wait for more: it takes each of them seconds to start."""
+    global _kept
+    before, _kept = _kept, []
+    try:
+        yield
+    finally:
+        ended, _kept = _kept, before
+        for process in ended:
+            process.end()
+
+
+def _kept_one() -> _Process | None:
+    """A process that waits, if one does and lives."""
+    while _kept:
+        process = _kept.pop()
+        if process.process.is_alive():
+            return process
+        process.end()
+    return None
+
 
 def _serve(pipe: Connection, parent: int) -> None:
     """What a process does: answer calls until its pipe is closed."""
@@ -129,6 +165,11 @@ def _serve(pipe: Connection, parent: int) -> None:
             except Exception as error:
                 answer = _told(error)
             pipe.send_bytes(answer)
+    # What libraries tidy up when Python ends takes most of a second, and nothing of it outlives a process.
+    with suppress(OSError):  # nobody listens
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(0)
 
 
 def _told(error: Exception) -> bytes:

@@ -7,10 +7,12 @@ import sys
 import threading
 import time
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from robosim.support.processes import processes_kept
 from robosim.support.workers import WorkerLost, Workers
 
 SQUARES = [(n,) for n in range(7)]
@@ -22,6 +24,11 @@ def square(n):
 
 def own_pid_and_threads(n):
     return os.getpid(), os.environ["OMP_NUM_THREADS"]
+
+
+def own_pid(seconds):
+    time.sleep(seconds)
+    return os.getpid()
 
 
 def killed_by_two(n):
@@ -72,6 +79,26 @@ print(held_back())
     ctrl_c = 1 << (signal.SIGINT - 1)
     assert [int(mask) & ctrl_c for mask in workers.split()] == [ctrl_c, ctrl_c]
     assert int(own) & ctrl_c == 0
+
+
+def test_processes_wait_for_more_work_where_that_is_wanted():
+    """A second sweep finds those of the first, but for one that was killed; all have ended with the block."""
+
+    def of(count):
+        with Workers(count) as pool:
+            return set(pool.in_order(own_pid, [(0.5,)] * count))
+
+    with processes_kept():
+        first = of(1)
+        second = of(2)
+        assert first < second
+        os.kill(next(iter(first)), signal.SIGKILL)
+        time.sleep(0.5)
+        third = of(2)
+        assert second - first < third
+        assert not first & third
+    assert not [pid for pid in second | third if Path(f"/proc/{pid}").exists()]
+    assert of(1).isdisjoint(third)
 
 
 def test_functions_travel_by_value():
