@@ -12,6 +12,8 @@ def main() -> None:
     try:
         from robosim.cli import main as command
 
+        if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         command()
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
