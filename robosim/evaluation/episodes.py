@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-import torch
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building, BuildingConfig, make_building
@@ -152,8 +151,6 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
         MapError: If the task cannot be done in the plan.
         KeyboardInterrupt: If it was interrupted: half an episode is not kept.
     """
-    # How a sum is split over threads changes its last bits, and there is one episode a core.
-    torch.set_num_threads(1)
     begin = perf_counter()
     building, places = job.scene()
     task = _task(places, job.task)

@@ -65,7 +65,7 @@ def test_the_whole_run(folders, tmp_path, capsys):
         "--test",
         str(folders / "test"),
         "--epochs",
-        "40",
+        "20",
         "--members",
         "1",
         "--folds",
@@ -83,7 +83,7 @@ def test_the_whole_run(folders, tmp_path, capsys):
     assert len(result["validation"]["fold0"]["accuracy_by_building"]) == 1
     classifier = load_classifier(tmp_path / "out" / "link-state.safetensors")
     assert len(classifier.networks) == 1
-    assert classifier.card["recipe"]["epochs"] == 40
+    assert classifier.card["recipe"]["epochs"] == 20
     along = result["validation"]["ways"]
     assert along["alone"]["links"] == along["fused"]["links"] == along["places"]
     assert along["alone"]["accuracy"] > 0.8
@@ -135,7 +135,7 @@ def test_folds_part_the_buildings():
 
 def test_an_explorer_is_the_same_with_any_number_of_workers_and_after_a_break(tmp_path, monkeypatch, capsys):
     """Two workers at once, or one that was stopped after a round and began again: the same weights, byte for byte."""
-    options = "train explorer --homes 2 --decisions 25 --held-out 1 --seed 3 --smoke"
+    options = "train explorer --homes 2 --decisions 12 --held-out 1 --seed 3 --smoke"
     main(f"{options} --workers 2 --out {tmp_path}/two".split())
     card = json.loads((tmp_path / "two" / "explorer.json").read_text())
     assert card["recipe"]["homes"] == 2

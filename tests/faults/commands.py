@@ -62,7 +62,7 @@ COMMANDS = {
         needs=(LINKS,),
     ),
     "train mapper": Command(
-        "train mapper --data {frames} --steps 40 --batch 4 --widths 4 8 --threads 1", needs=(FRAMES,)
+        "train mapper --data {frames} --steps 20 --batch 4 --widths 4 8 --threads 1", needs=(FRAMES,)
     ),
     "train pose": Command(
         "train pose --data {frames} --steps 20 --batch 4 --threads 1",
