@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 #: What differs from run to run: times, and what they were measured with.
-TIMES = ("timing", "seconds", "parts", "ms")
+TIMES = ("timing", "seconds", "parts", "ms", "relative_speed")
 #: And how their names end.
 OF_TIMES = ("_ms", "_per_s")
 #: What `Material` has to hold for a command.
