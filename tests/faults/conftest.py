@@ -237,8 +237,11 @@ def before_us(ended: Ended) -> bool:
     """Whether Ctrl-C came before Python had loaded anything of ours, and Python told it in its own way."""
     files = re.findall('File "(.*?)"', ended.complained)
     of_python = ("<frozen ", sysconfig.get_paths()["stdlib"])
-    return "KeyboardInterrupt" in ended.complained and all(
-        file.startswith(of_python) and "site-packages" not in file for file in files
+    return (
+        ended.status in (1, -signal.SIGINT)
+        and "KeyboardInterrupt" in ended.complained
+        and bool(files)
+        and all(file.startswith(of_python) and "site-packages" not in file for file in files)
     )
 
 
