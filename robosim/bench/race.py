@@ -13,7 +13,9 @@ import multiprocessing
 import os
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ from jaxtyping import Float
 from robosim.bench.peers import PEERS
 from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_libraries import OpenGLError, missing
-from robosim.support.processes import end_with_parent
+from robosim.support.processes import ctrl_c_held_back, end_with_parent
 
 _START_S = 120.0
 # Slow cameras, which do not change as they go, need not take all the pictures of the warm-up.
@@ -73,7 +75,9 @@ class Runner:
         self._process = context.Process(
             target=_serve, args=(theirs, name, str(heat_file), config, warm_up), daemon=True
         )
-        self._process.start()
+        resource_tracker.ensure_running()  # starts with the first process otherwise, and lets Ctrl-C in again
+        with ctrl_c_held_back():
+            self._process.start()
         theirs.close()
 
     def ready(self) -> Float[np.ndarray, "n h w"] | str:
@@ -109,18 +113,21 @@ def _serve(pipe: Connection, name: str, heat_file: str, config: CameraConfig, wa
         while taken < warm_up and time.perf_counter() - begin < _WARM_UP_S:
             shot(heat.poses[taken % len(heat.poses)])
             taken += 1
-        pipe.send(depth)
+        told: Any = depth
     except Exception as error:  # whatever a library raises is the result
-        pipe.send(f"{type(error).__name__}: {error}".strip().splitlines()[0])
-        return
-    while True:
-        least_s = pipe.recv()
-        first, begin, cpu_begin = taken, time.perf_counter(), time.process_time()
-        while taken == first or time.perf_counter() - begin < least_s:
-            shot(heat.poses[taken % len(heat.poses)])
-            taken += 1
-        count = taken - first
-        pipe.send(((time.perf_counter() - begin) / count, (time.process_time() - cpu_begin) / count))
+        told = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+    with suppress(EOFError, OSError):  # whoever asks may be gone
+        pipe.send(told)
+        if isinstance(told, str):
+            return
+        while True:
+            least_s = pipe.recv()
+            first, begin, cpu_begin = taken, time.perf_counter(), time.process_time()
+            while taken == first or time.perf_counter() - begin < least_s:
+                shot(heat.poses[taken % len(heat.poses)])
+                taken += 1
+            count = taken - first
+            pipe.send(((time.perf_counter() - begin) / count, (time.process_time() - cpu_begin) / count))
 
 
 @dataclass(frozen=True, eq=False)

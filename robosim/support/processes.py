@@ -114,7 +114,7 @@ class _Process(NamedTuple):
         process = context.Process(target=_serve, args=(there, os.getpid()), daemon=True)
         # Python starts it with the first process, and then lets in the signals that are held back here.
         resource_tracker.ensure_running()
-        with _one_thread(), _ctrl_c_held_back(), _main_left_out():
+        with _one_thread(), ctrl_c_held_back(), _main_left_out():
             process.start()
         there.close()  # so that it is closed when the process ends
         return cls(process, here)
@@ -213,7 +213,7 @@ def _one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def _ctrl_c_held_back() -> Iterator[None]:
+def ctrl_c_held_back() -> Iterator[None]:
     """Ctrl-C comes when the block ends; to processes that start inside of it never, not while they import either."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
