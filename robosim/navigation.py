@@ -5,24 +5,35 @@ hull, and the mean error of its odometry for each action, which a calibration ru
 """
 
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
+from robosim.building.building import make_building
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
+from robosim.plans.floorplan import FREE
+from robosim.plans.formats.plan_array import plan_from_array
+from robosim.robot.calibration import run_actions
+from robosim.robot.kinematic import KinematicWorld
+from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
 from robosim.support.parts import Part
-from slam.actions import Action
 from slam.control.controller import ControlConfig, LocalPolicy
 from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
 from slam.exploration.explorer import Explorer, ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.mapping.classical import ClassicalMapper, Mapper, MapperConfig
-from slam.mapping.odometry import OdometryConfig
+from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
+
+
+#: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
+CALIBRATION_RUNS = 1000
 
 
 class Navigator(NamedTuple):
@@ -52,16 +63,7 @@ def make_navigator(
         ValueError: If a part is unknown or a file damaged.
     """
     radius_m = config.robot.radius_m
-    odometry = (
-        # So sure of it that no scan moves the pose.
-        OdometryConfig(position_std_m=1e-6, yaw_std_rad=1e-6, learn=False)
-        if config.noise.exact_odometry
-        else OdometryConfig(
-            forward_bias=_bias(config, Action.FORWARD),
-            left_bias=_bias(config, Action.LEFT),
-            right_bias=_bias(config, Action.RIGHT),
-        )
-    )
+    odometry = odometry_of(config.noise)
     cost, control = CostConfig(radius_m=radius_m), ControlConfig(radius_m=radius_m)
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
@@ -115,6 +117,11 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
     return ClassicalMapper(config, LearnedMatcher(load_pose(shipped_network("pose"))[0]))
 
 
-def _bias(config: SimulatorConfig, action: Action) -> tuple[float, float, float]:
-    dx, dy, dyaw = config.noise.sensor_bias(action).tolist()
-    return dx, dy, dyaw
+@cache
+def odometry_of(noise: NoiseModel) -> OdometryConfig:
+    """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions."""
+    size_m = 4.0
+    floor = plan_from_array(np.full((80, 80), FREE, np.uint8), resolution_m=size_m / 80, name="open floor")
+    world = KinematicWorld(make_building(floor))
+    start = np.array([size_m / 2, size_m / 2, 0.0])
+    return calibrated(run_actions(world, start, noise, CALIBRATION_RUNS, np.random.default_rng(0)))

@@ -35,3 +35,9 @@ def to_map(
     """Points of the robot's frame in `map`."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return np.asarray(points, float) @ np.array([[c, s], [-s, c]]) + pose[:2]
+
+
+def rotation(yaw_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Turns displacements of a robot's frame, and by R C R^T their covariances, into the axes of `map`; yaw stays."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -27,7 +27,7 @@ from slam.mapping.odometry import OdometryConfig, OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
 from slam.mapping.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
 from slam.mapping.surfaces import SurfaceGrid
-from slam.poses import between, compose, to_map, wrap
+from slam.poses import between, compose, rotation, to_map, wrap
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers
 
@@ -155,9 +155,9 @@ class ClassicalMapper:
         self._step += 1
         self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
         points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
-        moved, variance = self._measured(action, odometry)
+        moved, covariance = self._measured(action, odometry)
         start = self.pose
-        match = self._match(points, compose(start, moved), variance)
+        match = self._match(points, compose(start, moved), covariance)
         match, doubted = self.relocalizer.judge(
             match, points, self.occupancy, self.surfaces, self.config.match, self.config.camera.height_m
         )
@@ -187,19 +187,18 @@ class ClassicalMapper:
 
     def _measured(
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None
-    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
-        """Displacement without bias, and its variances; nothing moved if odometry is missing or not finite."""
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Displacement without bias, and its covariance; nothing moved if odometry is missing or not finite."""
         if action is None or odometry is None or not np.isfinite(odometry).all():
-            return np.zeros(3), np.full(3, 1e-6)
+            return np.zeros(3), 1e-6 * np.eye(3)
         return self.odometry.correct(action, np.asarray(odometry, float))
 
     def _match(
-        self, points: ScanPoints, predicted: Float[np.ndarray, "3"], variance: Float[np.ndarray, "3"]
+        self, points: ScanPoints, predicted: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
     ) -> Match:
-        covariance = np.diag(variance)
-        c, s = math.cos(self.pose[2]), math.sin(self.pose[2])
-        turn = np.array([[c, -s], [s, c]])
-        covariance[:2, :2] = turn @ covariance[:2, :2] @ turn.T
+        """The pose; the covariance is of the displacement, in the robot's frame before it."""
+        turn = rotation(self.pose[2])
+        covariance = turn @ covariance @ turn.T
         if self._matcher is not None:
             return self._matcher.match(self.scan, self.occupancy, predicted, covariance)
         return match_scan(self.surfaces, points, predicted, covariance, self.config.match)
@@ -207,11 +206,9 @@ class ClassicalMapper:
     def _learn(
         self, action: Action, odometry: Float[np.ndarray, "3"], start: Float[np.ndarray, "3"], match: Match
     ) -> None:
-        covariance = np.linalg.inv(match.information + np.diag([1.0, 1.0, 1.0]))
-        c, s = math.cos(start[2]), math.sin(start[2])
-        turn = np.array([[c, s], [-s, c]])
-        xy = np.diag(turn @ covariance[:2, :2] @ turn.T)
-        self.odometry.learn(action, odometry, between(start, match.pose), np.append(xy, covariance[2, 2]))
+        turn = rotation(start[2])
+        covariance = turn.T @ np.linalg.inv(match.information + np.eye(3)) @ turn
+        self.odometry.learn(action, odometry, between(start, match.pose), covariance)
 
     def _enter(self, depth: Float32[np.ndarray, "h w"], scan: Scan, points: ScanPoints) -> None:
         """Enter a scan at the present pose."""
