@@ -92,7 +92,7 @@ def calibrated(errors: Mapping[Action, Float[np.ndarray, "n 3"]]) -> OdometryCon
     Raises:
         ValueError: If an action has fewer than ten runs.
     """
-    told = {}
+    told: dict[str, ActionError] = {}
     for action in Action:
         samples = np.asarray(errors.get(action, np.zeros((0, 3))), float)
         if len(samples) < 10:
@@ -104,7 +104,8 @@ def calibrated(errors: Mapping[Action, Float[np.ndarray, "n 3"]]) -> OdometryCon
             mean=(float(mean[0]), float(mean[1]), float(mean[2])),
             covariance=tuple(tuple(float(value) for value in row) for row in covariance),  # type: ignore[arg-type]
         )
-    return OdometryConfig(**told, runs=min(len(samples) for samples in errors.values()))
+    runs = min(len(samples) for samples in errors.values())
+    return OdometryConfig(forward=told["forward"], left=told["left"], right=told["right"], runs=runs)
 
 
 class OdometryCorrector:

@@ -8,7 +8,7 @@ import pytest
 from slam.actions import FORWARD_M, TURN_RAD, Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
-from slam.mapping.odometry import OdometryConfig
+from slam.mapping.odometry import calibrated
 from slam.poses import between, compose
 from tests.slam.rooms import Room
 
@@ -115,8 +115,8 @@ def test_with_exact_odometry_the_pose_stays_exact(mapped):
 def test_biased_and_noisy_odometry_stays_below_five_centimetres():
     """Calibrated bias, noise of 4 mm and 0.17 degrees. Dead reckoning gets over 0.4 m off."""
     rng, room = np.random.default_rng(0), Room()
-    forward, left, right = (tuple(float(v) for v in row) for row in BIAS)
-    odometry = OdometryConfig(forward_bias=forward, left_bias=left, right_bias=right)
+    runs = np.random.default_rng(1).normal(size=(3, 200, 3)) * [0.004, 0.004, 0.003]
+    odometry = calibrated({action: BIAS[action] + runs[action] for action in (F, L, R)})
     mapper = ClassicalMapper(MapperConfig(odometry=odometry))
     true, found = _drive(mapper, room, ROUND, bias=BIAS, rng=rng)
     off = np.hypot(*(true - found)[:, :2].T)
