@@ -31,7 +31,6 @@ from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
 
-
 #: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
 CALIBRATION_RUNS = 1000
 

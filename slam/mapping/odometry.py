@@ -1,19 +1,21 @@
-"""What a robot's odometry measures wrongly, action by action: a constant part, a random part, and what is learned of it.
+"""What a robot's odometry measures wrongly, action by action: a constant part, a random part, and what is learned.
 
-The noise measured on a LoCoBot is mostly constant: each kind of action has its own mean error (a turn reads 2 cm of sideways
-motion that did not happen), and a third or less of it is random. How large the random part is differs more still: the heading
-after a step forward is known ten times as well as after a turn, and who takes both for equal lets each scan turn the robot a
-little. So both are kept per action, as a calibration against a reference finds them (`calibrated`).
+The noise measured on a LoCoBot is mostly constant: each kind of action has its own mean error (a turn reads 2 cm of
+sideways motion that did not happen), and a third or less of it is random. How large the random part is differs more
+still: the heading after a step forward is known ten times as well as after a turn, and who takes both for equal lets
+each scan turn the robot a little. So both are kept per action, as a calibration against a reference finds them
+(`calibrated`).
 
-Constants drift with tyres and floors. Where scans fit the map well, the difference between measured and matched motion is a
-sample of the constant: a Kalman filter per action moves it, no faster than the calibration's own uncertainty, the spread of
-the random part and that of the match allow.
-Reference: Murali et al., PyRobot, 2019 (the noise measured); Chaplot et al., ICLR 2020, section 3; Borenstein and Feng,
-Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12 (1996).
+Constants drift with tyres and floors. Where scans fit the map well, the difference between measured and matched
+motion is a sample of the constant: a Kalman filter per action moves it, no faster than the calibration's own
+uncertainty, the spread of the random part and that of the match allow.
+Reference: Murali et al., PyRobot, 2019 (the noise measured); Chaplot et al., ICLR 2020, section 3; Borenstein and
+Feng, Measurement and correction of systematic odometry errors in mobile robots, IEEE Trans. Robotics and Automation 12
+(1996).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -86,8 +88,8 @@ def calibrated(errors: Mapping[Action, Float[np.ndarray, "n 3"]]) -> OdometryCon
     """What measured actions say of a robot's odometry.
 
     Args:
-        errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame before it;
-            what is true comes from a motion capture, a total station, marks on the floor, or a simulator.
+        errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame
+            before it; what is true comes from a motion capture, a total station, marks on the floor, or a simulator.
 
     Raises:
         ValueError: If an action has fewer than ten runs.

@@ -56,7 +56,7 @@ def test_odometry_without_errors_is_believed():
 
 
 def test_exact_constants_stay_though_scans_are_noisy():
-    """A calibration of 1,000 runs, then 500 matched motions that are 5 mm and 0.3 degrees off: moved by less than 1 mm."""
+    """1,000 runs, then 500 matched motions that are 5 mm and 0.3 degrees off: moved by less than 1 mm."""
     rng = np.random.default_rng(2)
     corrector = OdometryCorrector(calibrated({action: samples(rng, 1000) for action in Action}))
     match = np.diag([25e-6, 25e-6, 27e-6])
