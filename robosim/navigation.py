@@ -11,11 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from robosim.building.building import make_building
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
-from robosim.plans.floorplan import FREE
-from robosim.plans.formats.plan_array import plan_from_array
-from robosim.robot.calibration import run_actions
+from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
@@ -62,7 +59,7 @@ def make_navigator(
         ValueError: If a part is unknown or a file damaged.
     """
     radius_m = config.robot.radius_m
-    odometry = odometry_of(config.noise)
+    odometry = config.robot.odometry or odometry_of(config.noise)
     cost, control = CostConfig(radius_m=radius_m), ControlConfig(radius_m=radius_m)
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
@@ -119,8 +116,5 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
 @cache
 def odometry_of(noise: NoiseModel) -> OdometryConfig:
     """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions."""
-    size_m = 4.0
-    floor = plan_from_array(np.full((80, 80), FREE, np.uint8), resolution_m=size_m / 80, name="open floor")
-    world = KinematicWorld(make_building(floor))
-    start = np.array([size_m / 2, size_m / 2, 0.0])
-    return calibrated(run_actions(world, start, noise, CALIBRATION_RUNS, np.random.default_rng(0)))
+    runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
+    return calibrated(runs)

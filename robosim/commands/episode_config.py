@@ -107,8 +107,12 @@ def read_config(path: Path) -> EpisodeConfig:
 
 
 def words_of(config: EpisodeConfig) -> str:
-    """What to type to get a configuration, goal and seed aside: what differs from the defaults."""
-    return " ".join(_words(config, DEFAULTS, ""))
+    """What to type to get a configuration, goal and seed aside: what differs from the defaults.
+
+    A calibrated robot has more numbers than anybody would type: it stands in `settings.json` of what was run with it.
+    """
+    calibrated = config.simulator.robot.odometry is not None
+    return " ".join([*(["--config settings.json"] if calibrated else []), *_words(config, DEFAULTS, "")])
 
 
 def _words(value: Any, default: Any, prefix: str) -> list[str]:
@@ -119,7 +123,7 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
         mine, usual = getattr(value, field.name), getattr(default, field.name)
         if is_part(field) and not isinstance(mine, str):
             mine = told(mine)
-        if mine == usual:
+        if mine == usual or (prefix, field.name) == ("robot.", "odometry"):
             continue
         option = field.name.replace("_", "-")
         if hasattr(mine, "__dataclass_fields__"):

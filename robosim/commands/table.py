@@ -16,6 +16,7 @@ COMMANDS = {
     "dataset": "dataset:dataset",
     "generate": "scenes:generate",
     "collect": "collect:collect",
+    "calibrate": "calibrate:calibrate",
     "doctor": "machine:doctor",
     "bench render": "bench:render",
     "bench physics": "bench:physics",

@@ -1,38 +1,105 @@
-"""Calibrating a robot's odometry: each action many times, and what was measured against what was true."""
+"""Calibrating a robot's odometry: each action many times, and what was measured against what was true.
 
-from collections.abc import Mapping
+A simulated robot is run here; of a real one, a table says what was measured (`read_runs`), against a motion capture, a
+total station, or marks on the floor. `slam.mapping.odometry.calibrated` makes of either what a mapper takes.
+"""
+
+import csv
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
+from robosim.building.building import Building, make_building
+from robosim.plans.floorplan import FREE
+from robosim.plans.formats.plan_array import plan_from_array
 from robosim.robot.motion import Physics
 from robosim.robot.odometry import NoiseModel
+from robosim.support.checks import check_choice
+from robosim.support.reading import reading
 from slam.actions import Action
-from slam.poses import between
+from slam.poses import between, wrap
+
+#: Measured minus true displacement of each run of each action: x, y [m] and yaw [rad], robot's frame before it.
+Runs = Mapping[Action, Float[np.ndarray, "n 3"]]
+
+#: Side of the open floor [m].
+_SIDE_M = 4.0
+#: Columns of a table of runs.
+COLUMNS = (
+    "action",
+    "measured_x_m",
+    "measured_y_m",
+    "measured_yaw_rad",
+    "true_x_m",
+    "true_y_m",
+    "true_yaw_rad",
+)
+#: Displacements are no larger [m, rad].
+_MOST = 100.0
+
+
+def open_floor() -> Building:
+    """A floor with room for every action in its middle."""
+    floor = np.full((80, 80), FREE, np.uint8)
+    return make_building(plan_from_array(floor, resolution_m=_SIDE_M / 80, name="open floor"))
 
 
 def run_actions(
     world: Physics,
-    start: Float[np.ndarray, "3"],
     noise: NoiseModel,
-    runs: int,
+    runs: Iterable[object],
     rng: np.random.Generator,
-) -> Mapping[Action, Float[np.ndarray, "n 3"]]:
-    """Measured minus true displacement of each run of each action, for `slam.mapping.odometry.calibrated`.
+) -> Runs:
+    """Measured minus true displacement of each run of each action.
 
     Args:
-        world: Moves the robot.
-        start: Pose in `map` from which every run begins, with room around it.
+        world: Moves the robot on the open floor.
         noise: How actions and odometry err.
-        runs: How often each action is run.
+        runs: Each action is run once for each of them.
         rng: Source of the noise.
     """
-    errors: dict[Action, Float[np.ndarray, "n 3"]] = {}
-    for action in Action:
-        errors[action] = np.empty((runs, 3))
-        for k in range(runs):
+    start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
+    errors: dict[Action, list[Float[np.ndarray, 3]]] = {action: [] for action in Action}
+    for _ in runs:
+        for action in Action:
             world.reset(start)
             world.move(noise.actuation(action, rng))
             moved = between(start, world.pose)
-            errors[action][k] = noise.sense(action, moved, rng) - moved
-    return errors
+            errors[action].append(noise.sense(action, moved, rng) - moved)
+    return {action: np.array(found) for action, found in errors.items()}
+
+
+def read_runs(path: Path) -> Runs:
+    """Measured minus true displacements from a table, a row a run, with `COLUMNS`; action is forward, left or right.
+
+    Raises:
+        FileError: If the file is damaged, a column is missing, or a value is none that a displacement has.
+    """
+    names = [action.name.lower() for action in Action]
+    errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
+    with reading(path, "a table of runs", remedy) as file:
+        rows = csv.DictReader(file.read().decode("utf-8-sig").splitlines())
+        if missing := [name for name in COLUMNS if name not in (rows.fieldnames or ())]:
+            raise ValueError(f"column {missing[0]!r} is missing")
+        for number, row in enumerate(rows, 2):
+            check_choice(f"action in line {number}", row["action"], names)
+            values = np.array([_number(row[name], name, number) for name in COLUMNS[1:]])
+            error = values[:3] - values[3:]
+            error[2] = wrap(float(error[2]))
+            errors[Action[row["action"].upper()]].append(error)
+    return {action: np.array(found).reshape(-1, 3) for action, found in errors.items()}
+
+
+def _number(text: str | None, column: str, line: int) -> float:
+    try:
+        value = float(text or "")
+    except ValueError:
+        value = np.nan
+    if not abs(value) <= _MOST:
+        raise ValueError(
+            f"{column} in line {line} is {text!r}, expected a number from -{_MOST:g} to {_MOST:g}"
+        )
+    return value

@@ -14,18 +14,23 @@ Left out: suspension, motor electronics, the mast's mass.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
+import tyro
 from jaxtyping import Float
 
 from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
-from robosim.support.checks import RADIUS_M, check_choice, check_numbers
+from robosim.support.checks import RADIUS_M, check_numbers
+from robosim.support.files import write_json
+from robosim.support.parts import restored
 from robosim.support.reading import reading
-from robosim.support.text_in import check_object, parse_yaml
+from robosim.support.text_in import check_object, parse_json, parse_yaml
+from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
@@ -53,6 +58,9 @@ class RobotConfig:
     """Highest speed of a wheel [m/s]."""
     max_accel_mps2: float = 2.0
     """Highest acceleration of a wheel [m/s^2]."""
+    odometry: Annotated[OdometryConfig | None, tyro.conf.Suppress] = None
+    """What a calibration has found of its odometry, as `robosim calibrate` writes it into a robot's file. None: the
+    robot is calibrated before its first episode, on an open floor."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -116,11 +124,14 @@ def read_robot(path: Path) -> RobotConfig:
         FileError: If the file is damaged, or a field unknown or out of its bounds.
     """
     with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
-        told = check_object(parse_yaml(file.read()))
-        known = [field.name for field in fields(RobotConfig)]
-        for name in told:
-            check_choice("a field", name, known)
-        return RobotConfig(**told)
+        parse = parse_json if path.suffix == ".json" else parse_yaml
+        robot: RobotConfig = restored(RobotConfig, check_object(parse(file.read())))
+        return robot
+
+
+def write_robot(path: Path, robot: RobotConfig) -> None:
+    """Write a robot as JSON for `read_robot`."""
+    write_json(path, asdict(robot))
 
 
 def robot_of_radius(radius_m: float) -> RobotConfig:

@@ -238,8 +238,11 @@ def _restored(hint: Any, value: Any) -> Any:
         found = _imported("part", str(value["part"]))
         rest = {name: one for name, one in value.items() if name != "part"}
         return restored(found, rest) if rest else found
-    if isinstance(value, dict) and dataclasses.is_dataclass(hint):
-        return restored(hint, value)  # type: ignore[arg-type]
+    if isinstance(value, dict):
+        # A field that may be None has its class among its arguments.
+        for one in (hint, *get_args(hint)):
+            if dataclasses.is_dataclass(one):
+                return restored(one, value)  # type: ignore[arg-type]
     if isinstance(value, list) and get_origin(hint) is tuple:
         inner = get_args(hint)
         return tuple(

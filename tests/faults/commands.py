@@ -43,6 +43,7 @@ COMMANDS = {
     ),
     "replay": Command("replay {episode}", goes_on=False, needs=(EPISODE,)),
     "plan": Command("plan {plan}", goes_on=False),
+    "calibrate": Command("calibrate --runs 2000 --physics kinematic", goes_on=False),
     "generate": Command("generate --count 3 --seed 4", goes_on=False),
     "trace": Command("trace {plan} --tx 1,1 --tx 4,2 --grid 0.3 --workers 2 --no-plots", workers=True),
     "dataset": Command(
