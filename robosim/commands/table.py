@@ -17,6 +17,7 @@ COMMANDS = {
     "generate": "scenes:generate",
     "collect": "collect:collect",
     "calibrate": "calibrate:calibrate",
+    "slam": "slam:slam",
     "doctor": "machine:doctor",
     "bench render": "bench:render",
     "bench physics": "bench:physics",

@@ -16,7 +16,7 @@ from robosim.radio.link import RadioLink
 from robosim.radio.measurement import Measurement
 from robosim.robot.motion import Motion
 from robosim.support.colours import ESTIMATE, TARGET, TRUE
-from robosim.support.files import whole_file
+from robosim.support.tum import write_tum
 from robosim.task.tasks import ARRIVAL_M, Task
 from slam.poses import wrap
 from wireless.paths import LinkState
@@ -188,21 +188,13 @@ class EpisodeLog:
     def save_trajectories(self, folder: Path) -> None:
         """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""
         for name, poses in (("trajectory", self.poses), ("estimate", self.estimates)):
-            with whole_file(Path(folder) / f"{name}.tum") as partial:
-                _write_tum(partial, self._times(), np.array(poses))
+            write_tum(Path(folder) / f"{name}.tum", self._times(), np.array(poses))
 
     def _times(self) -> Float[np.ndarray, " n"]:
         """Simulated time at each pose [s]."""
         # evo asks for increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
         return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def _write_tum(path: Path, times: Float[np.ndarray, " n"], poses: Float[np.ndarray, "n 3"]) -> None:
-    zero = np.zeros(len(poses))
-    half = poses[:, 2] / 2
-    rows = np.column_stack([times, poses[:, :2], zero, zero, zero, np.sin(half), np.cos(half)])
-    np.savetxt(path, rows, fmt="%.9f")
 
 
 def _radio_result(links: list[Link]) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.mapping.odometry import OdometryConfig, OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
-from slam.mapping.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
-from slam.mapping.surfaces import SurfaceGrid
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
+from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, compose, rotation, to_map, wrap
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers

@@ -19,7 +19,7 @@ import torch
 from jaxtyping import Float
 
 from slam.mapping.occupancy import OccupancyGrid
-from slam.mapping.scan_matching import Match
+from slam.matching.scan_matching import Match
 from slam.networks.features import Features
 from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
 from slam.poses import compose

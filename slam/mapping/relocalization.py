@@ -21,8 +21,8 @@ from jaxtyping import Float, Float32
 
 from slam.grid import GridFrame
 from slam.mapping.occupancy import OccupancyGrid
-from slam.mapping.scan_matching import Match, MatchConfig, ScanPoints, match_scan
-from slam.mapping.surfaces import SurfaceGrid
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
+from slam.matching.surfaces import SurfaceGrid
 from slam.poses import to_map, wrap
 from slam.support.checks import check_numbers
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from slam.grid import GridFrame
-from slam.mapping.scan_matching import match_scan, points_of_scan
-from slam.mapping.surfaces import SurfaceGrid
+from slam.matching.scan_matching import match_scan, points_of_scan
+from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, compose, to_map
 from slam.sensing.projection import CameraModel, scan_from_depth
 from tests.slam.rooms import Room

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.mapping.surfaces import SurfaceGrid
+from slam.matching.surfaces import SurfaceGrid
 from slam.poses import to_map, wrap
 from slam.sensing.projection import Scan
 from slam.support.checks import check_numbers
@@ -77,10 +77,7 @@ class Match:
 
 
 def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
-    """Points and normals of a scan.
-
-    Normals come from neighbours some 0.08 m away on the same surface, so that the steps of a rough wall average
-    out. Points without two such neighbours are dropped: edges and posts.
+    """Points and normals of a depth camera's scan: of what is nearest, and of what stands behind.
 
     Args:
         scan: The scan.
@@ -90,19 +87,38 @@ def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
     Returns:
         The points that have a normal.
     """
-    parts = [_with_normals(scan.left, z, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m)]
-    points, normals, weights = (np.concatenate(column) for column in zip(*parts, strict=True))
+    slant = np.hypot(1.0, scan.left)
+    bearing = np.arctan(scan.left)
+    parts = [points_of_beams(bearing, z * slant, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m)]
+    points, normals, weights = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "normals", "weights")
+    )
     return ScanPoints(points=points, normals=normals, weights=weights)
 
 
-def _with_normals(
-    left: Float[np.ndarray, " w"], depth_m: Float[np.ndarray, " w"], max_range_m: float, cell_m: float
-) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Float[np.ndarray, " n"]]:
-    columns = np.flatnonzero(depth_m * np.hypot(1.0, left) <= max_range_m)
+def points_of_beams(
+    bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], max_range_m: float, cell_m: float
+) -> ScanPoints:
+    """Points and normals of a fan of beams.
+
+    Normals come from neighbours some 0.08 m away on the same surface, so that the steps of a rough wall average
+    out. Points without two such neighbours are dropped: edges and posts.
+
+    Args:
+        bearing_rad: Directions in the robot's frame [rad], in order.
+        range_m: How far away each beam ends at a surface [m]; inf where it meets none.
+        max_range_m: Farther points are dropped [m].
+        cell_m: Side of a map cell [m].
+
+    Returns:
+        The points that have a normal.
+    """
+    columns = np.flatnonzero(range_m <= max_range_m)
     n = len(columns)
     if n < 3:
-        return np.empty((0, 2)), np.empty((0, 2)), np.empty(0)
-    points = np.column_stack([depth_m[columns], depth_m[columns] * left[columns]]).astype(float)
+        return ScanPoints(points=np.empty((0, 2)), normals=np.empty((0, 2)), weights=np.empty(0))
+    bearing, reached = bearing_rad[columns].astype(float), range_m[columns].astype(float)
+    points = np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
     i = np.arange(n)
     step = np.hypot(*(points[1:] - points[:-1]).T)
     spacing = np.minimum(np.append(step, step[-1]), np.insert(step, 0, step[0]))
@@ -113,10 +129,11 @@ def _with_normals(
     torn = np.append(0, np.cumsum((step > 0.3) | (np.diff(columns) > 1)))
     length = np.hypot(*chord.T)
     normals = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.maximum(length, 1e-9)[:, None]
-    inward = -(normals * points).sum(axis=1) / np.maximum(np.hypot(*points.T), 1e-9)
+    inward = -(normals * points).sum(axis=1) / np.maximum(reached, 1e-9)
     normals = np.where(inward[:, None] < 0, -normals, normals)
     good = (torn[before] == torn[after]) & (length > 1e-6) & (np.abs(inward) > 0.12)
-    return points[good], normals[good], np.minimum(spacing[good] / cell_m, 1.0)
+    weights = np.minimum(spacing[good] / cell_m, 1.0)
+    return ScanPoints(points=points[good], normals=normals[good], weights=weights)
 
 
 def match_scan(
@@ -125,6 +142,7 @@ def match_scan(
     predicted: Float[np.ndarray, "3"],
     covariance: Float[np.ndarray, "3 3"],
     config: MatchConfig = MatchConfig(),
+    start: Float[np.ndarray, "3"] | None = None,
 ) -> Match:
     """Pose at which a scan fits the map best, given what odometry predicts.
 
@@ -134,14 +152,15 @@ def match_scan(
         predicted: Pose from odometry: x [m], y [m], yaw [rad].
         covariance: Covariance of the prediction, axes of `map` [m^2, m rad, rad^2].
         config: How far scans are trusted.
+        start: Pose at which to begin, if not at the predicted one.
 
     Returns:
         The pose, which is the prediction itself if the scan finds no surfaces.
     """
     prior = np.linalg.inv(covariance)
-    pose = predicted.astype(float).copy()
+    pose = (predicted if start is None else start).astype(float).copy()
     nothing = np.zeros(len(scan.points), bool)
-    unmatched = Match(pose=pose.copy(), information=np.zeros((3, 3)), paired=nothing)
+    unmatched = Match(pose=predicted.astype(float), information=np.zeros((3, 3)), paired=nothing)
     moved_m = math.inf
     for iteration in range(config.iterations):
         if iteration == 0 or moved_m > 2e-3:

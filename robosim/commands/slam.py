@@ -1,0 +1,114 @@
+"""`robosim slam`."""
+
+from pathlib import Path
+from shlex import quote
+from typing import Annotated, Any
+
+from rich.table import Table
+from tyro.conf import OmitArgPrefixes, Positional, arg
+
+from robosim.commands.terminal import console, results_in, tell
+from robosim.logs.mapping import LogConfig
+from robosim.plans.floorplan import FloorPlan
+
+_DEFAULTS = LogConfig()
+
+
+def slam(
+    logs: Positional[tuple[Path, ...]],
+    *,
+    scans: Path | None = None,
+    reference: Path | None = None,
+    how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
+    out: Path | None = None,
+) -> None:
+    """Make maps from logs of real robots: where the robot was, and what the building looks like.
+
+    For each log a folder with trajectory.tum (by the graph), matching.tum (each scan matched to those before, no loop
+    closed) and odometry.tum for evo, map.yaml and map.pgm, which are a plan for other commands, map.png, ways.png and
+    result.json: errors against the reference, where the log has one, loops closed, seconds.
+
+    Example: robosim slam intel.log.gz --out out/intel
+
+    Args:
+        logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), or odometry as a TUM file with --scans.
+        scans: Scans for a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
+        reference: Trajectory to compare with, as a TUM file, instead of that in the log.
+        how: How the map is made.
+        out: Folder for the results; a new one under runs/ if not given.
+    """
+    from robosim.drawing.logs import draw_maps, draw_ways
+    from robosim.logs.files import read_log
+    from robosim.logs.mapping import map_log, plan_of
+    from robosim.logs.scores import compared, filled_cells
+    from robosim.plans.files import write_ros
+    from robosim.support.files import write_json
+    from robosim.support.progress import tracked
+    from robosim.support.tum import write_tum
+
+    if not logs:
+        raise ValueError("there is no log. Give one or more, such as robosim slam intel.log.gz.")
+    if len(logs) > 1 and (scans or reference):
+        raise ValueError("--scans and --reference belong to one log: give one log with them.")
+    read = [read_log(path, scans, reference) for path in logs]
+    if len({log.name for log in read}) < len(read):
+        raise ValueError("two logs have the same name: their results would lie in the same folder.")
+    table = Table(
+        "log", "", "ATE [m]", "RPE 1-5 m [m]", "[deg]", "along the way [m]", "[deg] ", "cells", "loops", "s"
+    )
+    told: list[dict[str, Any]] = []
+    with results_in(out, "slam") as folder:
+        for log in read:
+            place = folder if len(read) == 1 else folder / log.name
+            ways, rows = {"odometry": log.odometry()}, {}
+            made = {}
+            for name, loops in (("matching", False), ("graph", True)):
+                with tracked(range(len(log.range_m)), f"{log.name}, {name}", console) as numbers:
+                    made[name] = map_log(log, how, loops=loops, scans=numbers)
+                ways[name] = made[name].poses
+            if log.reference is not None:
+                ways["reference"] = log.reference
+            for name, poses in ways.items():
+                row: dict[str, Any] = {"cells": filled_cells(log, poses)}
+                if log.reference is not None and name != "reference":
+                    row |= compared(poses, log.reference).plain()
+                if name in made:
+                    row |= {"loops": made[name].loops, "seconds": made[name].seconds}
+                rows[name] = row
+                file = {"graph": "trajectory"}.get(name, name)
+                write_tum(place / f"{file}.tum", log.times, poses)
+                _add(table, log.name, name, row)
+            plans: dict[str, FloorPlan] = {
+                name: plan_of(log, ways[name], how.resolution_m, how.range_m)
+                for name in ("graph", "reference")
+                if name in ways
+            }
+            write_ros(plans["graph"], place / "map.yaml")
+            draw_maps(place / "map.png", plans, ways)
+            draw_ways(place / "ways.png", log, ways)
+            result = {"log": log.name, "scans": len(log.range_m), "trajectories": rows}
+            write_json(place / "result.json", result)
+            told.append(result)
+    tell({"logs": told}, folder)
+    console.print(table)
+    console.print(f"Wrote trajectory.tum, map.yaml, map.png, ways.png, result.json and more in {folder}")
+    last = folder if len(read) == 1 else folder / read[-1].name
+    console.print(f"Next: robosim plan {quote(str(last / 'map.yaml'))}")
+
+
+def _add(table: Table, log: str, name: str, row: dict[str, Any]) -> None:
+    def shown(key: str, digits: int) -> str:
+        return f"{row[key]:.{digits}f}" if key in row else ""
+
+    table.add_row(
+        log if name == "odometry" else "",
+        name,
+        shown("ate_m", 3),
+        shown("rpe_m", 3),
+        shown("rpe_deg", 2),
+        shown("way_rpe_m", 3),
+        shown("way_rpe_deg", 2),
+        shown("cells", 0),
+        shown("loops", 0),
+        shown("seconds", 1),
+    )

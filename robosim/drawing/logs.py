@@ -1,0 +1,56 @@
+"""Pictures of a log's map: ours beside the reference's, and the ways that odometry, matching and the graph tell."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float
+from matplotlib.axes import Axes
+
+from robosim.drawing.plots import save_figure
+from robosim.logs.robot_log import RobotLog
+from robosim.logs.scores import aligned
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+
+#: Okabe and Ito's colours.
+_COLOURS = {"odometry": "#E69F00", "matching": "#56B4E9", "graph": "#009E73", "reference": "#000000"}
+
+
+def draw_maps(
+    path: Path, plans: Mapping[str, FloorPlan], ways: Mapping[str, Float[np.ndarray, "n 3"]]
+) -> None:
+    """Draw maps side by side, each with its way."""
+    figure, axes = plt.subplots(
+        1, len(plans), figsize=(9 * len(plans), 9), layout="constrained", squeeze=False
+    )
+    for axis, (name, plan) in zip(axes[0], plans.items(), strict=True):
+        _draw(axis, plan)
+        axis.plot(ways[name][:, 0], ways[name][:, 1], color="tab:red", lw=0.5)
+        axis.set_title(f"{plan.name}: {name}", parse_math=False)
+    save_figure(figure, path)
+
+
+def draw_ways(path: Path, log: RobotLog, ways: Mapping[str, Float[np.ndarray, "n 3"]]) -> None:
+    """Draw trajectories over each other: aligned to the reference, if there is one."""
+    figure, axes = plt.subplots(figsize=(9, 9), layout="constrained")
+    for name, poses in ways.items():
+        placed = poses if log.reference is None else aligned(poses, log.reference)
+        axes.plot(placed[:, 0], placed[:, 1], color=_COLOURS[name], lw=1, label=name)
+    axes.set_aspect("equal")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")
+    axes.legend()
+    axes.set_title(f"{log.name}: where the robot was", parse_math=False)
+    save_figure(figure, path)
+
+
+def _draw(axes: Axes, plan: FloorPlan) -> None:
+    shade = np.full(plan.occupancy.shape, 0.8)
+    shade[plan.occupancy == FREE] = 1.0
+    shade[plan.occupancy == OCCUPIED] = 0.0
+    (x, y, _), (ny, nx), cell_m = plan.origin, plan.occupancy.shape, plan.resolution_m
+    extent = (x, x + nx * cell_m, y, y + ny * cell_m)
+    axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, interpolation="nearest")
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("y [m]")

@@ -1,0 +1,1 @@
+"""Logs of real robots: reading them, and the map and trajectory that they hold."""

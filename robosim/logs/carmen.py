@@ -1,0 +1,187 @@
+"""CARMEN logs: lines of odometry and of laser scans, as most public logs of 2D lasers are written.
+
+    ODOM x y theta tv rv accel ...
+    FLASER n r1 ... rn x y theta odom_x odom_y odom_theta ...
+    ROBOTLASER1 type start fov step range accuracy mode n r1 ... rn m r1 ... rm x y theta odom_x odom_y odom_theta ...
+
+Of FLASER the beams begin at -90 degrees, 1 or 1/2 degree apart. The two poses of a scan are told apart by what they do:
+where the first runs away from the second, it is a reference and the second is odometry; where they keep their distance,
+the first is the laser on the robot.
+
+A log that a mapping program has written has both poses corrected, and sets odometry back to them after each scan. There
+the displacement is what ODOM lines tell from one scan's corrected pose to the next, and that pose is the reference.
+Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
+"""
+
+import gzip
+import io
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.logs.robot_log import RobotLog
+from robosim.support.reading import reading
+from slam.poses import between, compose, wrap
+
+#: Largest log, unpacked [bytes], and most beams of a scan.
+_MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
+#: Ranges of this part of the longest, or farther than this [m], hit nothing. Nearer than this is the robot itself.
+_LONGEST, _FARTHEST_M, _NEAREST_M = 0.99, 79.0, 0.05
+#: Coordinates are no larger [m, rad].
+_FARTHEST = 1e6
+#: A pose that keeps within this of another does not run away from it [m, rad].
+_RIGID = 0.02
+
+
+@dataclass(eq=False)
+class _Lines:
+    """What the lines say, in their order."""
+
+    ranges: list[Float[np.ndarray, " w"]] = field(default_factory=list)
+    bearings: list[Float[np.ndarray, " w"]] = field(default_factory=list)
+    laser: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    robot: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    times: list[float] = field(default_factory=list)
+    moved: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    """What ODOM lines told since the scan before."""
+    told: list[int] = field(default_factory=list)
+    """In how many lines."""
+    resets: int = 0
+    """Scans after which odometry was set to the scan's pose."""
+
+
+def read_carmen(path: Path) -> RobotLog:
+    """Read a CARMEN log, packed by gzip or not.
+
+    Raises:
+        FileError: If it is damaged, or has no two scans.
+    """
+    remedy = "Give a CARMEN log with FLASER or ROBOTLASER1 lines"
+    with reading(path, "a robot's log", remedy) as file:
+        packed = file.read()
+        if packed[:2] == b"\x1f\x8b":
+            with gzip.GzipFile(fileobj=io.BytesIO(packed)) as unpacked:
+                packed = unpacked.read(_MOST_BYTES + 1)
+            if len(packed) > _MOST_BYTES:
+                raise ValueError(f"it unpacks to more than {_MOST_BYTES} bytes")
+        lines = _taken_apart(packed.decode("ascii", "replace"))
+        if len(lines.ranges) < 2:
+            raise ValueError(f"{len(lines.ranges)} scans in it, expected two at least")
+        return _log(path, lines)
+
+
+def _taken_apart(text: str) -> _Lines:
+    lines = _Lines()
+    last: Float[np.ndarray, 3] | None = None
+    moved, told, fresh = np.zeros(3), 0, False
+    for number, line in enumerate(text.splitlines(), 1):
+        words = line.split()
+        kind = words[0] if words else ""
+        if kind == "ODOM":
+            pose = _numbers(words[1:4], 3, number)
+            if fresh and np.array_equal(pose, lines.robot[-1]):
+                lines.resets += 1
+            elif last is not None and not np.array_equal(pose, last):
+                moved, told = compose(moved, between(last, pose)), told + 1
+            last, fresh = pose, False
+        elif kind in ("FLASER", "ROBOTLASER1"):
+            scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
+            for kept, value in zip(
+                (lines.bearings, lines.ranges, lines.laser, lines.robot), scan, strict=False
+            ):
+                kept.append(value)  # type: ignore[arg-type]
+            lines.times.append(scan[4])
+            lines.moved.append(moved)
+            lines.told.append(told)
+            last, moved, told, fresh = scan[3], np.zeros(3), 0, True
+    return lines
+
+
+_Scan = tuple[
+    Float[np.ndarray, " w"], Float[np.ndarray, " w"], Float[np.ndarray, "3"], Float[np.ndarray, "3"], float
+]
+
+
+def _flaser(words: list[str], line: int) -> _Scan:
+    count = _count(words[1:2], line)
+    ranges = _numbers(words[2 : 2 + count], count, line)
+    poses = _numbers(words[2 + count : 8 + count], 6, line)
+    step = math.pi / (count - 1 if count % 2 else count)
+    return -math.pi / 2 + step * np.arange(count), ranges, poses[:3], poses[3:], _time(words[8 + count :])
+
+
+def _robotlaser(words: list[str], line: int) -> _Scan:
+    start, _, step, longest = _numbers(words[2:6], 4, line)
+    count = _count(words[8:9], line)
+    ranges = _numbers(words[9 : 9 + count], count, line)
+    remissions = _count(words[9 + count : 10 + count], line, least=0)
+    rest = words[10 + count + remissions :]
+    poses = _numbers(rest[:6], 6, line)
+    ranges = np.where(ranges >= longest, np.inf, ranges)
+    return start + step * np.arange(count), ranges, poses[:3], poses[3:], _time(rest[11:])
+
+
+def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]:
+    values = np.array([float(word) for word in words])
+    if len(values) != count or not (np.abs(values) <= _FARTHEST).all():
+        raise ValueError(f"line {line} breaks off, or has a value that is none of a robot's")
+    return values
+
+
+def _count(words: list[str], line: int, least: int = 3) -> int:
+    if not words or not words[0].isdigit() or not least <= int(words[0]) <= _MOST_BEAMS:
+        raise ValueError(f"line {line} has {words[:1]} beams, expected {least} to {_MOST_BEAMS}")
+    return int(words[0])
+
+
+def _time(words: list[str]) -> float:
+    try:
+        value = float(words[0])
+    except (IndexError, ValueError):
+        return math.nan
+    return value if abs(value) < 1e12 else math.nan
+
+
+def _log(path: Path, lines: _Lines) -> RobotLog:
+    count = max(len(ranges) for ranges in lines.ranges)
+    same = [len(ranges) == count for ranges in lines.ranges]
+    if not all(same):
+        raise ValueError(f"scan {same.index(False) + 1} has another number of beams than others")
+    ranges, laser, robot = np.array(lines.ranges), np.array(lines.laser), np.array(lines.robot)
+    finite = ranges[np.isfinite(ranges)]
+    longest_m = min(_LONGEST * float(finite.max(initial=_FARTHEST_M)), _FARTHEST_M)
+    ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
+    reference: Float[np.ndarray, "n 3"] | None
+    if lines.resets > 0.5 * len(laser):
+        moved, known, reference = np.array(lines.moved), np.array(lines.told) > 0, laser
+    else:
+        apart = np.array([between(b, a) for a, b in zip(laser, robot, strict=True)])
+        runs_away = _spread(apart) > _RIGID
+        track = robot if runs_away else laser
+        steps = [between(a, b) for a, b in pairwise(track)]
+        moved, known = np.array([np.zeros(3), *steps]), np.ones(len(track), bool)
+        reference = laser if runs_away else None
+    moved[0] = 0.0
+    times = np.array(lines.times)
+    if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
+        times = np.arange(len(times), dtype=float)
+    name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
+    return RobotLog(
+        name=name,
+        bearing_rad=lines.bearings[0],
+        range_m=ranges,
+        moved=moved,
+        known=known,
+        times=times,
+        reference=reference,
+    )
+
+
+def _spread(poses: Float[np.ndarray, "n 3"]) -> float:
+    away = poses - poses[0]
+    away[:, 2] = [wrap(float(turn)) for turn in away[:, 2]]
+    return float(np.abs(away).max())

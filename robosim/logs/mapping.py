@@ -1,0 +1,162 @@
+"""From a log to a trajectory and a map: the same tracker and graph that a simulated robot has."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from time import process_time
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from robosim.logs.robot_log import RobotLog
+from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.support.checks import check_numbers
+from slam.graph.submaps import View
+from slam.graph.tracker import Tracker, TrackerConfig
+from slam.matching.scan_matching import MatchConfig, points_of_beams
+from slam.poses import to_map
+
+#: What a beam that hit nothing tells: free as far as this [m].
+_NOTHING_M = 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogOdometryConfig:
+    """How far odometry errs between two scans. Standard deviations: a constant part, and one that grows."""
+
+    position_m: float = 0.04
+    """Of the place, whatever the way [m]."""
+    position_per_m: float = 0.05
+    """Of the place, more for each metre of way."""
+    yaw_rad: float = 0.05
+    """Of the heading, whatever the turn [rad]."""
+    yaw_per_rad: float = 0.15
+    """Of the heading, more for each radian turned."""
+    unknown_m: tuple[float, float] = (1.0, 0.2)
+    """Where odometry tells nothing: of the place ahead, and to the side [m]."""
+    unknown_rad: float = 0.45
+    """The same for the turn [rad]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            position_m=(1e-6, 10, "m"),
+            position_per_m=(0, 10),
+            yaw_rad=(1e-6, math.pi, "rad"),
+            yaw_per_rad=(0, 10),
+            unknown_m=(1e-3, 100, "m"),
+            unknown_rad=(1e-3, 2 * math.pi, "rad"),
+        )
+
+    def predicted(
+        self, moved: Float[np.ndarray, "3"], known: bool
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Displacement and its covariance; where nothing is known, one standard deviation ahead."""
+        if not known:
+            deviation = np.array([*self.unknown_m, self.unknown_rad])
+            return np.array([self.unknown_m[0], 0.0, 0.0]), np.diag(deviation**2)
+        place_m = self.position_m + self.position_per_m * math.hypot(moved[0], moved[1])
+        turn_rad = self.yaw_rad + self.yaw_per_rad * abs(moved[2])
+        return moved, np.diag([place_m**2, place_m**2, turn_rad**2])
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogConfig:
+    """How a log is made into a map."""
+
+    odometry: LogOdometryConfig = field(default_factory=LogOdometryConfig)
+    """How far odometry errs."""
+    resolution_m: float = 0.05
+    """Side of a map cell [m]."""
+    range_m: float = 25.0
+    """Farther points are not matched [m]."""
+    sigma_m: float = 0.02
+    """Standard deviation of a point from its surface [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, resolution_m=(0.005, 0.5, "m"), range_m=(1, 1000, "m"), sigma_m=(1e-4, 1, "m"))
+
+    def tracker(self, loops: bool) -> TrackerConfig:
+        """What the tracker is told."""
+        match = MatchConfig(
+            max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
+        )
+        return TrackerConfig(cell_m=self.resolution_m, loops=loops, match=match)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Mapped:
+    """What was made of a log."""
+
+    poses: Float[np.ndarray, "n 3"]
+    """Where each scan was taken: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
+    loops: int
+    """Loops that were closed."""
+    seconds: float
+    """Processor time [s]."""
+
+
+def map_log(
+    log: RobotLog, config: LogConfig = LogConfig(), *, loops: bool = True, scans: Iterable[int] | None = None
+) -> Mapped:
+    """Find where each scan of a log was taken.
+
+    Args:
+        log: The log.
+        config: How.
+        loops: Whether loops are closed by a graph; each scan is matched to those before alone otherwise.
+        scans: Numbers of the scans, to be gone through from 0; for a progress bar.
+    """
+    begin = process_time()
+    tracker = Tracker(config.tracker(loops))
+    for k in range(len(log.range_m)) if scans is None else scans:
+        ranges = log.range_m[k]
+        scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m)
+        seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
+        moved, covariance = config.odometry.predicted(log.moved[k], bool(log.known[k]))
+        if k == 0:
+            moved, covariance = np.zeros(3), 1e-8 * np.eye(3)
+        tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), moved, covariance)
+    tracker.finish()
+    return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
+
+
+def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float) -> FloorPlan:
+    """The map that scans at poses make: cells that beams ended in more often than a quarter of the times they passed.
+
+    Raises:
+        ValueError: If it has too many cells.
+    """
+    ways = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
+    reach = np.where(log.range_m < range_m, log.range_m, 0.0)
+    ends = [to_map(pose, ranges[:, None] * ways) for pose, ranges in zip(poses, reach, strict=True)]
+    every = np.concatenate([*ends, poses[:, :2]])
+    low, high = every.min(axis=0) - 0.5, every.max(axis=0) + 0.5
+    nx, ny = np.ceil((high - low) / resolution_m).astype(int)
+    if nx * ny > MAX_CELLS:
+        raise ValueError(
+            f"the map of {log.name} has {nx} x {ny} cells of {resolution_m:g} m, more than {MAX_CELLS}. "
+            "Give a larger --resolution-m."
+        )
+    passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
+    for pose, places, ranges in zip(poses, ends, reach, strict=True):
+        # A beam that met nothing spans no area: the outline passes by the laser there.
+        outline = ((places - low) / resolution_m).astype(np.int32)
+        x0, y0 = np.minimum(outline.min(axis=0), ((pose[:2] - low) / resolution_m).astype(int))
+        x1, y1 = outline.max(axis=0) + 1
+        seen = np.zeros((max(y1 - y0, 1), max(x1 - x0, 1)), np.uint8)
+        cv2.fillPoly(seen, [outline - [x0, y0]], 1)
+        ended = np.zeros_like(seen)
+        cells = outline[ranges > 0] - [x0, y0]
+        ended[cells[:, 1], cells[:, 0]] = 1
+        window = (slice(y0, y0 + seen.shape[0]), slice(x0, x0 + seen.shape[1]))
+        passed[window] += seen | ended
+        hit[window] += ended
+    cells = np.full((ny, nx), UNKNOWN, np.uint8)
+    cells[passed > 0] = FREE
+    cells[hit > 0.25 * passed] = OCCUPIED
+    cells[passed == 0] = UNKNOWN
+    return FloorPlan(
+        occupancy=cells, resolution_m=resolution_m, origin=(float(low[0]), float(low[1]), 0.0), name=log.name
+    )

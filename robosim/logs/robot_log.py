@@ -1,0 +1,35 @@
+"""What a robot's log holds of use for mapping: a laser's scans, and what odometry tells between them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from slam.poses import compose
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RobotLog:
+    """A log, one entry a scan."""
+
+    name: str
+    """What reports call it."""
+    bearing_rad: Float[np.ndarray, " w"]
+    """Directions of the beams in the laser's frame [rad], rising: counter-clockwise, 0 ahead."""
+    range_m: Float[np.ndarray, "n w"]
+    """How far each beam went [m]; inf where nothing was hit."""
+    moved: Float[np.ndarray, "n 3"]
+    """Displacement since the scan before by odometry: x, y [m], yaw [rad] in the frame before; 0 for the first."""
+    known: Bool[np.ndarray, " n"]
+    """Whether odometry told of it."""
+    times: Float[np.ndarray, " n"]
+    """When [s], rising. The number of the scan where the log's own times do not rise."""
+    reference: Float[np.ndarray, "n 3"] | None = None
+    """Poses that the log has from elsewhere: x [m], y [m], yaw [rad]; None if it has none."""
+
+    def odometry(self) -> Float[np.ndarray, "n 3"]:
+        """Poses by odometry alone, from (0, 0, 0)."""
+        poses = [np.zeros(3)]
+        for moved in self.moved[1:]:
+            poses.append(compose(poses[-1], moved))
+        return np.array(poses)

@@ -1,0 +1,147 @@
+"""How far a trajectory is from a reference, and how well scans agree on it.
+
+Absolute trajectory error: root mean square of the distances after the best rigid alignment (Sturm et al. 2012).
+Relative pose error: of the displacement between two poses, for all pairs whose places lie 1 m to 5 m apart in the
+reference, whenever they were visited (relations, after Kümmerle et al. 2009), and for pairs so far apart along the way.
+
+A reference that comes from another mapping run errs too. What needs none is how many cells of 5 cm all scans fill:
+walls that are thick, or stand twice, fill more.
+"""
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from robosim.logs.robot_log import RobotLog
+from slam.poses import to_map
+
+#: Distances between the two poses of a relation [m].
+NEAR_M, FAR_M = 1.0, 5.0
+#: Side of the cells counted [m], and how far scans are counted.
+CELL_M, _RANGE_M = 0.05, 10.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scores:
+    """Of a trajectory against a reference."""
+
+    ate_m: float
+    """Absolute trajectory error, root mean square [m]."""
+    rpe_m: float
+    """Relative pose error between places 1 to 5 m apart, mean [m]."""
+    rpe_deg: float
+    """The same for the turn [deg]."""
+    rpe_median_m: float
+    """Its median [m]."""
+    rpe_median_deg: float
+    """Its median for the turn [deg]."""
+    way_rpe_m: float
+    """Relative pose error over 1 to 5 m of way, mean [m]."""
+    way_rpe_deg: float
+    """The same for the turn [deg]."""
+
+    def plain(self) -> dict[str, Any]:
+        """As a dictionary."""
+        return asdict(self)
+
+
+def compared(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Scores:
+    """Errors of a trajectory against a reference."""
+    off_m, off_rad = _relative(poses, reference, *_near_in_place(reference))
+    way_m, way_rad = _relative(poses, reference, *_near_on_the_way(reference))
+    return Scores(
+        ate_m=float(math.sqrt(((aligned(poses, reference) - reference)[:, :2] ** 2).sum(axis=1).mean())),
+        rpe_m=_mean(off_m),
+        rpe_deg=math.degrees(_mean(off_rad)),
+        rpe_median_m=_median(off_m),
+        rpe_median_deg=math.degrees(_median(off_rad)),
+        way_rpe_m=_mean(way_m),
+        way_rpe_deg=math.degrees(_mean(way_rad)),
+    )
+
+
+def aligned(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+    """The poses, moved and turned as one so that their places lie nearest to the reference's."""
+    middle, target = poses[:, :2].mean(axis=0), reference[:, :2].mean(axis=0)
+    a, b = poses[:, :2] - middle, reference[:, :2] - target
+    turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
+    placed = to_map(np.array([*target, turn]), a)
+    return np.column_stack([placed, poses[:, 2] + turn])
+
+
+def filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:
+    """How many cells the ends of all beams fill."""
+    cells = np.floor(ends_of_beams(log, poses) / CELL_M).astype(np.int64)
+    return len(np.unique(cells, axis=0))
+
+
+def ends_of_beams(
+    log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float = _RANGE_M
+) -> Float[np.ndarray, "m 2"]:
+    """Where beams ended (x, y) [m] in `map`."""
+    ways = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
+    return np.concatenate(
+        [
+            to_map(pose, (ranges[:, None] * ways)[ranges < range_m])
+            for pose, ranges in zip(poses, np.where(np.isfinite(log.range_m), log.range_m, 1e9), strict=True)
+        ]
+    )
+
+
+def _near_in_place(
+    reference: Float[np.ndarray, "n 3"],
+) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    x, y = reference[:, 0], reference[:, 1]
+    pairs = []
+    for k in range(len(reference)):
+        apart = np.hypot(x[k + 1 :] - x[k], y[k + 1 :] - y[k])
+        later = k + 1 + np.flatnonzero((apart >= NEAR_M) & (apart <= FAR_M))
+        pairs.append(np.column_stack([np.full(len(later), k), later]))
+    both = np.concatenate(pairs)
+    return both[:, 0], both[:, 1]
+
+
+def _near_on_the_way(
+    reference: Float[np.ndarray, "n 3"],
+) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(reference[:, :2], axis=0).T))])
+    pairs = []
+    for k in range(len(way_m)):
+        later = np.arange(*np.searchsorted(way_m, way_m[k] + np.array([NEAR_M, FAR_M])), dtype=np.int64)
+        pairs.append(np.column_stack([np.full(len(later), k), later]))
+    both = np.concatenate(pairs)
+    return both[:, 0], both[:, 1]
+
+
+def _relative(
+    poses: Float[np.ndarray, "n 3"],
+    reference: Float[np.ndarray, "n 3"],
+    first: Int[np.ndarray, " m"],
+    second: Int[np.ndarray, " m"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """Errors of displacements [m] and turns [rad] between pairs of poses."""
+    mine, theirs = (_displacements(track, first, second) for track in (poses, reference))
+    # The error in the frame of the reference's end; its length is the same in any frame.
+    turn = mine[:, 2] - theirs[:, 2]
+    turn = np.abs((turn + math.pi) % (2 * math.pi) - math.pi)
+    return np.hypot(*(mine - theirs)[:, :2].T), turn
+
+
+def _displacements(
+    track: Float[np.ndarray, "n 3"], first: Int[np.ndarray, " m"], second: Int[np.ndarray, " m"]
+) -> Float[np.ndarray, "m 3"]:
+    yaw = track[first, 2]
+    dx, dy = (track[second, :2] - track[first, :2]).T
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.column_stack([c * dx + s * dy, c * dy - s * dx, track[second, 2] - yaw])
+
+
+def _mean(values: Float[np.ndarray, " m"]) -> float:
+    return float(values.mean()) if len(values) else math.nan
+
+
+def _median(values: Float[np.ndarray, " m"]) -> float:
+    return float(np.median(values)) if len(values) else math.nan

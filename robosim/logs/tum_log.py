@@ -1,0 +1,79 @@
+"""Odometry as a TUM file with scans beside it, and reference trajectories."""
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.logs.robot_log import RobotLog
+from robosim.support.reading import reading
+from robosim.support.tum import read_tum
+from slam.poses import between
+
+#: Scans outside of the trajectory's time by more than this have no pose [s].
+_OUTSIDE_S = 0.5
+
+
+def read_tum_log(path: Path, scans: Path) -> RobotLog:
+    """A log of odometry (TUM) and scans (a line each: time [s], first and last bearing [rad], ranges [m]).
+
+    Raises:
+        FileError: If a file is damaged, or they have no time in common.
+    """
+    times, bearing, ranges = _read_scans(scans)
+    track = _at(path, times)
+    steps = [between(a, b) for a, b in pairwise(track)]
+    return RobotLog(
+        name=path.stem,
+        bearing_rad=bearing,
+        range_m=ranges,
+        moved=np.array([np.zeros(3), *steps]),
+        known=np.ones(len(track), bool),
+        times=times,
+    )
+
+
+def with_reference(log: RobotLog, path: Path) -> RobotLog:
+    """The log with poses to compare with from a TUM file.
+
+    Raises:
+        FileError: If the file is damaged, or has no time in common with the log.
+    """
+    return replace(log, reference=_at(path, log.times))
+
+
+def _at(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 3"]:
+    """Poses of a trajectory at some times."""
+    known, poses = read_tum(path)
+    with reading(path, "a trajectory", "Give one of the time of the scans"):
+        if times[0] < known[0] - _OUTSIDE_S or times[-1] > known[-1] + _OUTSIDE_S:
+            raise ValueError(
+                f"it lasts from {known[0]:g} to {known[-1]:g} s, and the scans from {times[0]:g} to {times[-1]:g} s"
+            )
+    x, y, yaw = poses.T
+    return np.column_stack([np.interp(times, known, part) for part in (x, y, np.unwrap(yaw))])
+
+
+def _read_scans(
+    path: Path,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " w"], Float[np.ndarray, "n w"]]:
+    remedy = "Give a line a scan: time [s], first and last bearing [rad], ranges [m]"
+    with reading(path, "a table of scans", remedy) as file:
+        lines = [line.replace(",", " ").split() for line in file.read().decode("utf-8-sig").splitlines()]
+        rows = [row for row in lines if row and not row[0].startswith("#")]
+        if len(rows) < 2:
+            raise ValueError(f"{len(rows)} scans in it, expected two at least")
+        for number, row in enumerate(rows, 1):
+            if len(row) != len(rows[0]) or len(row) < 6:
+                raise ValueError(f"scan {number} has {len(row) - 3} ranges, the first {len(rows[0]) - 3}")
+        values = np.array(rows, float)
+        times, (first, last) = values[:, 0], values[0, 1:3]
+        if not (np.diff(times) > 0).all():
+            raise ValueError("times do not rise")
+        if not -7 < first < last < 7:
+            raise ValueError(f"bearings go from {first:g} to {last:g}, expected rising ones in radians")
+        ranges = values[:, 3:]
+        ranges = np.where((ranges > 0.05) & (ranges < 1e3), ranges, np.inf)
+        return times, np.linspace(first, last, ranges.shape[1]), ranges

@@ -1,0 +1,168 @@
+"""Submaps: what was seen along a few metres of way, held together by odometry and scans, and fitted to each other.
+
+Within a submap the poses are as good as they will get; between submaps they are what the graph moves. Whether two
+submaps show the same place is tried by fitting the surfaces of one to those of the other, and judged by what both saw:
+a surface that stands where the other looked through is a contradiction.
+
+How well a fit is known is told by its own curvature. What the noise of normals alone would make of a bare wall is
+taken off, so that a corridor says nothing of the way along it.
+References: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016 (submaps); Olson, Real-time correlative scan
+matching, ICRA 2009; Censi, An accurate closed-form estimate of ICP's covariance, ICRA 2007.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from slam.matching.levels import ARM_M, SurfaceLevels, matches
+from slam.matching.scan_matching import MatchConfig, ScanPoints
+from slam.poses import between, to_map
+
+#: Part of the strongest curvature of a fit that the noise of normals makes in every direction.
+_OF_NORMALS = 0.02
+#: Least that a fit is off, whatever its curvature says [m, rad]: submaps are not quite rigid.
+_LEAST_M, _LEAST_RAD = 0.006, 0.0012
+#: Points of a submap that are fitted.
+_FITTED = 800
+#: Views of a submap by which another's surfaces are judged.
+_VIEWS = 10
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """How far one scan saw in each direction."""
+
+    bearing_rad: Float[np.ndarray, " w"]
+    """Directions in the robot's frame [rad], in order, rising."""
+    range_m: Float[np.ndarray, " w"]
+    """How far away the surface seen is [m]; negative where there is none: nothing up to that range then."""
+
+
+@dataclass(kw_only=True, eq=False)
+class Submap:
+    """Scans at poses in the submap's own frame, and their surfaces."""
+
+    cell_m: float
+    """Side of the fine cells [m]."""
+    poses: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    scans: list[ScanPoints] = field(default_factory=list)
+    views: list[View] = field(default_factory=list)
+    levels: SurfaceLevels = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.levels = SurfaceLevels(self.cell_m)
+
+    def add(self, pose: Float[np.ndarray, "3"], scan: ScanPoints, view: View) -> None:
+        """Enter a scan at a pose of the submap's frame."""
+        self.poses.append(pose)
+        self.scans.append(scan)
+        self.views.append(view)
+        self.levels.enter(pose, scan)
+
+    def outline(self) -> ScanPoints:
+        """Its surfaces as one scan in its own frame."""
+        points, normals, weights = self.levels.fine.planes()
+        some = np.linspace(0, len(points) - 1, min(_FITTED, len(points))).astype(int)
+        return ScanPoints(points=points[some], normals=normals[some], weights=np.minimum(weights[some], 1.0))
+
+
+def observed(information: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """What a fit really says of a pose: its information without what the noise of normals makes of a bare wall."""
+    scale = np.diag([1.0, 1.0, 1.0 / ARM_M])
+    values, vectors = np.linalg.eigh(scale @ information @ scale)
+    values = np.maximum(values - _OF_NORMALS * max(values[-1], 0.0), 0.0)
+    back = np.diag([1.0, 1.0, ARM_M])
+    return np.asarray(back @ (vectors * values) @ vectors.T @ back)
+
+
+def covariance_of(information: Float[np.ndarray, "3 3"], widest_m: float = 10.0) -> Float[np.ndarray, "3 3"]:
+    """Covariance of a fit between submaps, wide where it says nothing."""
+    wide = np.diag([widest_m**-2, widest_m**-2, 1.0])
+    least = np.diag([_LEAST_M**2, _LEAST_M**2, _LEAST_RAD**2])
+    return np.asarray(np.linalg.inv(observed(information) + wide) + least)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """One submap fitted to another."""
+
+    pose: Float[np.ndarray, "3"]
+    """Of the one in the frame of the other."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Of that pose, in the frame of the other."""
+    overlap: int
+    """Surfaces of both that the other saw too."""
+    agreement: float
+    """Part of the surfaces seen by both that do not contradict."""
+
+
+def fit(
+    one: Submap,
+    other: Submap,
+    predicted: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "3 3"],
+    matching: MatchConfig,
+) -> Fit | None:
+    """Fit one submap to another.
+
+    Args:
+        one: The submap that is moved.
+        other: The submap it is fitted to.
+        predicted: Pose of the one in the frame of the other.
+        covariance: Of that prediction, in the frame of the other.
+        matching: How points are trusted.
+
+    Returns:
+        The pose that contradicts least; None if nothing is near.
+    """
+    outline = one.outline()
+    if len(outline.points) < matching.min_pairs:
+        return None
+    best: Fit | None = None
+    for match in matches(other.levels, outline, predicted, covariance, matching):
+        if not match.paired.any():
+            continue
+        overlap, agreement = _judged(one, other, match.pose)
+        found = Fit(
+            pose=match.pose,
+            covariance=covariance_of(match.information),
+            overlap=overlap,
+            agreement=agreement,
+        )
+        if best is None or found.overlap * found.agreement**4 > best.overlap * best.agreement**4:
+            best = found
+    return best
+
+
+def _judged(one: Submap, other: Submap, pose: Float[np.ndarray, "3"]) -> tuple[int, float]:
+    """Surfaces of each that the other saw too, and the part of those it saw that it does not contradict."""
+    back = between(pose, np.zeros(3))
+    seen = contradicted = 0
+    for surfaces, viewer, place in ((one, other, pose), (other, one, back)):
+        some = np.unique(np.linspace(0, len(viewer.poses) - 1, _VIEWS).astype(int))
+        views = [(viewer.poses[k], viewer.views[k]) for k in some]
+        same, against = seen_by(views, to_map(place, surfaces.outline().points))
+        seen += int(same.sum())
+        contradicted += int((against & ~same).sum())
+    return seen, seen / max(seen + contradicted, 1)
+
+
+def seen_by(
+    views: Iterable[tuple[Float[np.ndarray, "3"], View]], points: Float[np.ndarray, "n 2"]
+) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Which points (x, y) [m] views from poses saw a surface at, and which they looked through."""
+    same, through = np.zeros(len(points), bool), np.zeros(len(points), bool)
+    for pose, view in views:
+        local = to_map(between(pose, np.zeros(3)), points)
+        distance_m = np.hypot(*local.T)
+        beam = np.searchsorted(view.bearing_rad, np.arctan2(local[:, 1], local[:, 0]))
+        within = (beam > 0) & (beam < len(view.bearing_rad))
+        beam = np.clip(beam, 1, len(view.bearing_rad) - 1)
+        left, right = view.range_m[beam - 1], view.range_m[beam]
+        near_m = 0.1 + 0.01 * distance_m
+        off_m = np.minimum(np.abs(left - distance_m), np.abs(right - distance_m))
+        same |= within & (off_m < near_m)
+        through |= within & (distance_m < np.minimum(np.abs(left), np.abs(right)) - 3 * near_m)
+    return same, through

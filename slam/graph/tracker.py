@@ -1,0 +1,311 @@
+"""Where the robot is and has been, from odometry and scans: matched to what was seen lately, held together by a graph.
+
+Each scan is matched to the surfaces around that are known to fit each other, weighed against odometry by covariances:
+where a scan says nothing, along a corridor, the pose grows uncertain along it, until something says more. Every few
+metres a submap is closed and tried against all others that may show the same place; a fit becomes a constraint of the
+graph. What odometry leaves so uncertain that the other submap has to be searched for is not believed before a second
+fit says the same. When the graph moves, all poses move with it.
+
+One fit is tried with each scan, so the time of an update is bounded; a closed loop takes effect some scans later.
+Reference: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016; Mangelson et al., Pairwise consistent
+measurement set maximization for robust multi-robot map merging, ICRA 2018 (the second fit).
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.graph.pose_graph import Constraint, PoseGraph, chained
+from slam.graph.submaps import Fit, Submap, View, covariance_of, fit, seen_by
+from slam.matching.levels import SurfaceLevels, matches
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
+from slam.poses import between, compose, rotation, to_map
+from slam.support.checks import check_numbers
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackerConfig:
+    """How a trajectory is put together."""
+
+    cell_m: float = 0.05
+    """Side of the cells of surfaces [m]."""
+    submap_m: float = 4.0
+    """Way after which a submap is closed [m]."""
+    submap_scans: int = 60
+    """Scans after which it is closed, at the latest."""
+    loops: bool = True
+    """Whether loops are closed; without, each pose stays as it was found."""
+    match: MatchConfig = field(default_factory=MatchConfig)
+    """How far scans are trusted."""
+    together_m: float = 0.05
+    """Submaps known to lie within this of the present one are matched to [m]."""
+    together_rad: float = math.radians(1.0)
+    """The same for their turn [rad]."""
+    drift_m: float = 0.01
+    """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]."""
+    drift_rad: float = math.radians(0.2)
+    """The same for their turn [rad]."""
+    overlap: int = 40
+    """Surfaces that two submaps must both have seen to be fitted."""
+    agreement: float = 0.8
+    """Part of the surfaces seen by both that must not contradict, where odometry says well where to look."""
+    searched_agreement: float = 0.9
+    """The same where it had to be searched for."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            cell_m=(0.005, 0.5, "m"),
+            submap_m=(0.1, 1000, "m"),
+            submap_scans=(1, 100_000, "scans"),
+            together_m=(0.001, 10, "m"),
+            together_rad=(1e-4, math.pi, "rad"),
+            drift_m=(0, 10, "m"),
+            drift_rad=(0, math.pi, "rad"),
+            overlap=(1, 1_000_000, "surfaces"),
+            agreement=(0, 1),
+            searched_agreement=(0, 1),
+        )
+
+
+class _Pending(NamedTuple):
+    """A fit that waits for another to say the same."""
+
+    here: int
+    there: int
+    fit: Fit
+
+
+#: A fit is believed at once where odometry leaves no more than this open [m, rad].
+_SURE_M, _SURE_RAD = 0.25, math.radians(3.0)
+#: Squared difference, in variances, up to which two fits say the same.
+_SAME = 16.27
+#: Fits that may confirm each other are of submaps so near in number.
+_NEAR = 6
+#: Fits tried for a submap of those known to lie near, and of those not.
+_TRIES = 6
+#: The surfaces around are put together anew when a pose moves by more [m].
+_MOVED_M = 0.002
+#: Scans before by which a pose that was searched for is judged.
+_RECENT = 4
+#: Submaps farther away are not matched to [m].
+_AROUND_M = 25.0
+
+
+class Tracker:
+    """Follows a robot, and puts its trajectory right when loops close."""
+
+    def __init__(self, config: TrackerConfig = TrackerConfig()) -> None:
+        self.config = config
+        self.reset(np.zeros(3))
+
+    def reset(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
+        self.pose = np.asarray(pose, float).copy()
+        self.graph = PoseGraph(self.pose)
+        self.submaps = [Submap(cell_m=self.config.cell_m)]
+        self.closed = 0
+        """Loops that were closed."""
+        self._here = np.zeros(3)
+        self._spread = np.zeros((3, 3))
+        self._way_m = 0.0
+        self._queue: list[tuple[int, int]] = []
+        self._pending: list[_Pending] = []
+        self._around = SurfaceLevels(self.config.cell_m)
+
+    def update(
+        self,
+        scan: ScanPoints,
+        view: View,
+        moved: Float[np.ndarray, "3"],
+        covariance: Float[np.ndarray, "3 3"],
+    ) -> tuple[Match, bool]:
+        """Take in a scan after a displacement.
+
+        Args:
+            scan: Its points, robot's frame.
+            view: How far it saw.
+            moved: Displacement that odometry tells: x, y [m], yaw [rad] in the robot's frame before it.
+            covariance: Of that displacement, in the same frame.
+
+        Returns:
+            How the scan lies on the map, and whether poses of the past were moved.
+        """
+        anchor = self.graph.poses[-1]
+        self._spread = chained(self._here, self._spread, moved, covariance)
+        self._predicted = compose(self.pose, moved)
+        turn = rotation(anchor[2])
+        prior = turn @ self._spread @ turn.T
+        found = matches(self._around, scan, self._predicted, prior, self.config.match)
+        match = found[0] if len(found) == 1 else self._best(found, scan, view, prior)
+        told = np.linalg.inv(covariance_of(turn.T @ match.information @ turn))
+        if match.paired.any():
+            self._spread = np.linalg.inv(np.linalg.inv(self._spread) + told)
+        before = self._here
+        self.pose, self._here = match.pose, between(anchor, match.pose)
+        self._way_m += float(math.hypot(*(self._here - before)[:2]))
+        self.submaps[-1].add(self._here, scan, view)
+        self._around.enter(self.pose, scan)
+        moved_back = self._try() if self._queue else False
+        config = self.config
+        if self._way_m >= config.submap_m or len(self.submaps[-1].poses) >= config.submap_scans:
+            self._begin()
+        return match, moved_back
+
+    def finish(self) -> None:
+        """Try what is left to be tried."""
+        if len(self.submaps[-1].poses) > 1:
+            self._begin()
+        while self._queue:
+            self._try()
+
+    def poses(self) -> Float[np.ndarray, "n 3"]:
+        """Where all scans were taken: x [m], y [m], yaw [rad] in `map`."""
+        anchors = zip(self.graph.poses, self.submaps, strict=True)
+        return np.array([compose(anchor, pose) for anchor, submap in anchors for pose in submap.poses])
+
+    def _best(
+        self, found: list[Match], scan: ScanPoints, view: View, prior: Float[np.ndarray, "3 3"]
+    ) -> Match:
+        """The match at which most of the scan lies on surfaces and least contradicts what was seen last."""
+        information = np.linalg.inv(prior)
+        recent = [
+            (compose(self.graph.poses[-1], pose), before, points)
+            for pose, before, points in zip(
+                self.submaps[-1].poses[-_RECENT:],
+                self.submaps[-1].views[-_RECENT:],
+                self.submaps[-1].scans[-_RECENT:],
+                strict=True,
+            )
+        ]
+
+        def rated(match: Match) -> float:
+            away = between(self._predicted, match.pose)
+            away[:2] = (match.pose - self._predicted)[:2]
+            same, through = seen_by(
+                ((pose, before) for pose, before, _ in recent), to_map(match.pose, scan.points)
+            )
+            against = float((through & ~same).mean())
+            for pose, _, points in recent:
+                same, through = seen_by([(match.pose, view)], to_map(pose, points.points))
+                against += float((through & ~same).mean()) / len(recent)
+            return float(match.paired.mean()) - against - 0.01 * float(away @ information @ away)
+
+        return max(found, key=rated)
+
+    def _begin(self) -> None:
+        """Close the submap, and begin the next where the robot is."""
+        last = len(self.submaps) - 1
+        node = self.graph.add(self.pose)
+        config, way_m = self.config, max(self._way_m, 0.5)
+        drift = way_m * np.diag([config.drift_m**2, config.drift_m**2, config.drift_rad**2])
+        self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=self._spread + drift))
+        self.submaps.append(Submap(cell_m=self.config.cell_m))
+        self._here, self._spread, self._way_m = np.zeros(3), np.zeros((3, 3)), 0.0
+        if self.config.loops:
+            self._queue = [*self._candidates(last), *self._queue]
+        self._look_around()
+
+    def _candidates(self, here: int) -> list[tuple[int, int]]:
+        """Submaps that may show the same as one that was closed, the most likely first."""
+        uncertain = self.graph.uncertainty(here)
+        near: list[tuple[float, tuple[int, int]]] = []
+        unsure: list[tuple[float, tuple[int, int]]] = []
+        mine = self._circle(here)
+        for there in range(here - 1):
+            theirs, spread = self._circle(there), uncertain[there]
+            gap_m = math.hypot(*(mine[0] - theirs[0]))
+            open_m = 3 * math.sqrt(spread[0, 0] + spread[1, 1])
+            if gap_m - open_m < 0.7 * (mine[1] + theirs[1]):
+                (near if self._together(spread) else unsure).append((gap_m, (here, there)))
+        return [pair for some in (unsure, near) for _, pair in sorted(some)[:_TRIES]]
+
+    def _together(self, spread: Float[np.ndarray, "3 3"]) -> bool:
+        """Whether two submaps are known to fit each other, by the covariance between them."""
+        wide = math.hypot(spread[0, 0], spread[1, 1]) > self.config.together_m**2
+        return not wide and bool(spread[2, 2] < self.config.together_rad**2)
+
+    def _circle(self, submap: int) -> tuple[Float[np.ndarray, "2"], float]:
+        """Centre (x, y) [m] in `map` and radius [m] of what a submap shows."""
+        points = self.submaps[submap].outline().points
+        anchor = self.graph.poses[submap]
+        if not len(points):
+            return anchor[:2], 0.0
+        middle = points.mean(axis=0)
+        radius_m = float(np.percentile(np.hypot(*(points - middle).T), 80))
+        return compose(anchor, np.array([*middle, 0.0]))[:2], radius_m
+
+    def _try(self) -> bool:
+        """Fit one pair of submaps; whether poses moved."""
+        here, there = self._queue.pop(0)
+        covariance = self.graph.uncertainty(here)[there]
+        predicted = between(self.graph.poses[here], self.graph.poses[there])
+        one, other = self.submaps[there], self.submaps[here]
+        if not one.poses or not other.poses:
+            return False
+        found = fit(one, other, predicted, covariance, self.config.match)
+        deviation = np.sqrt(np.diag(covariance))
+        sure = math.hypot(deviation[0], deviation[1]) < _SURE_M and deviation[2] < _SURE_RAD
+        least = self.config.agreement if sure else self.config.searched_agreement
+        if found is None or found.overlap < self.config.overlap or found.agreement < least:
+            return False
+        off = between(predicted, found.pose)
+        away = found.pose - predicted
+        away[2] = off[2]
+        if away @ np.linalg.solve(covariance + found.covariance, away) > _SAME:
+            return False
+        if sure:
+            self._close(here, there, found)
+        else:
+            new = _Pending(here, there, found)
+            confirming = [old for old in self._pending if self._same(old, new)]
+            self._pending.append(new)
+            if not confirming:
+                return False
+            for one_of in (new, *confirming):
+                self._pending.remove(one_of)
+                self._close(*one_of)
+        moved_m = self.graph.solve()
+        self.pose = compose(self.graph.poses[-1], self._here)
+        if moved_m > _MOVED_M:
+            self._look_around()
+        return moved_m > _MOVED_M
+
+    def _close(self, here: int, there: int, found: Fit) -> None:
+        self.closed += 1
+        self.graph.hold(
+            Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
+        )
+
+    def _same(self, old: _Pending, new: _Pending) -> bool:
+        """Whether two fits say the same of where the robot is."""
+        if (old.here, old.there) == (new.here, new.there):
+            return False
+        if abs(old.here - new.here) > _NEAR or abs(old.there - new.there) > _NEAR:
+            return False
+        poses = self.graph.poses
+        to_old, from_old = (
+            between(poses[new.here], poses[old.here]),
+            between(poses[old.there], poses[new.there]),
+        )
+        spread = self.graph.uncertainty(new.here)[old.here]
+        spread = chained(to_old, spread, old.fit.pose, old.fit.covariance)
+        way = compose(to_old, old.fit.pose)
+        spread = chained(way, spread, from_old, self.graph.uncertainty(old.there)[new.there])
+        way = compose(way, from_old)
+        away = np.array([*(way - new.fit.pose)[:2], between(new.fit.pose, way)[2]])
+        return bool(away @ np.linalg.solve(spread + new.fit.covariance, away) < _SAME)
+
+    def _look_around(self) -> None:
+        """Put together the surfaces around that are known to fit each other."""
+        config, last = self.config, len(self.submaps) - 1
+        uncertain = self.graph.uncertainty(last)
+        self._around = SurfaceLevels(config.cell_m)
+        for k, submap in enumerate(self.submaps):
+            near = math.hypot(*(self.graph.poses[k] - self.graph.poses[last])[:2]) < _AROUND_M
+            fits = k in uncertain and self._together(uncertain[k])
+            if near and (fits or k >= last - 1):
+                self._around.take(submap.levels, self.graph.poses[k])

@@ -1,0 +1,164 @@
+"""Surfaces at two levels: fine cells to fit by, coarse ones that draw near what is off, and a lattice to search on.
+
+A pose known to some centimetres is fitted to the fine cells at once; one known to some decimetres is drawn near by the
+coarse ones first; where even that is not known, poses on a lattice are scored by how near the scan comes to surfaces,
+and the best few are fitted (correlative scan matching).
+Reference: Olson, Real-time correlative scan matching, ICRA 2009.
+"""
+
+import math
+
+import cv2
+import numpy as np
+from jaxtyping import Float
+
+from slam.grid import GridFrame
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
+from slam.matching.surfaces import SurfaceGrid
+from slam.poses import to_map, wrap
+
+#: Side of the coarse cells, in fine ones.
+_COARSER = 4
+#: Distance at which a turn moves points as far as a shift does, for comparing both [m].
+ARM_M = 3.0
+#: Step of the lattice [m], points tried on it, and how many of its poses are refined.
+_STEP_M, _TRIED, _REFINED = 0.25, 120, 8
+#: Of those, how many are fitted to the fine cells.
+_FITTED = 3
+#: Poses nearer than this are one [m].
+_ONE_M = 0.05
+#: Standard deviations searched to each side.
+_SIGMAS = 3.0
+#: The fine cells find what is off by no more than this in all [m]; the coarse ones find four times as much.
+_FINE_M = 0.06
+
+
+class SurfaceLevels:
+    """Surfaces in fine and coarse cells, wherever they are."""
+
+    def __init__(self, cell_m: float) -> None:
+        self.fine, self.coarse = (_empty(size * cell_m) for size in (1, _COARSER))
+        self._near: tuple[GridFrame, Float[np.ndarray, "ny nx"]] | None = None
+
+    def enter(self, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
+        """Enter a scan at a pose."""
+        for surfaces in (self.fine, self.coarse):
+            _enter(surfaces, pose, scan)
+        self._near = None
+
+    def take(self, other: "SurfaceLevels", pose: Float[np.ndarray, "3"]) -> None:
+        """Enter all surfaces of others, whose frame lies at a pose."""
+        for mine, theirs in ((self.fine, other.fine), (self.coarse, other.coarse)):
+            points, normals, weights = theirs.planes()
+            _enter(mine, pose, ScanPoints(points=points, normals=normals, weights=weights))
+        self._near = None
+
+    def nearness(self) -> tuple[GridFrame, Float[np.ndarray, "ny nx"]]:
+        """How near to a surface each cell is: 1 on it, exp(-1/2) a step of the lattice away."""
+        if self._near is None:
+            points, _, _ = self.fine.planes()
+            if not len(points):
+                points = np.zeros((1, 2))
+            cell = 0.5 * _STEP_M
+            low, high = points.min(axis=0) - 1.0, points.max(axis=0) + 1.0
+            nx, ny = np.ceil((high - low) / cell).astype(int)
+            frame = GridFrame(origin_xy=(low[0], low[1]), resolution_m=cell, shape=(int(ny), int(nx)))
+            away = np.ones(frame.shape, np.uint8)
+            away[frame.index(points)] = 0
+            gap_m = cell * cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+            self._near = frame, np.exp(-0.5 * (gap_m / _STEP_M) ** 2)
+        return self._near
+
+
+def _empty(cell_m: float) -> SurfaceGrid:
+    corner = (-100 * cell_m, -100 * cell_m)
+    return SurfaceGrid(GridFrame(origin_xy=corner, resolution_m=cell_m, shape=(200, 200)))
+
+
+def _enter(surfaces: SurfaceGrid, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
+    world = to_map(pose, scan.points)
+    surfaces.make_room(world)
+    surfaces.add(world, to_map(np.array([0.0, 0.0, pose[2]]), scan.normals), scan.weights)
+
+
+def matches(
+    levels: SurfaceLevels,
+    scan: ScanPoints,
+    predicted: Float[np.ndarray, "3"],
+    covariance: Float[np.ndarray, "3 3"],
+    config: MatchConfig,
+) -> list[Match]:
+    """Poses at which a scan lies on surfaces, found in the way that the uncertainty of the prediction asks for.
+
+    Args:
+        levels: The surfaces.
+        scan: Points and normals in the robot's frame.
+        predicted: x [m], y [m], yaw [rad].
+        covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
+        config: How far scans are trusted.
+
+    Returns:
+        One, or several where the lattice was searched.
+    """
+    deviation = np.sqrt(np.diag(covariance))
+    arm_m = ARM_M
+    if len(scan.points):
+        arm_m = max(ARM_M, float(np.median(np.hypot(*(scan.points - scan.points.mean(axis=0)).T))))
+    off_m = _SIGMAS * math.hypot(deviation[0], deviation[1], arm_m * deviation[2])
+    if off_m < _FINE_M:
+        return [match_scan(levels.fine, scan, predicted, covariance, config)]
+    starts = [predicted]
+    if off_m > _COARSER * _FINE_M and len(scan.points):
+        starts += _lattice(scan.points, levels, predicted, _SIGMAS * deviation, arm_m)
+    near = [match_scan(levels.coarse, scan, predicted, covariance, config, start) for start in starts]
+    near.sort(key=lambda match: -int(match.paired.sum()))
+    kept: list[Match] = []
+    for match in near:
+        if all(math.hypot(*difference(match.pose, other.pose, arm_m)) > _ONE_M for other in kept):
+            kept.append(match)
+        if len(kept) == _FITTED:
+            break
+    return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in kept]
+
+
+def difference(
+    pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"], arm_m: float = ARM_M
+) -> Float[np.ndarray, "3"]:
+    """How far apart two poses are: x, y, and the turn at the end of an arm [m]."""
+    return np.array([*(pose - other)[:2], arm_m * wrap(pose[2] - other[2])])
+
+
+def _lattice(
+    points: Float[np.ndarray, "n 2"],
+    levels: SurfaceLevels,
+    predicted: Float[np.ndarray, "3"],
+    half: Float[np.ndarray, "3"],
+    arm_m: float,
+) -> list[Float[np.ndarray, "3"]]:
+    """The poses of a lattice at which points lie nearest to surfaces, no two of them neighbours."""
+    frame, near = levels.nearness()
+    some = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
+    step_rad = _STEP_M / arm_m
+    dx, dy = (np.arange(-n, n + 1) * _STEP_M for n in np.ceil(half[:2] / _STEP_M).astype(int))
+    count = min(math.ceil(half[2] / step_rad), math.ceil(math.pi / step_rad))
+    turns = np.arange(-count, count + 1) * step_rad
+    shift = np.stack(np.meshgrid(dx, dy), axis=-1).reshape(-1, 2)
+    cells = shift / frame.resolution_m
+    # The field with a rim of nothing: what lies outside counts nothing.
+    field = np.pad(near, 1)
+    ny, nx = field.shape
+    scores = np.empty((len(turns), len(shift)))
+    for k, turn in enumerate(turns):
+        at = frame.to_cells(to_map(np.array([*predicted[:2], predicted[2] + turn]), some)) + 1
+        column = np.clip((at[:, 0] + cells[:, 0, None]).astype(int), 0, nx - 1)
+        row = np.clip((at[:, 1] + cells[:, 1, None]).astype(int), 0, ny - 1)
+        scores[k] = field[row, column].mean(axis=1)
+    best: list[np.ndarray] = []
+    for flat in np.argsort(-scores, axis=None)[: 50 * _REFINED]:
+        k, j = divmod(int(flat), len(shift))
+        pose = np.array([*(predicted[:2] + shift[j]), wrap(predicted[2] + turns[k])])
+        if all(math.hypot(*difference(pose, known, arm_m)) > 1.5 * _STEP_M for known in best):
+            best.append(pose)
+        if len(best) == _REFINED:
+            break
+    return best
