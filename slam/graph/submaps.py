@@ -22,8 +22,11 @@ from slam.poses import between, to_map
 
 #: Part of the strongest curvature of a fit that the noise of normals makes in every direction.
 _OF_NORMALS = 0.02
-#: Least that a fit is off, whatever its curvature says [m, rad]: submaps are not quite rigid.
-_LEAST_M, _LEAST_RAD = 0.006, 0.0012
+#: Least that a fit is off, as a part of a point's own standard deviation, whatever its curvature says: points err
+#: alike, and submaps are not quite rigid. A turn errs by a fifth of that in radians.
+OF_SCAN, OF_SUBMAP, _TURN = 0.12, 0.3, 0.2
+#: Standard deviation of what a fit says nothing of [m].
+_WIDEST_M = 10.0
 #: Points of a submap that are fitted.
 _FITTED = 800
 #: Views of a submap by which another's surfaces are judged.
@@ -77,11 +80,15 @@ def observed(information: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
     return np.asarray(back @ (vectors * values) @ vectors.T @ back)
 
 
-def covariance_of(information: Float[np.ndarray, "3 3"], widest_m: float = 10.0) -> Float[np.ndarray, "3 3"]:
-    """Covariance of a fit between submaps, wide where it says nothing."""
-    wide = np.diag([widest_m**-2, widest_m**-2, 1.0])
-    least = np.diag([_LEAST_M**2, _LEAST_M**2, _LEAST_RAD**2])
-    return np.asarray(np.linalg.inv(observed(information) + wide) + least)
+def least_covariance(least_m: float) -> Float[np.ndarray, "3 3"]:
+    """What errs by so much, and by as much in its turn."""
+    return np.diag([least_m, least_m, _TURN * least_m]) ** 2
+
+
+def covariance_of(information: Float[np.ndarray, "3 3"], least_m: float) -> Float[np.ndarray, "3 3"]:
+    """Covariance of a fit that is off by so much at least, wide where it says nothing."""
+    wide = np.diag([_WIDEST_M**-2, _WIDEST_M**-2, 1.0])
+    return np.asarray(np.linalg.inv(observed(information) + wide) + least_covariance(least_m))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -127,7 +134,7 @@ def fit(
         overlap, agreement = _judged(one, other, match.pose)
         found = Fit(
             pose=match.pose,
-            covariance=covariance_of(match.information),
+            covariance=covariance_of(match.information, OF_SUBMAP * matching.sigma_m),
             overlap=overlap,
             agreement=agreement,
         )

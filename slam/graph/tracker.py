@@ -19,8 +19,8 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
-from slam.graph.submaps import Fit, Submap, View, covariance_of, fit, seen_by
-from slam.matching.levels import SurfaceLevels, matches
+from slam.graph.submaps import OF_SCAN, Fit, Submap, View, covariance_of, fit, least_covariance, seen_by
+from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose, rotation, to_map
 from slam.support.checks import check_numbers
@@ -87,6 +87,10 @@ _SAME = 16.27
 _NEAR = 6
 #: Fits tried for a submap of those known to lie near, and of those not.
 _TRIES = 6
+#: Fits that wait at most.
+_WAITING = 24
+#: Scans after which a submap is closed where one lies beside it that is not known to fit [m].
+_SOON, _BESIDE_M = 12, 8.0
 #: The surfaces around are put together anew when a pose moves by more [m].
 _MOVED_M = 0.002
 #: Scans before by which a pose that was searched for is judged.
@@ -100,6 +104,7 @@ class Tracker:
 
     def __init__(self, config: TrackerConfig = TrackerConfig()) -> None:
         self.config = config
+        self._least_m = OF_SCAN * config.match.sigma_m
         self.reset(np.zeros(3))
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -110,11 +115,78 @@ class Tracker:
         self.closed = 0
         """Loops that were closed."""
         self._here = np.zeros(3)
-        self._spread = np.zeros((3, 3))
+        self._spread = self._blind = np.zeros((3, 3))
         self._way_m = 0.0
         self._queue: list[tuple[int, int]] = []
         self._pending: list[_Pending] = []
         self._around = SurfaceLevels(self.config.cell_m)
+        self._apart = False
+
+    def predict(
+        self, moved: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
+    ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
+        """Move by a displacement that odometry tells.
+
+        Args:
+            moved: x, y [m], yaw [rad] in the robot's frame before it.
+            covariance: Of that, in the same frame.
+
+        Returns:
+            The pose, and its covariance against what was seen lately, axes of `map`.
+        """
+        self._spread = chained(self._here, self._spread, moved, covariance)
+        self._blind = chained(self._here, self._blind, moved, covariance)
+        self._place(compose(self.pose, moved))
+        return self.pose, self.covariance
+
+    @property
+    def covariance(self) -> Float[np.ndarray, "3 3"]:
+        """Of the pose against what was seen lately, axes of `map` [m^2, m rad, rad^2]."""
+        turn = rotation(self.graph.poses[-1][2])
+        return np.asarray(turn @ self._spread @ turn.T)
+
+    def match(self, scan: ScanPoints, view: View) -> Match:
+        """Fit a scan, taken at the predicted pose, to the surfaces around.
+
+        Args:
+            scan: Its points, robot's frame.
+            view: How far it saw.
+        """
+        turn = rotation(self.graph.poses[-1][2])
+        # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
+        prior = turn @ (self._spread + 4 * least_covariance(self._least_m)) @ turn.T
+        found = matches(self._around, scan, self.pose, prior, self.config.match)
+        return found[0] if len(found) == 1 else self._best(found, scan, view, prior)
+
+    def accept(self, match: Match, scan: ScanPoints, view: View) -> bool:
+        """Take in a scan where it was matched.
+
+        Returns:
+            Whether poses of the past were moved.
+        """
+        if match.information.any():
+            turn = rotation(self.graph.poses[-1][2])
+            told = covariance_of(turn.T @ match.information @ turn, self._least_m)
+            gain = np.linalg.solve(self._spread + told, self._spread).T
+            away = difference(match.pose, self.pose, 1.0)
+            self._spread = self._spread - gain @ self._spread
+            self._place(self.pose + turn @ gain @ turn.T @ away)
+        self.submaps[-1].add(self._here, scan, view)
+        self._around.enter(self.pose, scan)
+        moved = self._try() if self._queue else False
+        # What lies around but is not known to fit is tried soon.
+        most = min(_SOON, self.config.submap_scans) if self._apart else self.config.submap_scans
+        if self._way_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most:
+            self._begin()
+        return moved
+
+    def jump(self, match: Match) -> None:
+        """Go on where the robot was found again: nothing holds that place to the way before but the match."""
+        turn = rotation(self.graph.poses[-1][2])
+        self._spread = covariance_of(turn.T @ match.information @ turn, self._least_m)
+        self._blind = self._spread + 1e6 * np.eye(3)
+        self._place(match.pose)
+        self._begin()
 
     def update(
         self,
@@ -122,38 +194,15 @@ class Tracker:
         view: View,
         moved: Float[np.ndarray, "3"],
         covariance: Float[np.ndarray, "3 3"],
-    ) -> tuple[Match, bool]:
-        """Take in a scan after a displacement.
+    ) -> bool:
+        """Move, match and take in a scan; whether poses of the past were moved."""
+        self.predict(moved, covariance)
+        return self.accept(self.match(scan, view), scan, view)
 
-        Args:
-            scan: Its points, robot's frame.
-            view: How far it saw.
-            moved: Displacement that odometry tells: x, y [m], yaw [rad] in the robot's frame before it.
-            covariance: Of that displacement, in the same frame.
-
-        Returns:
-            How the scan lies on the map, and whether poses of the past were moved.
-        """
-        anchor = self.graph.poses[-1]
-        self._spread = chained(self._here, self._spread, moved, covariance)
-        self._predicted = compose(self.pose, moved)
-        turn = rotation(anchor[2])
-        prior = turn @ self._spread @ turn.T
-        found = matches(self._around, scan, self._predicted, prior, self.config.match)
-        match = found[0] if len(found) == 1 else self._best(found, scan, view, prior)
-        told = np.linalg.inv(covariance_of(turn.T @ match.information @ turn))
-        if match.paired.any():
-            self._spread = np.linalg.inv(np.linalg.inv(self._spread) + told)
-        before = self._here
-        self.pose, self._here = match.pose, between(anchor, match.pose)
-        self._way_m += float(math.hypot(*(self._here - before)[:2]))
-        self.submaps[-1].add(self._here, scan, view)
-        self._around.enter(self.pose, scan)
-        moved_back = self._try() if self._queue else False
-        config = self.config
-        if self._way_m >= config.submap_m or len(self.submaps[-1].poses) >= config.submap_scans:
-            self._begin()
-        return match, moved_back
+    def _place(self, pose: Float[np.ndarray, "3"]) -> None:
+        here = between(self.graph.poses[-1], pose)
+        self._way_m += float(math.hypot(*(here - self._here)[:2]))
+        self.pose, self._here = compose(self.graph.poses[-1], here), here
 
     def finish(self) -> None:
         """Try what is left to be tried."""
@@ -183,8 +232,7 @@ class Tracker:
         ]
 
         def rated(match: Match) -> float:
-            away = between(self._predicted, match.pose)
-            away[:2] = (match.pose - self._predicted)[:2]
+            away = difference(match.pose, self.pose, 1.0)
             same, through = seen_by(
                 ((pose, before) for pose, before, _ in recent), to_map(match.pose, scan.points)
             )
@@ -202,11 +250,15 @@ class Tracker:
         node = self.graph.add(self.pose)
         config, way_m = self.config, max(self._way_m, 0.5)
         drift = way_m * np.diag([config.drift_m**2, config.drift_m**2, config.drift_rad**2])
-        self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=self._spread + drift))
+        # What matching adds up to, and what odometry alone would: both tell.
+        least = 1e-12 * np.eye(3)
+        told = np.linalg.inv(self._spread + drift) + np.linalg.inv(self._blind + least)
+        self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=np.linalg.inv(told)))
         self.submaps.append(Submap(cell_m=self.config.cell_m))
-        self._here, self._spread, self._way_m = np.zeros(3), np.zeros((3, 3)), 0.0
+        self._here, self._way_m = np.zeros(3), 0.0
+        self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
-            self._queue = [*self._candidates(last), *self._queue]
+            self._queue = [*self._candidates(last), *self._queue][:_WAITING]
         self._look_around()
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
@@ -303,9 +355,10 @@ class Tracker:
         """Put together the surfaces around that are known to fit each other."""
         config, last = self.config, len(self.submaps) - 1
         uncertain = self.graph.uncertainty(last)
-        self._around = SurfaceLevels(config.cell_m)
+        self._around, self._apart = SurfaceLevels(config.cell_m), False
         for k, submap in enumerate(self.submaps):
-            near = math.hypot(*(self.graph.poses[k] - self.graph.poses[last])[:2]) < _AROUND_M
-            fits = k in uncertain and self._together(uncertain[k])
-            if near and (fits or k >= last - 1):
+            away_m = math.hypot(*(self.graph.poses[k] - self.graph.poses[last])[:2])
+            fits = (k in uncertain and self._together(uncertain[k])) or k >= last - 1
+            if away_m < _AROUND_M and fits:
                 self._around.take(submap.levels, self.graph.poses[k])
+            self._apart |= config.loops and away_m < _BESIDE_M and not fits

@@ -7,27 +7,30 @@ marks share one grid that grows with the building.
 Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
 A pose whose scan contradicts the map is doubted: the robot is looked for farther away, and as long as it is not found,
 what it sees is not entered (`relocalization`).
-Left out: loop closure. The surfaces first seen stay where they are and later scans are fitted to them.
+Where loops close, poses of the past move, and the map is put together anew from all scans (`slam.graph`).
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
 
 import logging
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import Action
+from slam.graph.submaps import View
+from slam.graph.tracker import Tracker, TrackerConfig
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.mapping.odometry import OdometryConfig, OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
-from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan, points_of_scan
+from slam.matching.levels import ARM_M
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
-from slam.poses import between, compose, rotation, to_map, wrap
+from slam.poses import between, rotation, to_map, wrap
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers
 
@@ -35,6 +38,8 @@ logger = logging.getLogger(__name__)
 
 #: Cells added at once when the view leaves the map.
 GROWTH_CELLS = 80
+#: The map is put together anew once a pose has moved by this many cells.
+_SHOWS = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +63,9 @@ class MapperConfig:
     relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
     """When the robot counts as lost."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
-    """Biases and noise of odometry."""
+    """Errors of odometry."""
+    tracking: TrackerConfig = field(default_factory=TrackerConfig)
+    """How poses are put together; cells and matching are those above."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -106,6 +113,16 @@ class PoseMatcher(Protocol):
         """The pose, given what odometry predicts and how sure it is, axes of `map`."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Frame:
+    """What has to be known of a frame to enter it again at another pose."""
+
+    scan: Scan
+    points: ScanPoints
+    lowest: float
+    """Fall of the lowest image row per metre of depth."""
+
+
 class ClassicalMapper:
     """Builds a map while finding the robot on it."""
 
@@ -132,6 +149,13 @@ class ClassicalMapper:
         self.marks = CollisionMarks(frame, CollisionConfig(radius_m=config.radius_m))
         self.odometry = OdometryCorrector(config.odometry)
         self.relocalizer = Relocalizer(config.relocalization)
+        tracking = replace(config.tracking, cell_m=cell, match=config.match)
+        self.tracker = Tracker(tracking)
+        self.tracker.reset(np.array([pose[0], pose[1], wrap(float(pose[2]))]))
+        self._frames: list[_Frame] = []
+        self._entered: list[Float[np.ndarray, 3]] = []
+        self.rearranged = False
+        """Whether the last update moved poses of the past, and the map with them."""
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
         self._step = 0
@@ -156,17 +180,37 @@ class ClassicalMapper:
         self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
         points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
         moved, covariance = self._measured(action, odometry)
-        start = self.pose
-        match = self._match(points, compose(start, moved), covariance)
-        match, doubted = self.relocalizer.judge(
-            match, points, self.occupancy, self.surfaces, self.config.match, self.config.camera.height_m
+        start, open_before, view = self.pose, self.tracker.covariance, view_of_scan(scan)
+        predicted, prior = self.tracker.predict(moved, covariance)
+        match = (
+            self._matcher.match(scan, self.occupancy, predicted, prior)
+            if self._matcher is not None
+            else self.tracker.match(points, view)
         )
-        self.pose = match.pose
+        match, doubted = self.relocalizer.judge(
+            match,
+            points,
+            moved,
+            math.sqrt(prior[0, 0] + prior[1, 1]),
+            self.occupancy,
+            self.surfaces,
+            self.config.match,
+            self.config.camera.height_m,
+        )
         # A reading that is not a number must not get into the learned bias, where it would stay for ever.
         if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
-            self._learn(action, odometry, start, match)
+            self._learn(action, odometry, start, open_before, match)
+        if doubted and not self.relocalizer.lost:
+            self.tracker.jump(match)
+        self.rearranged = False
         if not self.relocalizer.lost:
-            self._enter(depth, scan, points)
+            lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
+            frame = _Frame(scan=scan, points=points, lowest=lowest)
+            if self.tracker.accept(match, points, view):
+                self._rearrange()
+            self._frames.append(frame)
+            self._enter(frame, self.tracker.pose)
+        self.pose = self.tracker.pose
         if action is not None:
             obstacle = self.occupancy.log_odds > 0
             self.collided = self.marks.update(self._step, action, moved, self.pose, obstacle)
@@ -193,32 +237,43 @@ class ClassicalMapper:
             return np.zeros(3), 1e-6 * np.eye(3)
         return self.odometry.correct(action, np.asarray(odometry, float))
 
-    def _match(
-        self, points: ScanPoints, predicted: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
-    ) -> Match:
-        """The pose; the covariance is of the displacement, in the robot's frame before it."""
-        turn = rotation(self.pose[2])
-        covariance = turn @ covariance @ turn.T
-        if self._matcher is not None:
-            return self._matcher.match(self.scan, self.occupancy, predicted, covariance)
-        return match_scan(self.surfaces, points, predicted, covariance, self.config.match)
-
     def _learn(
-        self, action: Action, odometry: Float[np.ndarray, "3"], start: Float[np.ndarray, "3"], match: Match
+        self,
+        action: Action,
+        odometry: Float[np.ndarray, "3"],
+        start: Float[np.ndarray, "3"],
+        open_before: Float[np.ndarray, "3 3"],
+        match: Match,
     ) -> None:
+        """What a match tells of odometry, as far as the pose before it was known."""
         turn = rotation(start[2])
-        covariance = turn.T @ np.linalg.inv(match.information + np.eye(3)) @ turn
+        covariance = turn.T @ (np.linalg.inv(match.information + np.eye(3)) + open_before) @ turn
         self.odometry.learn(action, odometry, between(start, match.pose), covariance)
 
-    def _enter(self, depth: Float32[np.ndarray, "h w"], scan: Scan, points: ScanPoints) -> None:
-        """Enter a scan at the present pose."""
-        self._make_room(*self.occupancy.view_box(scan, self.pose))
-        camera = self.config.camera
-        lowest = float(camera.slopes(depth.shape)[1][-1])
-        rows, columns, cleared = self.occupancy.integrate(scan, self.pose, camera.height_m, lowest)
+    def _enter(self, frame: _Frame, pose: Float[np.ndarray, "3"]) -> None:
+        """Enter a scan at a pose."""
+        self._make_room(*self.occupancy.view_box(frame.scan, pose))
+        height_m = self.config.camera.height_m
+        rows, columns, cleared = self.occupancy.integrate(frame.scan, pose, height_m, frame.lowest)
         self.surfaces.clear(rows, columns, cleared)
-        heading = np.array([0.0, 0.0, self.pose[2]])
-        self.surfaces.add(to_map(self.pose, points.points), to_map(heading, points.normals), points.weights)
+        heading = np.array([0.0, 0.0, pose[2]])
+        points = frame.points
+        self.surfaces.add(to_map(pose, points.points), to_map(heading, points.normals), points.weights)
+        self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.frame.resolution_m)
+        self._entered.append(pose)
+
+    def _rearrange(self) -> None:
+        """Put the map together anew where the graph has moved the poses of its scans, once that shows."""
+        poses = self.tracker.poses()[: len(self._entered)]
+        off_m = np.abs(poses - self._entered) @ [1.0, 1.0, ARM_M]
+        if off_m.max(initial=0.0) < _SHOWS * self.frame.resolution_m:
+            return
+        self.rearranged = True
+        self.occupancy = OccupancyGrid(self.frame, self.config.occupancy)
+        self.surfaces = SurfaceGrid(self.frame)
+        self._entered = []
+        for frame, pose in zip(self._frames, poses, strict=False):
+            self._enter(frame, pose)
 
     def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
         """Grow the map, as far as allowed, until it holds a box of `map`."""
@@ -246,3 +301,10 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def view_of_scan(scan: Scan) -> View:
+    """How far a depth camera's scan saw in each direction."""
+    slant = np.hypot(1.0, scan.left)
+    reach = np.where(scan.hit, scan.depth_m, -scan.clear_m) * slant
+    return View(bearing_rad=np.arctan(scan.left)[::-1].astype(float), range_m=reach[::-1].astype(float))

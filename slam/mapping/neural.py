@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float16, Float32
 
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
@@ -79,6 +79,8 @@ class NeuralMapper:
         self._viewed = np.zeros(self.frame.shape, bool)
         self._observed = np.full(self.frame.shape, 0.5, np.float32)
         self._anticipated = np.full(self.frame.shape, 0.5, np.float32)
+        # What was told of each frame that was entered, in half the memory, to be entered again when poses move.
+        self._told: list[Float16[np.ndarray, "2 ny nx"]] = []
 
     @property
     def collided(self) -> bool:
@@ -97,7 +99,12 @@ class NeuralMapper:
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
         )
+        if self.classical.rearranged:
+            self._rearrange()
         self._enter(self.prediction, classical.pose)
+        if not self.classical.relocalizer.lost:
+            halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
+            self._told.append(halves)
         self._refresh(classical)
         return self._combined(classical)
 
@@ -162,6 +169,18 @@ class NeuralMapper:
         viewed |= in_view
         asked |= inside
         self._stand(pose)
+
+    def _rearrange(self) -> None:
+        """Put the map together anew at the poses where the scans now are."""
+        poses = self.classical.tracker.poses()
+        self._log_odds[:] = 0.0
+        self._asked[:] = self._viewed[:] = False
+        for halves, pose in zip(self._told, poses, strict=False):
+            obstacle, seen = halves.astype(np.float32)
+            self._enter(Prediction(obstacle=obstacle, seen=seen), pose)
+        told, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
+        self._observed[:] = np.where(self._viewed, told, known)
+        self._anticipated[:] = np.where(self._asked, told, known)
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]

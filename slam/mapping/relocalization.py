@@ -8,6 +8,10 @@ new room makes none, because what is unknown contradicts nothing.
 A lost robot is looked for by correlative scan matching, coarse to fine: poses on a lattice around the one believed
 are scored by how near to obstacles of the map the scan comes, a few of the best are refined by `match_scan`, and the
 one that contradicts the map least is taken, if it does so clearly less. A longer search takes in all headings.
+
+A jump that is wrong costs more than one that is late. So nobody looks before several scans in a row contradict the map,
+unless odometry itself leaves the pose open, and the robot is believed to be elsewhere only when a second scan, from
+where it has moved to, says so too.
 Left out: rooms that look alike within the search; the whole building as search space.
 Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 """
@@ -23,7 +27,7 @@ from slam.grid import GridFrame
 from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
 from slam.matching.surfaces import SurfaceGrid
-from slam.poses import to_map, wrap
+from slam.poses import compose, to_map, wrap
 from slam.support.checks import check_numbers
 
 
@@ -43,7 +47,15 @@ class RelocalizationConfig:
     """Half side of the square that is searched [m]."""
     search_rad: float = math.radians(30.0)
     """Headings to both sides that are searched first [rad]; all of them after `narrow_tries`."""
-    narrow_tries: int = 3
+    patience: int = 2
+    """Doubted frames in a row before the robot is looked for, where odometry is sure of the pose."""
+    sure_m: float = 0.1
+    """It is where its standard deviation is below this [m]."""
+    same_m: float = 0.15
+    """Places found from two frames are one if they lie this near to each other [m]."""
+    same_rad: float = math.radians(5.0)
+    """The same for their headings [rad]."""
+    narrow_tries: int = 6
     """Frames searched for small turns only."""
     tries: int = 20
     """Frames after which the map is taken to be wrong rather than the pose: scans are entered again."""
@@ -57,6 +69,10 @@ class RelocalizationConfig:
             min_points=(1, 1_000_000, "points"),
             search_m=(0.01, 100, "m"),
             search_rad=(1e-3, math.pi, "rad"),
+            patience=(0, 1_000_000, "frames"),
+            sure_m=(0, 100, "m"),
+            same_m=(0, 100, "m"),
+            same_rad=(0, math.pi, "rad"),
             narrow_tries=(0, 1_000_000, "frames"),
             tries=(1, 1_000_000, "frames"),
         )
@@ -146,6 +162,7 @@ class Relocalizer:
     def reset(self) -> None:
         """Forget all doubts."""
         self._tried = 0
+        self._found: Float[np.ndarray, 3] | None = None
         self.lost = False
         """Whether the last pose was doubted and no better one found: its scan must not be entered."""
 
@@ -153,6 +170,8 @@ class Relocalizer:
         self,
         match: Match,
         points: ScanPoints,
+        moved: Float[np.ndarray, "3"],
+        deviation_m: float,
         occupancy: OccupancyGrid,
         surfaces: SurfaceGrid,
         matching: MatchConfig,
@@ -163,6 +182,8 @@ class Relocalizer:
         Args:
             match: What scan matching found near the prediction.
             points: The scan.
+            moved: Displacement since the scan before: x, y [m], yaw [rad] in the robot's frame before it.
+            deviation_m: Standard deviation of the place before the match [m].
             occupancy: The map.
             surfaces: Its surfaces.
             matching: How scans are matched.
@@ -173,6 +194,8 @@ class Relocalizer:
         """
         config = self.config
         self.lost = False
+        expected = None if self._found is None else compose(self._found, moved)
+        self._found = None
         if len(points.points) < config.min_points:
             return match, False
         some = _thinned(points.points)
@@ -188,14 +211,22 @@ class Relocalizer:
             # As many scans are entered now as were not: should doubts outlast that, the search begins anew.
             self._tried %= 2 * config.tries
             return match, True
+        if self._tried <= config.patience and deviation_m < config.sure_m:
+            self.lost = True
+            return match, True
         reach = matching.max_range_m + config.search_m
         around = Surroundings(occupancy, match.pose[:2] - reach, match.pose[:2] + reach, eye_m)
         found = self._search(match.pose, points, around, surfaces, matching)
-        if found is None:
+        if found is None or expected is None or not self._same(found.pose, expected):
+            self._found = None if found is None else found.pose
             self.lost = True
             return match, True
         self._tried = 0
         return found, True
+
+    def _same(self, pose: Float[np.ndarray, "3"], other: Float[np.ndarray, "3"]) -> bool:
+        near = math.hypot(*(pose - other)[:2]) < self.config.same_m
+        return bool(near and abs(wrap(pose[2] - other[2])) < self.config.same_rad)
 
     def _search(
         self,

@@ -43,7 +43,7 @@ def _push(pose: np.ndarray, x_m: float, y_m: float, turned_deg: float = 0.0) -> 
 
 @pytest.mark.parametrize("direction_deg", range(0, 360, 45))
 def test_a_robot_pushed_by_half_a_metre_finds_itself(direction_deg):
-    """Whichever way: within 3 cm and 1 degree when it has turned by 60 degrees (measured 0.6 cm, 0.1 degrees).
+    """Whichever way: within 3 cm and 1 degree when it has turned by 90 degrees (measured 0.6 cm, 0.1 degrees).
 
     It faces the middle of a wall at first, where a push to the side shows nothing yet. Matching alone keeps the error
     of 0.5 m for good.
@@ -51,7 +51,7 @@ def test_a_robot_pushed_by_half_a_metre_finds_itself(direction_deg):
     room = Room()
     mapper, pose = _mapped(room)
     a = math.radians(direction_deg)
-    off_m, off_rad = _turn_on(mapper, room, _push(pose, 0.5 * math.cos(a), 0.5 * math.sin(a)), 6)
+    off_m, off_rad = _turn_on(mapper, room, _push(pose, 0.5 * math.cos(a), 0.5 * math.sin(a)), 9)
     assert off_m < 0.03
     assert off_rad < math.radians(1)
 
@@ -61,7 +61,7 @@ def test_a_push_may_turn_the_robot_as_well(turned_deg):
     """By 0.36 m and up to 30 degrees: the same bounds."""
     room = Room()
     mapper, pose = _mapped(room)
-    off_m, off_rad = _turn_on(mapper, room, _push(pose, 0.3, 0.2, turned_deg), 6)
+    off_m, off_rad = _turn_on(mapper, room, _push(pose, 0.3, 0.2, turned_deg), 9)
     assert off_m < 0.03
     assert off_rad < math.radians(1)
 
