@@ -150,7 +150,7 @@ def _inverted(pose: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
     """Covariance of the inverse of a displacement, in the frame at its end."""
     turn = rotation(pose[2]).T
     back = turn[:2, :2] @ pose[:2]
-    lever = np.array([[1.0, 0.0, -back[1]], [0.0, 1.0, back[0]], [0.0, 0.0, 1.0]])
+    lever = np.array([[1.0, 0.0, back[1]], [0.0, 1.0, -back[0]], [0.0, 0.0, 1.0]])
     return np.asarray(lever @ turn @ covariance @ turn.T @ lever.T)
 
 

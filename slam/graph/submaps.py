@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.matching.levels import ARM_M, SurfaceLevels, matches
+from slam.matching.levels import SurfaceLevels, matches
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
 
@@ -71,12 +71,14 @@ class Submap:
         return ScanPoints(points=points[some], normals=normals[some], weights=np.minimum(weights[some], 1.0))
 
 
-def observed(information: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[np.ndarray, "3 3"]:
     """What a fit really says of a pose: its information without what the noise of normals makes of a bare wall."""
-    scale = np.diag([1.0, 1.0, 1.0 / ARM_M])
+    # A turn moves points as far as a shift does at their distance from the robot.
+    arm_m = max(0.1, float(np.sqrt((scan.points**2).sum(axis=1).mean()))) if len(scan.points) else 1.0
+    scale = np.diag([1.0, 1.0, 1.0 / arm_m])
     values, vectors = np.linalg.eigh(scale @ information @ scale)
     values = np.maximum(values - _OF_NORMALS * max(values[-1], 0.0), 0.0)
-    back = np.diag([1.0, 1.0, ARM_M])
+    back = np.diag([1.0, 1.0, arm_m])
     return np.asarray(back @ (vectors * values) @ vectors.T @ back)
 
 
@@ -85,10 +87,12 @@ def least_covariance(least_m: float) -> Float[np.ndarray, "3 3"]:
     return np.diag([least_m, least_m, _TURN * least_m]) ** 2
 
 
-def covariance_of(information: Float[np.ndarray, "3 3"], least_m: float) -> Float[np.ndarray, "3 3"]:
+def covariance_of(
+    information: Float[np.ndarray, "3 3"], scan: ScanPoints, least_m: float
+) -> Float[np.ndarray, "3 3"]:
     """Covariance of a fit that is off by so much at least, wide where it says nothing."""
     wide = np.diag([_WIDEST_M**-2, _WIDEST_M**-2, 1.0])
-    return np.asarray(np.linalg.inv(observed(information) + wide) + least_covariance(least_m))
+    return np.asarray(np.linalg.inv(observed(information, scan) + wide) + least_covariance(least_m))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -134,7 +138,7 @@ def fit(
         overlap, agreement = _judged(one, other, match.pose)
         found = Fit(
             pose=match.pose,
-            covariance=covariance_of(match.information, OF_SUBMAP * matching.sigma_m),
+            covariance=covariance_of(match.information, outline, OF_SUBMAP * matching.sigma_m),
             overlap=overlap,
             agreement=agreement,
         )

@@ -19,7 +19,16 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
-from slam.graph.submaps import OF_SCAN, Fit, Submap, View, covariance_of, fit, least_covariance, seen_by
+from slam.graph.submaps import (
+    OF_SCAN,
+    Fit,
+    Submap,
+    View,
+    covariance_of,
+    fit,
+    least_covariance,
+    seen_by,
+)
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose, rotation, to_map
@@ -166,7 +175,7 @@ class Tracker:
         """
         if match.information.any():
             turn = rotation(self.graph.poses[-1][2])
-            told = covariance_of(turn.T @ match.information @ turn, self._least_m)
+            told = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
             gain = np.linalg.solve(self._spread + told, self._spread).T
             away = difference(match.pose, self.pose, 1.0)
             self._spread = self._spread - gain @ self._spread
@@ -180,10 +189,10 @@ class Tracker:
             self._begin()
         return moved
 
-    def jump(self, match: Match) -> None:
+    def jump(self, match: Match, scan: ScanPoints) -> None:
         """Go on where the robot was found again: nothing holds that place to the way before but the match."""
         turn = rotation(self.graph.poses[-1][2])
-        self._spread = covariance_of(turn.T @ match.information @ turn, self._least_m)
+        self._spread = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
         self._blind = self._spread + 1e6 * np.eye(3)
         self._place(match.pose)
         self._begin()

@@ -201,7 +201,7 @@ class ClassicalMapper:
         if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
             self._learn(action, odometry, start, open_before, match)
         if doubted and not self.relocalizer.lost:
-            self.tracker.jump(match)
+            self.tracker.jump(match, points)
         self.rearranged = False
         if not self.relocalizer.lost:
             lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
@@ -233,7 +233,9 @@ class ClassicalMapper:
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
         """Displacement without bias, and its covariance; nothing moved if odometry is missing or not finite."""
-        if action is None or odometry is None or not np.isfinite(odometry).all():
+        if action is None:
+            return np.zeros(3), 1e-14 * np.eye(3)
+        if odometry is None or not np.isfinite(odometry).all():
             return np.zeros(3), 1e-6 * np.eye(3)
         return self.odometry.correct(action, np.asarray(odometry, float))
 

@@ -71,8 +71,8 @@ class SurfaceLevels:
 
 
 def _empty(cell_m: float) -> SurfaceGrid:
-    corner = (-100 * cell_m, -100 * cell_m)
-    return SurfaceGrid(GridFrame(origin_xy=corner, resolution_m=cell_m, shape=(200, 200)))
+    corner, shape = (-25 * cell_m, -25 * cell_m), (50, 50)
+    return SurfaceGrid(GridFrame(origin_xy=corner, resolution_m=cell_m, shape=shape), fronts=False)
 
 
 def _enter(surfaces: SurfaceGrid, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:

@@ -19,14 +19,20 @@ from slam.grid import GridFrame
 MIN_WEIGHT = 0.5
 MIN_AGREEMENT = 0.8
 #: Cells added at once by `make_room`.
-_MORE = 200
+_MORE = 50
 
 
 class SurfaceGrid:
     """Points and normals, cell by cell, of a grid that may grow; 12 bytes a cell, and 60 more where a surface is."""
 
-    def __init__(self, frame: GridFrame):
-        self.frame = frame
+    def __init__(self, frame: GridFrame, *, fronts: bool = True):
+        """Make a grid without surfaces.
+
+        Args:
+            frame: Its cells.
+            fronts: Whether `front_m` is kept, two thirds of the memory of an empty cell.
+        """
+        self.frame, self._fronts = frame, fronts
         self._row = np.full(frame.shape, -1, np.int32)
         # Of the cells that have one, sums over their points: weight, offset from the centre (x, y) [m], normal (x, y),
         # squares of the offset (xx, xy, yy).
@@ -36,16 +42,19 @@ class SurfaceGrid:
         self._planes = np.zeros((0, 5), np.float32)
         self._cell = np.zeros((0, 2), np.int32)
         self._used = 0
-        self.front_m = np.zeros((*frame.shape, 2), np.float32)
+        self.front_m = np.zeros((*(frame.shape if fronts else (0, 0)), 2), np.float32)
         """Where the surface of each cell begins, from the centre of the cell (x, y) [m]; 0 where none is known."""
 
     def grow(self, frame: GridFrame, left: int, below: int) -> None:
         """Move to a larger frame of the same lattice, with `left` columns and `below` rows before the old."""
         ny, nx = self.frame.shape
-        row, front = np.full(frame.shape, -1, np.int32), np.zeros((*frame.shape, 2), np.float32)
+        row = np.full(frame.shape, -1, np.int32)
         row[below : below + ny, left : left + nx] = self._row
-        front[below : below + ny, left : left + nx] = self.front_m
-        self._row, self.front_m, self.frame = row, front, frame
+        if self._fronts:
+            front = np.zeros((*frame.shape, 2), np.float32)
+            front[below : below + ny, left : left + nx] = self.front_m
+            self.front_m = front
+        self._row, self.frame = row, frame
         self._cell += np.array([below, left], np.int32)
 
     def make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
@@ -99,6 +108,8 @@ class SurfaceGrid:
         unit = sums[:, 3:5] / np.maximum(facing, 1e-6)[:, None]
         usable = (sums[:, 0] >= MIN_WEIGHT) & (facing >= MIN_AGREEMENT * sums[:, 0])
         self._planes[row] = np.column_stack([mean, unit, usable])
+        if not self._fronts:
+            return
         xx, xy, yy = (sums[:, 5:] / weight).T
         along = unit[:, 0] ** 2 * xx + 2 * unit[:, 0] * unit[:, 1] * xy + unit[:, 1] ** 2 * yy
         spread = np.sqrt(np.maximum(along - (unit * mean).sum(axis=1) ** 2, 0))
@@ -110,7 +121,8 @@ class SurfaceGrid:
         row = self._row[rows, columns][mask]
         row = row[row >= 0]
         self._sums[row] = self._planes[row] = 0.0
-        self.front_m[rows, columns][mask] = 0.0
+        if self._fronts:
+            self.front_m[rows, columns][mask] = 0.0
 
     def planes(
         self,

@@ -1,0 +1,237 @@
+"""Logs of robots: every format that is read tells the same way, and damaged ones are refused by name."""
+
+import gzip
+import json
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from evo.tools import file_interface
+
+from robosim.cli import main
+from robosim.logs.files import read_log
+from robosim.logs.mapping import map_log, plan_of
+from robosim.logs.scores import aligned, compared, filled_cells
+from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED
+from robosim.support.reading import FileError
+from slam.poses import between, compose
+from tests.slam.beams import along, rectangle
+
+ROOM = [*rectangle(0, 0, 8, 6), *rectangle(3, 2, 4, 3.5), *rectangle(6, 0, 8, 1.2)]
+WAY = along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)])
+BEAMS = 181
+
+
+def fan(pose) -> np.ndarray:
+    """Ranges of 181 beams over 180 degrees."""
+    from tests.slam import beams
+
+    before, beams.BEARING = beams.BEARING, np.radians(np.arange(-90, 90.1, 1.0))
+    try:
+        return np.minimum(beams.ranges(ROOM, pose), 81.9)
+    finally:
+        beams.BEARING = before
+
+
+def drifted(seed: int = 0) -> list[np.ndarray]:
+    """What odometry says of the way."""
+    rng, poses = np.random.default_rng(seed), [np.array([3.0, -2.0, 1.0])]
+    for a, b in pairwise(WAY):
+        poses.append(compose(poses[-1], between(a, b) + rng.normal(0, [0.02, 0.02, 0.02])))
+    return poses
+
+
+def text(*values) -> str:
+    return " ".join(f"{value:.6f}" if isinstance(value, float) else str(value) for value in values)
+
+
+def raw_log() -> str:
+    """As a robot writes it: both poses of a scan are odometry."""
+    lines = ["# message formats defined: ODOM FLASER"]
+    for k, (true, told) in enumerate(zip(WAY, drifted(), strict=True)):
+        lines.append(text("ODOM", *map(float, told), 0, 0, 0, float(k), "host", float(k)))
+        ranges = map(float, fan(true))
+        lines.append(
+            text("FLASER", BEAMS, *ranges, *map(float, told), *map(float, told), float(k), "host", float(k))
+        )
+    return "\n".join(lines)
+
+
+def corrected_log() -> str:
+    """As a mapping program writes it: odometry starts anew from each corrected pose."""
+    lines, told = [], drifted()
+    for k, true in enumerate(WAY):
+        if k:
+            lines.append(
+                text(
+                    "ODOM",
+                    *map(float, compose(WAY[k - 1], between(told[k - 1], told[k]))),
+                    0,
+                    0,
+                    0,
+                    0,
+                    "h",
+                    0,
+                )
+            )
+        pose = [*map(float, true)]
+        lines.append(text("FLASER", BEAMS, *map(float, fan(true)), *pose, *pose, float(k), "h", float(k)))
+        lines.append(text("ODOM", *pose, 0, 0, 0, 0, "h", 0))
+    return "\n".join(lines)
+
+
+def new_log() -> str:
+    """With the newer lines, the first of whose poses is the laser's."""
+    lines = []
+    for k, (true, told) in enumerate(zip(WAY, drifted(), strict=True)):
+        head = ("ROBOTLASER1", 0, -math.pi / 2, math.pi, math.pi / 180, 80.0, 0.01, 0, BEAMS)
+        laser = compose(told, np.array([0.1, 0.0, 0.0]))
+        poses = [*map(float, laser), *map(float, told)]
+        lines.append(text(*head, *map(float, fan(true)), 0, *poses, 0, 0, 0, 0, 0, float(k), "h", float(k)))
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
+def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
+    path = tmp_path / "room.log.gz"
+    path.write_bytes(gzip.compress(raw_log().encode()) if packed else raw_log().encode())
+    log = read_log(path)
+    assert log.name == "room"
+    assert log.reference is None
+    assert log.range_m.shape == (len(WAY), BEAMS)
+    told = drifted()
+    steps = [between(a, b) for a, b in pairwise(told)]
+    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-5)
+    np.testing.assert_allclose(log.bearing_rad, np.radians(np.arange(-90, 91)), atol=1e-9)
+
+
+def test_a_corrected_log_has_both(tmp_path):
+    path = tmp_path / "room.log"
+    path.write_text(corrected_log())
+    log = read_log(path)
+    assert log.reference is not None
+    np.testing.assert_allclose(log.reference, WAY, atol=1e-5)
+    steps = [between(a, b) for a, b in pairwise(drifted())]
+    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-4)
+    assert log.known[1:].all()
+
+
+def test_the_newer_lines_are_read(tmp_path):
+    """A laser that sits ahead of the robot is no reference; its own steps are told."""
+    path = tmp_path / "room.clf"
+    path.write_text(new_log())
+    log = read_log(path)
+    assert log.reference is None
+    lasers = [compose(pose, np.array([0.1, 0.0, 0.0])) for pose in drifted()]
+    np.testing.assert_allclose(log.moved[1:], [between(a, b) for a, b in pairwise(lasers)], atol=1e-5)
+
+
+def tum_files(folder):
+    rows = [
+        f"{k} {pose[0]:.9f} {pose[1]:.9f} 0 0 0 {math.sin(pose[2] / 2):.9f} {math.cos(pose[2] / 2):.9f}"
+        for k, pose in enumerate(drifted())
+    ]
+    (folder / "odometry.tum").write_text("\n".join(rows))
+    scans = [text(float(k), -math.pi / 2, math.pi / 2, *map(float, fan(pose))) for k, pose in enumerate(WAY)]
+    (folder / "scans.txt").write_text("\n".join(scans))
+    return folder / "odometry.tum", folder / "scans.txt"
+
+
+def test_a_trajectory_with_scans_is_a_log_too(tmp_path):
+    log = read_log(*tum_files(tmp_path))
+    steps = [between(a, b) for a, b in pairwise(drifted())]
+    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-6)
+    with pytest.raises(ValueError, match="give the scans"):
+        read_log(tmp_path / "odometry.tum")
+
+
+@pytest.mark.parametrize(
+    ("content", "wrong"),
+    [
+        (b"", "the file is empty"),
+        (b"ODOM 0 0 0 0 0 0 0 h 0", "0 scans in it"),
+        (b"\x1f\x8b broken", "not readable as a robot's log"),
+        (b"FLASER 4 1 2 3 4 0 0 0 0 0\n" * 2, "line 1 breaks off"),
+        (b"FLASER many 1 2\n", "line 1 has"),
+        (b"FLASER 3 1 2 3 0 0 0 0 0 nan 0 h 0\n" * 2, "line 1 breaks off"),
+        (
+            b"FLASER 3 1 2 3 0 0 0 0 0 0 0 h 0\nFLASER 4 1 2 3 4 0 0 0 0 0 0 0 h 0\n",
+            "another number of beams",
+        ),
+    ],
+)
+def test_a_damaged_log_is_refused_by_name(tmp_path, content, wrong):
+    path = tmp_path / "damaged.log"
+    path.write_bytes(content)
+    with pytest.raises(FileError, match=wrong) as refused:
+        read_log(path)
+    assert "damaged.log" in str(refused.value)
+
+
+def test_the_way_and_the_map_are_found(tmp_path):
+    """A room from drifting odometry: 3 cm and 0.5 degrees between places, walls where they stand, floor where it is."""
+    path = tmp_path / "room.log"
+    path.write_text(corrected_log())
+    log = read_log(path)
+    mapped = map_log(log)
+    assert log.reference is not None
+    scores, odometry = compared(mapped.poses, log.reference), compared(log.odometry(), log.reference)
+    assert scores.rpe_m < 0.03 < odometry.rpe_m
+    assert scores.rpe_deg < 0.5 < odometry.rpe_deg
+    assert filled_cells(log, mapped.poses) < filled_cells(log, log.odometry())
+    plan = plan_of(log, aligned(mapped.poses, log.reference), 0.05, 25.0)
+
+    def cell(x: float, y: float) -> int:
+        ix, iy = ((np.array([x, y]) - plan.origin[:2]) / plan.resolution_m).astype(int)
+        around = plan.occupancy[iy - 1 : iy + 2, ix - 1 : ix + 2]
+        return OCCUPIED if (around == OCCUPIED).any() else FREE if (around == FREE).all() else -1
+
+    assert cell(8.0, 3.0) == cell(4.0, 0.0) == cell(3.0, 2.7) == OCCUPIED
+    assert cell(5.0, 3.0) == cell(1.5, 4.0) == FREE
+
+
+def test_errors_are_those_of_evo(tmp_path):
+    """Absolute and relative errors of the drift, as evo counts them."""
+    from evo.core import metrics, sync
+
+    path = tmp_path / "room.log"
+    path.write_text(corrected_log())
+    main(["slam", str(path), "--out", str(tmp_path / "out")])
+    truth, drift = (
+        file_interface.read_tum_trajectory_file(tmp_path / "out" / f"{name}.tum")
+        for name in ("reference", "odometry")
+    )
+    truth, drift = sync.associate_trajectories(truth, drift)
+    drift.align(truth)
+    judge = metrics.APE(metrics.PoseRelation.translation_part)
+    judge.process_data((truth, drift))
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    told = result["trajectories"]["odometry"]
+    assert told["ate_m"] == pytest.approx(judge.get_statistic(metrics.StatisticsType.rmse), rel=1e-4)
+    assert result["trajectories"]["graph"]["ate_m"] < 0.03
+    for name in ("map.png", "ways.png", "trajectory.tum", "matching.tum", "map.pgm"):
+        assert (tmp_path / "out" / name).stat().st_size > 500
+    assert (read_plan(tmp_path / "out" / "map.yaml").occupancy == FREE).sum() * 0.05**2 > 30
+
+
+def test_a_real_building_comes_out_as_published(shared):
+    """The first 150 scans of a public log: its published poses within 6 cm and 0.6 degrees over 1 to 5 m."""
+    from dataclasses import replace
+
+    log = read_log(shared / "data" / "robot-logs" / "freiburg-101-corrected.log.gz")
+    assert log.reference is not None
+    first = slice(0, 150)
+    part = replace(
+        log,
+        range_m=log.range_m[first],
+        moved=log.moved[first],
+        known=log.known[first],
+        times=log.times[first],
+        reference=log.reference[first],
+    )
+    assert part.reference is not None
+    scores = compared(map_log(part).poses, part.reference)
+    assert scores.rpe_m < 0.06
+    assert scores.rpe_deg < 0.6
