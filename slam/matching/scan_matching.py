@@ -9,7 +9,7 @@ Gauss-Newton minimises
 where d is the departure from the pose that odometry predicts and Lambda the inverse of its covariance. Where the scan
 says nothing, as along a bare corridor, the prior alone decides and the pose does not slide. Wild pairs are
 weighted down (Cauchy).
-Left out: matching without overlap, which leaves the prediction as it is; loop closure.
+Left out: matching without overlap, which leaves the prediction as it is; the graph (`slam.graph`) closes loops.
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
