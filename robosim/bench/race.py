@@ -15,7 +15,6 @@ import time
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -75,7 +74,6 @@ class Runner:
         self._process = context.Process(
             target=_serve, args=(theirs, name, str(heat_file), config, warm_up), daemon=True
         )
-        resource_tracker.ensure_running()  # starts with the first process otherwise, and lets Ctrl-C in again
         with ctrl_c_held_back():
             self._process.start()
         theirs.close()

@@ -112,8 +112,6 @@ class _Process(NamedTuple):
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_serve, args=(there, os.getpid()), daemon=True)
-        # Python starts it with the first process, and then lets in the signals that are held back here.
-        resource_tracker.ensure_running()
         with _one_thread(), ctrl_c_held_back(), _main_left_out():
             process.start()
         there.close()  # so that it is closed when the process ends
@@ -215,6 +213,8 @@ def _one_thread() -> Iterator[None]:
 @contextmanager
 def ctrl_c_held_back() -> Iterator[None]:
     """Ctrl-C comes when the block ends; to processes that start inside of it never, not while they import either."""
+    # Python starts it with the first process, and then lets in the signals that are held back here.
+    resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

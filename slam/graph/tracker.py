@@ -151,8 +151,7 @@ class Tracker:
     @property
     def covariance(self) -> Float[np.ndarray, "3 3"]:
         """Of the pose against what was seen lately, axes of `map` [m^2, m rad, rad^2]."""
-        turn = rotation(self.graph.poses[-1][2])
-        return np.asarray(turn @ self._spread @ turn.T)
+        return self._in_map(self._spread)
 
     def match(self, scan: ScanPoints, view: View) -> Match:
         """Fit a scan, taken at the predicted pose, to the surfaces around.
@@ -161,9 +160,8 @@ class Tracker:
             scan: Its points, robot's frame.
             view: How far it saw.
         """
-        turn = rotation(self.graph.poses[-1][2])
         # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
-        prior = turn @ (self._spread + 4 * least_covariance(self._least_m)) @ turn.T
+        prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
         found = matches(self._around, scan, self.pose, prior, self.config.match)
         return found[0] if len(found) == 1 else self._best(found, scan, view, prior)
 
@@ -207,6 +205,11 @@ class Tracker:
         """Move, match and take in a scan; whether poses of the past were moved."""
         self.predict(moved, covariance)
         return self.accept(self.match(scan, view), scan, view)
+
+    def _in_map(self, covariance: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+        """A covariance of the submap's frame in the axes of `map`."""
+        turn = rotation(self.graph.poses[-1][2])
+        return np.asarray(turn @ covariance @ turn.T)
 
     def _place(self, pose: Float[np.ndarray, "3"]) -> None:
         here = between(self.graph.poses[-1], pose)
@@ -313,9 +316,7 @@ class Tracker:
         least = self.config.agreement if sure else self.config.searched_agreement
         if found is None or found.overlap < self.config.overlap or found.agreement < least:
             return False
-        off = between(predicted, found.pose)
-        away = found.pose - predicted
-        away[2] = off[2]
+        away = difference(found.pose, predicted, 1.0)
         if away @ np.linalg.solve(covariance + found.covariance, away) > _SAME:
             return False
         if sure:
@@ -357,7 +358,7 @@ class Tracker:
         way = compose(to_old, old.fit.pose)
         spread = chained(way, spread, from_old, self.graph.uncertainty(old.there)[new.there])
         way = compose(way, from_old)
-        away = np.array([*(way - new.fit.pose)[:2], between(new.fit.pose, way)[2]])
+        away = difference(way, new.fit.pose, 1.0)
         return bool(away @ np.linalg.solve(spread + new.fit.covariance, away) < _SAME)
 
     def _look_around(self) -> None:

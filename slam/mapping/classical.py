@@ -30,7 +30,7 @@ from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
 from slam.matching.levels import ARM_M
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
-from slam.poses import between, rotation, to_map, wrap
+from slam.poses import between, rotation, wrap
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers
 
@@ -214,7 +214,7 @@ class ClassicalMapper:
         if action is not None:
             obstacle = self.occupancy.log_odds > 0
             self.collided = self.marks.update(self._step, action, moved, self.pose, obstacle)
-        self.occupancy.stand(self.pose, self.config.radius_m - 0.5 * self.config.resolution_m)
+        self._stand(self.pose)
         self.marks.stand(self.pose)
         return self.estimate()
 
@@ -258,10 +258,9 @@ class ClassicalMapper:
         height_m = self.config.camera.height_m
         rows, columns, cleared = self.occupancy.integrate(frame.scan, pose, height_m, frame.lowest)
         self.surfaces.clear(rows, columns, cleared)
-        heading = np.array([0.0, 0.0, pose[2]])
-        points = frame.points
-        self.surfaces.add(to_map(pose, points.points), to_map(heading, points.normals), points.weights)
-        self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.frame.resolution_m)
+        placed = frame.points.at(pose)
+        self.surfaces.add(placed.points, placed.normals, placed.weights)
+        self._stand(pose)
         self._entered.append(pose)
 
     def _rearrange(self) -> None:
@@ -274,8 +273,12 @@ class ClassicalMapper:
         self.occupancy = OccupancyGrid(self.frame, self.config.occupancy)
         self.surfaces = SurfaceGrid(self.frame)
         self._entered = []
-        for frame, pose in zip(self._frames, poses, strict=False):
+        for frame, pose in zip(self._frames, poses, strict=True):
             self._enter(frame, pose)
+
+    def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
+        """Nothing stands where the hull does."""
+        self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
 
     def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
         """Grow the map, as far as allowed, until it holds a box of `map`."""

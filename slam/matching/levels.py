@@ -76,9 +76,9 @@ def _empty(cell_m: float) -> SurfaceGrid:
 
 
 def _enter(surfaces: SurfaceGrid, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
-    world = to_map(pose, scan.points)
-    surfaces.make_room(world)
-    surfaces.add(world, to_map(np.array([0.0, 0.0, pose[2]]), scan.normals), scan.weights)
+    placed = scan.at(pose)
+    surfaces.make_room(placed.points)
+    surfaces.add(placed.points, placed.normals, placed.weights)
 
 
 def matches(

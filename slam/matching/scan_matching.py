@@ -63,6 +63,13 @@ class ScanPoints:
     weights: Float[np.ndarray, " n"]
     """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
 
+    def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
+        """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
+        heading = np.array([0.0, 0.0, pose[2]])
+        return ScanPoints(
+            points=to_map(pose, self.points), normals=to_map(heading, self.normals), weights=self.weights
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Match:
