@@ -134,7 +134,8 @@ def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]
 
 def _count(words: list[str], line: int, least: int = 3) -> int:
     if not words or not words[0].isdigit() or not least <= int(words[0]) <= _MOST_BEAMS:
-        raise ValueError(f"line {line} has {words[:1]} beams, expected {least} to {_MOST_BEAMS}")
+        told = words[0] if words else "nothing"
+        raise ValueError(f"line {line} has {told} for a number of beams, expected {least} to {_MOST_BEAMS}")
     return int(words[0])
 
 

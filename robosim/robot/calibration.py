@@ -19,6 +19,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.support.checks import check_choice
 from robosim.support.reading import reading
 from slam.actions import Action
+from slam.mapping.odometry import calibrated
 from slam.poses import between, wrap
 
 #: Measured minus true displacement of each run of each action: x, y [m] and yaw [rad], robot's frame before it.
@@ -75,7 +76,8 @@ def read_runs(path: Path) -> Runs:
     """Measured minus true displacements from a table, a row a run, with `COLUMNS`; action is forward, left or right.
 
     Raises:
-        FileError: If the file is damaged, a column is missing, or a value is none that a displacement has.
+        FileError: If the file is damaged, a column is missing, a value is none that a displacement has, or an action
+            has fewer than ten runs.
     """
     names = [action.name.lower() for action in Action]
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
@@ -90,7 +92,9 @@ def read_runs(path: Path) -> Runs:
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
             errors[Action[row["action"].upper()]].append(error)
-    return {action: np.array(found).reshape(-1, 3) for action, found in errors.items()}
+        runs = {action: np.array(found).reshape(-1, 3) for action, found in errors.items()}
+        calibrated(runs)  # a table with too few runs is refused by its name
+    return runs
 
 
 def _number(text: str | None, column: str, line: int) -> float:

@@ -13,7 +13,7 @@ TIMES = ("timing", "seconds", "parts", "ms", "relative_speed")
 #: And how their names end.
 OF_TIMES = ("_ms", "_per_s")
 #: What `Material` has to hold for a command.
-EPISODE, FRAMES, LINKS, SHARED = "episode", "frames", "links", "shared"
+EPISODE, FRAMES, LINKS, LOG, SHARED = "episode", "frames", "links", "log", "shared"
 _QUICK = "--physics kinematic --mapper classical --link-states true --max-steps 10"
 
 
@@ -44,6 +44,7 @@ COMMANDS = {
     "replay": Command("replay {episode}", goes_on=False, needs=(EPISODE,)),
     "plan": Command("plan {plan}", goes_on=False),
     "calibrate": Command("calibrate --runs 2000 --physics kinematic", goes_on=False),
+    "slam": Command("slam {log}", goes_on=False, needs=(LOG,)),
     "generate": Command("generate --count 3 --seed 4", goes_on=False),
     "trace": Command("trace {plan} --tx 1,1 --tx 4,2 --grid 0.3 --workers 2 --no-plots", workers=True),
     "dataset": Command(

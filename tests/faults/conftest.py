@@ -22,8 +22,9 @@ from typing import Any
 import pytest
 
 from robosim.plans.files import write_ros
-from tests.faults.commands import COMMANDS, EPISODE, FRAMES, LINKS, Command, contents, copied
+from tests.faults.commands import COMMANDS, EPISODE, FRAMES, LINKS, LOG, Command, contents, copied
 from tests.plans import two_rooms
+from tests.robot_logs import Drive
 
 #: Nothing that a command starts may be at work so long after it has ended [s].
 ORPHANS_S = 10
@@ -95,6 +96,8 @@ class Bench:
                     Command("dataset --generated 3 --tx-per-plan 1 --grid 0.5 --estimator pca --workers 2"),
                     LINKS,
                 )
+            elif need == LOG:
+                places[LOG] = self._log()
             elif self.shared is None:
                 pytest.skip("needs public measurements in ../shared, which are not part of this project")
             else:
@@ -118,6 +121,14 @@ class Bench:
     def out(self, name: str) -> Path:
         """Where a command's results are that nothing disturbed."""
         return self._made(COMMANDS[name], f"reference-{name}")
+
+    def _log(self) -> Path:
+        """A robot's log."""
+        path = self.folder / "room.log"
+        with self._alone("log"):
+            if not path.exists():
+                path.write_text(Drive().raw())
+        return path
 
     def _made(self, command: Command, name: str) -> Path:
         """Results of a command, run once."""

@@ -8,7 +8,7 @@ import json
 import shutil
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,8 @@ from robosim.plans.formats.pgm import encode_pgm
 from robosim.plans.formats.plan_image import GREY
 from robosim.published.label_links import Links
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
+from robosim.robot.calibration import COLUMNS, read_runs
+from robosim.robot.robots import TURTLEBOT, write_robot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import npz_bytes, plain, write_files, write_json, write_whole
@@ -39,15 +41,18 @@ from robosim.support.run_folder import SETTINGS
 from robosim.task.record import EpisodeLog, Link
 from robosim.task.tasks import Task
 from robosim.training.explorer import ExplorerRecipe
+from slam.actions import Action
 from slam.control.learned import INPUTS
 from slam.exploration.choosing import initial_weights
 from slam.grid import GridFrame, MapEstimate
 from slam.learning.mapper import Frames
 from slam.learning.mapper import Recipe as MapperRecipe
 from slam.learning.mapper import train as train_mapper
+from slam.mapping.odometry import calibrated
 from slam.networks.map_network import NetworkConfig
 from tests import kept
 from tests.plans import two_rooms
+from tests.robot_logs import WAY, Drive
 from wireless.estimates import PathEstimates
 from wireless.formats.estimated_csv import estimated_csv
 from wireless.formats.link_records import link_table, write_links
@@ -64,7 +69,7 @@ def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
         ros_maps, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
-        checkpoints, arrays,
+        checkpoints, arrays, logs, robots,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -386,6 +391,22 @@ def arrays(folder: Path) -> None:
         advised=np.array([0, 1, 2, 0]),
     )
     write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
+
+
+def logs(folder: Path) -> None:
+    """Logs of a real robot in every format."""
+    Drive(WAY[:8], 31).write_all(_into(folder, "logs"))
+
+
+def robots(folder: Path) -> None:
+    """A robot whose odometry is known, and the table of runs that it is known from."""
+    home, rng = _into(folder, "robots"), np.random.default_rng(7)
+    rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in Action for _ in range(11)]
+    text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
+    (home / "runs.csv").write_text(text)
+    found = calibrated(read_runs(home / "runs.csv"))
+    write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
+    (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
 
 
 def real(folder: Path) -> None:

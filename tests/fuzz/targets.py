@@ -20,10 +20,13 @@ from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.figures.training import confusion_of, read_card, read_epochs
+from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.published.label_links import Links
 from robosim.radio.link_state import read_classifier
 from robosim.recording.decision_log import read_decisions
+from robosim.robot.calibration import read_runs
+from robosim.robot.robots import read_robot
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.run_folder import read_settings, run_folder
 from robosim.support.text_in import read_json
@@ -256,6 +259,31 @@ def _command_episode(folder: Path, option: str) -> None:
         )
 
 
+def _scans(folder: Path, file: Path) -> None:
+    """Odometry, scans, and a trajectory to compare with."""
+    odometry, scans = folder / "odometry.tum", folder / "scans.txt"
+    read_log(odometry, scans, reference=odometry)
+
+
+def _slam(folder: Path, file: Path) -> None:
+    """All of it: what is read goes on to be mapped."""
+    with (
+        patch("robosim.drawing.logs.draw_maps", lambda *a: None),
+        patch("robosim.drawing.logs.draw_ways", lambda *a: None),
+    ):
+        main(["slam", str(file), "--out", str(folder / "out")])
+
+
+def _calibrate(folder: Path, file: Path) -> None:
+    with patch("robosim.drawing.odometry.draw_errors", lambda *a: None):
+        main(["calibrate", str(file), "--out", str(folder / "out")])
+
+
+def _episode_with_robot(folder: Path, file: Path) -> None:
+    with _only_reading("robosim.run.make_building"):
+        main(["episode", "flat", "--robot", str(file), "--no-video", "--out", str(folder / "out")])
+
+
 TARGETS: dict[str, Target] = {
     "ros map": Target("ros-pgm", "map.*", _ros, names=".yaml"),
     "ros map with png": Target("ros-png", "map.*", _ros, names=".yaml"),
@@ -292,6 +320,13 @@ TARGETS: dict[str, Target] = {
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
+    "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
+    "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
+    "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
+    "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
+    "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
+    "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
+    "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
     "robosim replay": Target("decisions", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),

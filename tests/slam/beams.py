@@ -18,12 +18,12 @@ def rectangle(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, f
     return [(x0, y0, x1, y0), (x1, y0, x1, y1), (x1, y1, x0, y1), (x0, y1, x0, y0)]
 
 
-def ranges(walls, pose, rng=None, sigma_m: float = 0.01) -> np.ndarray:
+def ranges(walls, pose, rng=None, sigma_m: float = 0.01, bearing=BEARING) -> np.ndarray:
     """How far each beam goes [m]; inf where it meets no wall within range."""
     segments = np.array(walls, float)
     a, b = segments[:, :2] - pose[:2], segments[:, 2:] - pose[:2]
     along = b - a
-    angle = pose[2] + BEARING
+    angle = pose[2] + bearing
     ray = np.column_stack([np.cos(angle), np.sin(angle)])
     with np.errstate(divide="ignore", invalid="ignore"):
         cross = ray[:, None, 0] * along[:, 1] - ray[:, None, 1] * along[:, 0]

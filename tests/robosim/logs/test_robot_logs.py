@@ -2,7 +2,6 @@
 
 import gzip
 import json
-import math
 from itertools import pairwise
 
 import numpy as np
@@ -17,91 +16,20 @@ from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
 from robosim.support.reading import FileError
 from slam.poses import between, compose
-from tests.slam.beams import along, rectangle
+from tests.robot_logs import BEAMS, WAY, Drive
 
-ROOM = [*rectangle(0, 0, 8, 6), *rectangle(3, 2, 4, 3.5), *rectangle(6, 0, 8, 1.2)]
-WAY = along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)])
-BEAMS = 181
-
-
-def fan(pose) -> np.ndarray:
-    """Ranges of 181 beams over 180 degrees."""
-    from tests.slam import beams
-
-    before, beams.BEARING = beams.BEARING, np.radians(np.arange(-90, 90.1, 1.0))
-    try:
-        return np.minimum(beams.ranges(ROOM, pose), 81.9)
-    finally:
-        beams.BEARING = before
-
-
-def drifted(seed: int = 0) -> list[np.ndarray]:
-    """What odometry says of the way."""
-    rng, poses = np.random.default_rng(seed), [np.array([3.0, -2.0, 1.0])]
-    for a, b in pairwise(WAY):
-        poses.append(compose(poses[-1], between(a, b) + rng.normal(0, [0.02, 0.02, 0.02])))
-    return poses
-
-
-def text(*values) -> str:
-    return " ".join(f"{value:.6f}" if isinstance(value, float) else str(value) for value in values)
-
-
-def raw_log() -> str:
-    """As a robot writes it: both poses of a scan are odometry."""
-    lines = ["# message formats defined: ODOM FLASER"]
-    for k, (true, told) in enumerate(zip(WAY, drifted(), strict=True)):
-        lines.append(text("ODOM", *map(float, told), 0, 0, 0, float(k), "host", float(k)))
-        ranges = map(float, fan(true))
-        lines.append(
-            text("FLASER", BEAMS, *ranges, *map(float, told), *map(float, told), float(k), "host", float(k))
-        )
-    return "\n".join(lines)
-
-
-def corrected_log() -> str:
-    """As a mapping program writes it: odometry starts anew from each corrected pose."""
-    lines, told = [], drifted()
-    for k, true in enumerate(WAY):
-        if k:
-            lines.append(
-                text(
-                    "ODOM",
-                    *map(float, compose(WAY[k - 1], between(told[k - 1], told[k]))),
-                    0,
-                    0,
-                    0,
-                    0,
-                    "h",
-                    0,
-                )
-            )
-        pose = [*map(float, true)]
-        lines.append(text("FLASER", BEAMS, *map(float, fan(true)), *pose, *pose, float(k), "h", float(k)))
-        lines.append(text("ODOM", *pose, 0, 0, 0, 0, "h", 0))
-    return "\n".join(lines)
-
-
-def new_log() -> str:
-    """With the newer lines, the first of whose poses is the laser's."""
-    lines = []
-    for k, (true, told) in enumerate(zip(WAY, drifted(), strict=True)):
-        head = ("ROBOTLASER1", 0, -math.pi / 2, math.pi, math.pi / 180, 80.0, 0.01, 0, BEAMS)
-        laser = compose(told, np.array([0.1, 0.0, 0.0]))
-        poses = [*map(float, laser), *map(float, told)]
-        lines.append(text(*head, *map(float, fan(true)), 0, *poses, 0, 0, 0, 0, 0, float(k), "h", float(k)))
-    return "\n".join(lines)
+DRIVE = Drive()
 
 
 @pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
 def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
     path = tmp_path / "room.log.gz"
-    path.write_bytes(gzip.compress(raw_log().encode()) if packed else raw_log().encode())
+    path.write_bytes(gzip.compress(DRIVE.raw().encode()) if packed else DRIVE.raw().encode())
     log = read_log(path)
     assert log.name == "room"
     assert log.reference is None
     assert log.range_m.shape == (len(WAY), BEAMS)
-    told = drifted()
+    told = DRIVE.told
     steps = [between(a, b) for a, b in pairwise(told)]
     np.testing.assert_allclose(log.moved[1:], steps, atol=1e-5)
     np.testing.assert_allclose(log.bearing_rad, np.radians(np.arange(-90, 91)), atol=1e-9)
@@ -109,11 +37,11 @@ def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
 
 def test_a_corrected_log_has_both(tmp_path):
     path = tmp_path / "room.log"
-    path.write_text(corrected_log())
+    path.write_text(DRIVE.corrected())
     log = read_log(path)
     assert log.reference is not None
     np.testing.assert_allclose(log.reference, WAY, atol=1e-5)
-    steps = [between(a, b) for a, b in pairwise(drifted())]
+    steps = [between(a, b) for a, b in pairwise(DRIVE.told)]
     np.testing.assert_allclose(log.moved[1:], steps, atol=1e-4)
     assert log.known[1:].all()
 
@@ -121,27 +49,16 @@ def test_a_corrected_log_has_both(tmp_path):
 def test_the_newer_lines_are_read(tmp_path):
     """A laser that sits ahead of the robot is no reference; its own steps are told."""
     path = tmp_path / "room.clf"
-    path.write_text(new_log())
+    path.write_text(DRIVE.newer())
     log = read_log(path)
     assert log.reference is None
-    lasers = [compose(pose, np.array([0.1, 0.0, 0.0])) for pose in drifted()]
+    lasers = [compose(pose, np.array([0.1, 0.0, 0.0])) for pose in DRIVE.told]
     np.testing.assert_allclose(log.moved[1:], [between(a, b) for a, b in pairwise(lasers)], atol=1e-5)
 
 
-def tum_files(folder):
-    rows = [
-        f"{k} {pose[0]:.9f} {pose[1]:.9f} 0 0 0 {math.sin(pose[2] / 2):.9f} {math.cos(pose[2] / 2):.9f}"
-        for k, pose in enumerate(drifted())
-    ]
-    (folder / "odometry.tum").write_text("\n".join(rows))
-    scans = [text(float(k), -math.pi / 2, math.pi / 2, *map(float, fan(pose))) for k, pose in enumerate(WAY)]
-    (folder / "scans.txt").write_text("\n".join(scans))
-    return folder / "odometry.tum", folder / "scans.txt"
-
-
 def test_a_trajectory_with_scans_is_a_log_too(tmp_path):
-    log = read_log(*tum_files(tmp_path))
-    steps = [between(a, b) for a, b in pairwise(drifted())]
+    log = read_log(*DRIVE.write_tum(tmp_path))
+    steps = [between(a, b) for a, b in pairwise(DRIVE.told)]
     np.testing.assert_allclose(log.moved[1:], steps, atol=1e-6)
     with pytest.raises(ValueError, match="give the scans"):
         read_log(tmp_path / "odometry.tum")
@@ -173,7 +90,7 @@ def test_a_damaged_log_is_refused_by_name(tmp_path, content, wrong):
 def test_the_way_and_the_map_are_found(tmp_path):
     """A room from drifting odometry: 3 cm and 0.5 degrees between places, walls where they stand, floor where it is."""
     path = tmp_path / "room.log"
-    path.write_text(corrected_log())
+    path.write_text(DRIVE.corrected())
     log = read_log(path)
     mapped = map_log(log)
     assert log.reference is not None
@@ -197,7 +114,7 @@ def test_errors_are_those_of_evo(tmp_path):
     from evo.core import metrics, sync
 
     path = tmp_path / "room.log"
-    path.write_text(corrected_log())
+    path.write_text(DRIVE.corrected())
     main(["slam", str(path), "--out", str(tmp_path / "out")])
     truth, drift = (
         file_interface.read_tum_trajectory_file(tmp_path / "out" / f"{name}.tum")

@@ -37,9 +37,14 @@ def test_a_table_of_a_real_robot_is_read(tmp_path):
         ("left", 0.0, 0.02, -3.1, 0.0, 0.0, 3.1),
         ("right", 0.0, 0.0, 0.0, 0.0, 0.0, 0.1),
     ]
-    runs = read_runs(written(tmp_path / "runs.csv", rows))
-    np.testing.assert_allclose(runs[Action.FORWARD], [[0.01, 0.01, 0.002]], atol=1e-12)
-    np.testing.assert_allclose(runs[Action.LEFT], [[0.0, 0.02, 2 * np.pi - 6.2]], atol=1e-12)
+    runs = read_runs(written(tmp_path / "runs.csv", 10 * rows))
+    np.testing.assert_allclose(runs[Action.FORWARD], 10 * [[0.01, 0.01, 0.002]], atol=1e-12)
+    np.testing.assert_allclose(runs[Action.LEFT], 10 * [[0.0, 0.02, 2 * np.pi - 6.2]], atol=1e-12)
+
+
+def test_a_table_that_is_too_short_is_refused_by_its_name(tmp_path):
+    with pytest.raises(FileError, match=r"runs\.csv: .*forward was run 9 times"):
+        read_runs(written(tmp_path / "runs.csv", 9 * [("forward", 0.26, 0, 0, 0.25, 0, 0)]))
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,99 @@
+"""Logs of a robot that goes once round a small building, in every format that is read."""
+
+import gzip
+import math
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from slam.poses import between, compose
+from tests.slam import beams
+
+ROOM = [
+    *beams.rectangle(0, 0, 8, 6),
+    *beams.rectangle(3, 2, 4, 3.5),
+    *beams.rectangle(6, 0, 8, 1.2),
+]
+WAY = beams.along([(1, 1), (5, 1), (5, 5), (1, 5), (1, 1.5)])
+BEAMS = 181
+
+
+class Drive:
+    """What the robot's laser saw and its odometry told on a way, as lines of a log.
+
+    Args:
+        way: True poses x [m], y [m], yaw [rad], one a scan.
+        count: Beams of a scan, over 180 degrees.
+    """
+
+    def __init__(self, way: list[np.ndarray] = WAY, count: int = BEAMS) -> None:
+        self.way, self.count = way, count
+        self.bearing = np.linspace(-math.pi / 2, math.pi / 2, count)
+        rng, told = np.random.default_rng(0), [np.array([3.0, -2.0, 1.0])]
+        for a, b in pairwise(way):
+            told.append(compose(told[-1], between(a, b) + rng.normal(0, [0.02, 0.02, 0.02])))
+        self.told = told
+
+    def fan(self, pose: np.ndarray) -> list[float]:
+        """Ranges [m] from a pose; the longest where nothing is near."""
+        reach = beams.ranges(ROOM, pose, bearing=self.bearing)
+        return [float(value) for value in np.minimum(reach, 81.9)]
+
+    def raw(self) -> str:
+        """As a robot writes it: both poses of a scan are odometry."""
+        lines = ["# message formats defined: ODOM FLASER"]
+        for k, (true, told) in enumerate(zip(self.way, self.told, strict=True)):
+            lines.append(_line("ODOM", *told, 0, 0, 0, float(k), "host", float(k)))
+            lines.append(
+                _line("FLASER", self.count, *self.fan(true), *told, *told, float(k), "host", float(k))
+            )
+        return "\n".join(lines)
+
+    def corrected(self) -> str:
+        """As a mapping program writes it: odometry starts anew from each corrected pose."""
+        lines = []
+        for k, pose in enumerate(self.way):
+            if k:
+                moved = compose(self.way[k - 1], between(self.told[k - 1], self.told[k]))
+                lines.append(_line("ODOM", *moved, 0, 0, 0, 0, "h", 0))
+            lines.append(_line("FLASER", self.count, *self.fan(pose), *pose, *pose, float(k), "h", float(k)))
+            lines.append(_line("ODOM", *pose, 0, 0, 0, 0, "h", 0))
+        return "\n".join(lines)
+
+    def newer(self) -> str:
+        """With the newer lines, the first of whose poses is the laser's."""
+        lines, step = [], math.pi / (self.count - 1)
+        for k, (true, told) in enumerate(zip(self.way, self.told, strict=True)):
+            head = ("ROBOTLASER1", 0, -math.pi / 2, math.pi, step, 80.0, 0.01, 0, self.count)
+            laser = compose(told, np.array([0.1, 0.0, 0.0]))
+            lines.append(
+                _line(*head, *self.fan(true), 0, *laser, *told, 0, 0, 0, 0, 0, float(k), "h", float(k))
+            )
+        return "\n".join(lines)
+
+    def write_tum(self, folder: Path) -> tuple[Path, Path]:
+        """Odometry as a TUM file, and scans beside it."""
+        odometry, scans = folder / "odometry.tum", folder / "scans.txt"
+        odometry.write_text(
+            "\n".join(
+                f"{k} {x:.9f} {y:.9f} 0 0 0 {math.sin(yaw / 2):.9f} {math.cos(yaw / 2):.9f}"
+                for k, (x, y, yaw) in enumerate(self.told)
+            )
+        )
+        ends = (-math.pi / 2, math.pi / 2)
+        scans.write_text(
+            "\n".join(_line(float(k), *ends, *self.fan(pose)) for k, pose in enumerate(self.way))
+        )
+        return odometry, scans
+
+    def write_all(self, folder: Path) -> None:
+        """Every format there is."""
+        (folder / "raw.log").write_text(self.raw())
+        (folder / "corrected.log.gz").write_bytes(gzip.compress(self.corrected().encode(), mtime=0))
+        (folder / "newer.clf").write_text(self.newer())
+        self.write_tum(folder)
+
+
+def _line(*values: object) -> str:
+    return " ".join(f"{value:.6f}" if isinstance(value, float) else str(value) for value in values)
