@@ -14,9 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.drawing.picture import Picture, building_rings
-from robosim.drawing.plots import plot_episode
 from robosim.drawing.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
-from robosim.drawing.video import VideoWriter
 from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
@@ -120,8 +118,11 @@ def _record(
     picture = Picture(rings, task.target, anticipates=config.mapper not in _OBSERVERS)
     decisions = DecisionWriter(rings, task.target)
     with ExitStack() as files, _progress(console) as progress:
-        writer = VideoWriter(out / "episode.mp4", picture.size) if video else None
-        if writer is not None:
+        writer = None
+        if video:
+            from robosim.drawing.video import VideoWriter  # brings ffmpeg
+
+            writer = VideoWriter(out / "episode.mp4", picture.size)
             files.callback(_timed, writer.close, watch, "video")
         recording = _recording(out, building, task, config) if rerun else None
         if recording is not None:
@@ -142,6 +143,8 @@ def _record(
                     recording.add(log, decision)
 
         log, estimate = run_episode(building, places, task, config, look, watch)
+    from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
+
     # The result last: where it is, all is. An impatient second Ctrl-C shall not cost it.
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)

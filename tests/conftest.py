@@ -53,19 +53,42 @@ def looked_at_again() -> None:
     check_all_again()
 
 
+def _here(self, function, arguments) -> Future:
+    """A call of a worker in this process."""
+    future = Future()
+    try:
+        future.set_result(function(*arguments))
+    except Exception as error:
+        future.set_exception(error)
+    return future
+
+
 @pytest.fixture
 def in_process(monkeypatch) -> None:
     """Let workers' calls run in this process: faster where there are few, and a test can reach into them."""
+    monkeypatch.setattr(Workers, "_submit", _here)
 
-    def submit(self, function, arguments):
-        future = Future()
-        try:
-            future.set_result(function(*arguments))
-        except Exception as error:
-            future.set_exception(error)
-        return future
 
-    monkeypatch.setattr(Workers, "_submit", submit)
+_submit = Workers._submit
+
+
+@pytest.fixture(scope="session", autouse=True)
+def one_worker_is_this_process() -> Iterator[None]:
+    """A single worker is no process of its own: to start one takes seconds. More, or on a cluster, are real."""
+
+    def submit(self, function, arguments) -> Future:
+        alone = self._count == 1 and self._cluster is None
+        return (_here if alone else _submit)(self, function, arguments)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Workers, "_submit", submit)
+        yield
+
+
+@pytest.fixture
+def real_workers(monkeypatch) -> None:
+    """A single worker is a process of its own, as it is for users."""
+    monkeypatch.setattr(Workers, "_submit", _submit)
 
 
 @pytest.fixture

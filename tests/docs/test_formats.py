@@ -25,22 +25,23 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "plans: {flat: flat}\ntasks: [{plan: flat, start: [6, 6.4, 30], target: [6.8, 6.9]}]\n", "utf-8"
     )
     quick = "--mapper classical --physics kinematic --building.tolerance-m 0.05 --radio.estimator pca"
-    for line in (
+    lines = (
         f"episode flat --start 6,6.4,30 --target 6.8,6.9 --goal los --max-steps 5 {quick} --no-video"
         f" --out {out}/episode",
         f"evaluate {suite} --policies los --max-steps 5 {quick} --workers 1 --out {out}/evaluation",
         f"trace flat --tx 7,7 --grid 2 --tolerance 0.1 --no-plots --workers 1 --out {out}/trace",
         f"dataset flat --tx-per-plan 1 --grid 2 --estimator pca --format mmwrobotnav --workers 1 --out {out}/dataset",
         f"collect --homes 1 --steps 2 --workers 1 --out {out}/collect",
-    ):
-        # Not in this process, where types are checked at each call.
-        done = subprocess.run(
-            [sys.executable, "-m", "robosim", *line.split()],
-            env={**os.environ, "PYTHONPATH": str(DOCS.parent)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, f"{line}: {done.stderr[-2000:]}"
+    )
+    # Not in this process, where types are checked at each call.
+    program = "import sys; from robosim.cli import main; [main(line.split()) for line in sys.argv[1:]]"
+    done = subprocess.run(
+        [sys.executable, "-c", program, *lines],
+        env={**os.environ, "PYTHONPATH": str(DOCS.parent)},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
     return out
 
 

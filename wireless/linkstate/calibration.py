@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Integer
 from scipy.optimize import minimize_scalar
 
 #: Probabilities below this count as this in likelihoods.
@@ -38,7 +38,7 @@ class Reliability:
 
 
 def reliability(
-    probability: Float[np.ndarray, "n k"], state: Int[np.ndarray, " n"], *, bins: int = 15
+    probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"], *, bins: int = 15
 ) -> Reliability:
     """Confidence against accuracy in bins of equal width from 0 to 1.
 
@@ -59,7 +59,7 @@ def reliability(
         )
 
 
-def fit_temperature(probability: Float[np.ndarray, "n k"], state: Int[np.ndarray, " n"]) -> float:
+def fit_temperature(probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"]) -> float:
     """The temperature between 1/10 and 10 of the greatest likelihood; 1 if there are no links."""
     if not len(state):
         return 1.0
@@ -77,6 +77,6 @@ def scaled(probability: Float[np.ndarray, "n k"], temperature: float) -> Float[n
     return power / power.sum(1, keepdims=True)
 
 
-def cross_entropy(probability: Float[np.ndarray, "n k"], state: Int[np.ndarray, " n"]) -> float:
+def cross_entropy(probability: Float[np.ndarray, "n k"], state: Integer[np.ndarray, " n"]) -> float:
     """Mean negative log likelihood of the true states [nat]."""
     return float(-np.log(np.maximum(probability[np.arange(len(state)), state], _LEAST)).mean())

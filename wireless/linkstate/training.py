@@ -13,7 +13,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
-from jaxtyping import Float32, Int
+from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
 from wireless.linkstate.networks import NETWORKS, WIDEST
@@ -130,10 +130,10 @@ class Epoch:
 
 def train(
     tokens: Float32[np.ndarray, "n 5 5"],
-    state: Int[np.ndarray, " n"],
+    state: Integer[np.ndarray, " n"],
     recipe: Recipe,
     *,
-    watch: tuple[Float32[np.ndarray, "m 5 5"], Int[np.ndarray, " m"]] | None = None,
+    watch: tuple[Float32[np.ndarray, "m 5 5"], Integer[np.ndarray, " m"]] | None = None,
     checkpoint: Store | None = None,
     report: Callable[[Epoch], None] | None = None,
 ) -> tuple[nn.Module, list[Epoch]]:

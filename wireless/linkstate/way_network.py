@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float, Int, Integer
 from torch import Tensor, nn
 
 from wireless.linkstate.features import PEAK_UNIT, SNR_LIMITS_DB, SNR_UNIT_DB
@@ -95,7 +95,7 @@ def pack_ways(
     moved_m: Sequence[Float[np.ndarray, " _"]],
     probability: Float[np.ndarray, "n 4"],
     tokens: Float[np.ndarray, "n 5 5"],
-    state: Int[np.ndarray, " n"],
+    state: Integer[np.ndarray, " n"],
     inputs: Sequence[str],
 ) -> WayBatch:
     """Ways along rows of links, cut into pieces of at most `PIECE` places."""

@@ -17,6 +17,8 @@ from robosim.support.workers import WorkerLost, Workers
 
 SQUARES = [(n,) for n in range(7)]
 
+pytestmark = pytest.mark.usefixtures("real_workers")
+
 
 def square(n):
     return n * n
