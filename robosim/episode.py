@@ -5,7 +5,7 @@ part of the system. `run_episode` looks on and judges; whoever collects frames o
 mapper never sees the true pose, and only the oracle sees the target.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from signal import SIGINT, SIGTERM
@@ -39,6 +39,7 @@ from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.interrupt import noted_interrupt
+from robosim.support.parts import Part
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.record import EpisodeLog
@@ -81,6 +82,16 @@ class EpisodeConfig:
         CONTROLLER.check("controller", self.controller)
         CLASSIFIER.check("link_states", self.link_states)
         check_numbers(self, seed=SEED, max_steps=STEPS)
+        if self.simulator.camera == "none":
+            if self.goal == "visual":
+                raise ValueError(
+                    "goal is 'visual', which looks for the target in pictures, but camera is 'none'."
+                )
+            if self.mapper != "classical" and isinstance(self.mapper, str) and ":" not in self.mapper:
+                raise ValueError(
+                    f"mapper is {self.mapper!r}, which learned from pictures, but camera is 'none'. Give "
+                    "--mapper classical."
+                )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -121,14 +132,20 @@ class Decision(Turn):
 Onlooker = Callable[[EpisodeLog, Decision], None]
 
 
-def check_weights(config: EpisodeConfig) -> None:
+def check_weights(config: EpisodeConfig, goals: Sequence[Part] | None = None) -> None:
     """Read the weights that an episode asks for, so that a bad file is found before the work begins.
+
+    Args:
+        config: How episodes are run.
+        goals: Who chooses the goals, if not the one of the configuration: without a radio nobody tells link states.
 
     Raises:
         ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
     """
-    make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    check_classifier(config.link_states)
+    navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
+    context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=np.zeros(2))
+    if any(make_policy(goal, context).uses_radio for goal in goals or [config.goal]):
+        check_classifier(config.link_states)
 
 
 def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
@@ -170,7 +187,7 @@ def drive(
     mapper.reset(task.start)
     while True:
         with watch.stage("mapper"):
-            estimate = mapper.update(view.depth, action, view.odometry)
+            estimate = mapper.update(view.depth, action, view.odometry, **view.beside)
         turn = Turn(pose=simulator.pose, before=action, motion=motion, view=view, estimate=estimate)
         with watch.stage("judging"):
             if not judge(turn):
@@ -238,7 +255,7 @@ def run_episode(
     known_places = {anchor.name: anchor.place for anchor in task.anchors if anchor.known}
 
     def judge(turn: Turn) -> bool:
-        coverage.update(turn.pose, simulator.true_depth)
+        coverage.update(turn.pose, simulator.true_depth, simulator.true_laser)
         log.add_pose(turn.motion, turn.pose, turn.estimate.pose, coverage.fraction)
         log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
         return log.ended == "running"

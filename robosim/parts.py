@@ -10,6 +10,7 @@ to do says its protocol:
     PHYSICS      physics                 robosim.robot.motion.Physics
     ROBOT        robot                   robosim.robot.robots.RobotConfig
     CAMERA       camera                  robosim.camera.model.Camera
+    LIDAR        2D lidar                robosim.lidar.model.Lidar
     RECOGNISER   recogniser              robosim.camera.recognition.Recogniser
     TERMINAL     antennas of one end     wireless.antennas.codebook.Terminal
     ESTIMATOR    path estimator          wireless.estimation.estimators.PathEstimator
@@ -97,9 +98,21 @@ CAMERA = Kind(
     {
         "pyrender": "robosim.camera.cameras:pyrender_camera",
         "embree": "robosim.camera.cameras:embree_camera",
+        "none": "robosim.camera.cameras:NoCamera",
     },
     has=("render", "close"),
     made_from="a list of meshes and a CameraConfig",
+)
+LIDAR = Kind(
+    "2D lidar",
+    {
+        "none": "",  # the robot has none: nothing is made
+        "rplidar-a1": "robosim.lidar.lidars:rplidar_a1",
+        "lds-01": "robosim.lidar.lidars:lds_01",
+        "ust-10lx": "robosim.lidar.lidars:ust_10lx",
+    },
+    has=("scan", "true_scan"),
+    made_from="a list of meshes and a LidarConfig",
 )
 RECOGNISER = Kind(
     "recogniser",
@@ -161,6 +174,7 @@ ControllerPart = Annotated[Part, CONTROLLER.option()]
 PhysicsPart = Annotated[Part, PHYSICS.option()]
 RobotPart = Annotated[Part, ROBOT.option()]
 CameraPart = Annotated[Part, CAMERA.option()]
+LidarPart = Annotated[Part, LIDAR.option()]
 RecogniserPart = Annotated[Part, RECOGNISER.option()]
 TerminalPart = Annotated[Part, TERMINAL.option()]
 EstimatorPart = Annotated[Part, ESTIMATOR.option()]

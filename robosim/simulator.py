@@ -18,7 +18,17 @@ from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
 from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
-from robosim.parts import CAMERA, PHYSICS, RECOGNISER, CameraPart, PhysicsPart, RecogniserPart
+from robosim.lidar.model import Lidar, LidarConfig
+from robosim.parts import (
+    CAMERA,
+    LIDAR,
+    PHYSICS,
+    RECOGNISER,
+    CameraPart,
+    LidarPart,
+    PhysicsPart,
+    RecogniserPart,
+)
 from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.robot.motion import Motion, Physics
 from robosim.robot.odometry import NoiseModel
@@ -27,6 +37,7 @@ from robosim.support.stopwatch import Stopwatch
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.poses import between
+from slam.sensing.laser import LaserScan
 from wireless.estimates import PathEstimates
 
 
@@ -37,9 +48,13 @@ class SimulatorConfig:
     physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
     camera: CameraPart = "pyrender"
-    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL."""
+    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. none: the robot has no camera."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
+    lidar: LidarPart = "none"
+    """2D lidar beside the camera or, with --camera none, instead of it: rplidar-a1, lds-01 or ust-10lx."""
+    laser: LidarConfig = field(default_factory=LidarConfig)
+    """Height of the lidar's beams, and how much they err."""
     robot: RobotConfig = field(default_factory=RobotConfig)
     """The robot's body."""
     noise: NoiseModel = field(default_factory=NoiseModel)
@@ -54,6 +69,9 @@ class SimulatorConfig:
     def __post_init__(self) -> None:
         PHYSICS.check("physics", self.physics)
         CAMERA.check("camera", self.camera)
+        LIDAR.check("lidar", self.lidar)
+        if self.camera == self.lidar == "none":
+            raise ValueError("camera and lidar are 'none': the robot would see nothing. Give it one of them.")
         RECOGNISER.check("recognition", self.recognition)
 
 
@@ -72,6 +90,13 @@ class Observation:
     """The same from other transmitters, by their names; none without a radio."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
+    laser: LaserScan | None = None
+    """What the lidar measured; None without one."""
+
+    @property
+    def beside(self) -> dict[str, LaserScan]:
+        """What a mapper is given beside depth and odometry, by the names of its arguments."""
+        return {} if self.laser is None else {"laser": self.laser}
 
 
 class Simulator:
@@ -100,8 +125,13 @@ class Simulator:
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
             self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
-            self._shaded = shaded_mesh(building)
+            # Light takes a second in a large building.
+            self._shaded = building.mesh if self.config.camera == "none" else shaded_mesh(building)
             self.radio = RadioLink(building, self.config.radio) if uses_radio else None
+            self._lidar: Lidar | None = None
+            if self.config.lidar != "none":
+                meshes = [building.mesh]
+                self._lidar = LIDAR.make(self.config.lidar, meshes, self.config.laser, field="lidar")
         self.anchors: dict[str, RadioLink] = {}
         self._anchor_rngs: dict[str, np.random.Generator] = {}
         self._recogniser: Recogniser | None = None
@@ -111,14 +141,15 @@ class Simulator:
             )
         self._camera: Camera | None = None
         self._target: tuple[float, ...] | None = None
-        self._rng = self._radio_rng = self._depth_rng = np.random.default_rng()
+        self._rng = self._radio_rng = self._depth_rng = self._lidar_rng = np.random.default_rng()
         self._depth = np.zeros((0, 0), np.float32)
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
-        # Of their own: whether there is a radio or noise of depth changes no other noise.
+        # Of their own: whether there is a radio, a lidar or noise of depth changes no other noise.
         self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
+        (self._lidar_rng,) = rng.spawn(1)
         if self._camera is None or self._target != tuple(task.target):
             self._place_target(task.target)
         if self.radio is not None:
@@ -157,9 +188,14 @@ class Simulator:
         return self.world.pose
 
     @property
-    def true_depth(self) -> Float[np.ndarray, "h w"]:
-        """Depth of the last observation without noise, for judging [m]; 0 where nothing was hit."""
-        return self._depth
+    def true_depth(self) -> Float[np.ndarray, "h w"] | None:
+        """Depth of the last observation without noise, for judging [m]; 0 where nothing was hit, None if blind."""
+        return None if getattr(self._camera, "blind", False) else self._depth
+
+    @property
+    def true_laser(self) -> LaserScan | None:
+        """What the lidar would measure here if it did not err, for judging; None without one."""
+        return None if self._lidar is None else self._lidar.true_scan(self.pose)
 
     def close(self) -> None:
         """Free the camera's OpenGL context."""
@@ -176,6 +212,8 @@ class Simulator:
         noise, focal_px = self.config.depth_noise, float(self.config.image.focal_px)
         with self.watch.stage("noise"):
             measured = noise.apply(frame.depth, focal_px, self._depth_rng)
+        with self.watch.stage("lidar"):
+            laser = None if self._lidar is None else self._lidar.scan(self.pose, self._lidar_rng)
         with self.watch.stage("radio"):
             paths = None if self.radio is None else self.radio.measure(self.pose, self._radio_rng)
             anchors = {
@@ -183,7 +221,7 @@ class Simulator:
             }
         with self.watch.stage("recognition"):
             target = self._recognise(frame)
-        return Observation(frame.rgb, measured, odometry, paths, anchors, target)
+        return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:
         if self._recogniser is None or self._target is None:

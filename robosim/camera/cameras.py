@@ -7,9 +7,11 @@ precision about a centre of their own, so that a building may lie kilometres fro
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import trimesh
+from jaxtyping import Float, Float32
 
-from robosim.camera.model import Camera, CameraConfig
+from robosim.camera.model import RGBD, Camera, CameraConfig
 from robosim.camera.rendering.gl_binding import bind_opengl
 from robosim.camera.rendering.gl_libraries import GLSystem
 from robosim.parts import CAMERA
@@ -29,8 +31,8 @@ def make_camera(
         meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
             further light. pyrender shows faces from the side only that their normals point to.
         config: Size and optics.
-        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL. Or another of
-            `robosim.parts.CAMERA`.
+        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL; "none" sees
+            nothing. Or another of `robosim.parts.CAMERA`.
         platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
             A process can use one of them only.
 
@@ -61,3 +63,26 @@ def embree_camera(
     from robosim.camera.rendering.embree_camera import EmbreeCamera
 
     return EmbreeCamera(meshes, config)
+
+
+class NoCamera:
+    """The camera of a robot that has none: its pictures are black, and nothing is measured in them."""
+
+    blind = True
+
+    def __init__(
+        self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig, platform: GLSystem | None = None
+    ) -> None:
+        shape = config.height, config.width
+        self._frame = RGBD(np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32))
+
+    def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
+        """A black picture."""
+        return self._frame
+
+    def render_depth(self, T_map_camera: Float[np.ndarray, "4 4"]) -> Float32[np.ndarray, "h w"]:
+        """No depth."""
+        return self._frame.depth
+
+    def close(self) -> None:
+        """There is nothing to free."""

@@ -121,7 +121,7 @@ def evaluate(
         MapError: If a plan cannot be read.
         ValueError: If weights cannot be read, or a task lies outside of its plan.
     """
-    check_weights(config)
+    check_weights(config, policies)
     suite.check_places()
     everyone = (
         "oracle",

@@ -1,9 +1,10 @@
-"""How much of the floor the camera has seen, judged on the true pose.
+"""How much of the floor the robot has seen, judged on the true pose.
 
 A cell of the plan has been seen once its centre lay within the camera's horizontal field of view and within
 the vision range, with no wall before it: the depth in the image's horizon row, at the column of the cell's
 bearing, reaches at least as far. This is the line of sight of a planar sensor; that floor just before the
-robot lies under the picture's lower edge does not matter, nor do obstacles lower than the camera.
+robot lies under the picture's lower edge does not matter, nor do obstacles lower than the camera. What a lidar sees
+counts in the same way, on the beam nearest to the cell's bearing.
 
 The range of 3.2 m is the one of Active Neural SLAM (Chaplot et al., ICLR 2020), so that coverage can be
 compared with published figures.
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from robosim.plans.floorplan import FloorPlan
+from slam.sensing.laser import LaserScan
 
 VISION_RANGE_M = 3.2
 
@@ -36,12 +38,18 @@ class Coverage:
         # Half a cell: the wall that a border cell touches may lie before that cell's centre.
         self._slack_m = plan.resolution_m / 2
 
-    def update(self, pose: Float[np.ndarray, "3"], depth: Float[np.ndarray, "h w"]) -> None:
+    def update(
+        self,
+        pose: Float[np.ndarray, "3"],
+        depth: Float[np.ndarray, "h w"] | None,
+        laser: LaserScan | None = None,
+    ) -> None:
         """Add what one frame shows.
 
         Args:
             pose: True pose of the robot in `map`, with the camera above its centre.
-            depth: Depth along the camera's axis [m]; 0 where nothing was hit.
+            depth: Depth along the camera's axis [m]; 0 where nothing was hit. None without a camera.
+            laser: What a lidar would measure without error; None without one.
         """
         # Only around the robot, so that a look costs the same in a building of any size.
         column, row = self.plan.to_cells(pose[:2])
@@ -53,16 +61,32 @@ class Coverage:
         c, s = np.cos(pose[2]), np.sin(pose[2])
         ahead = offset @ (c, s)
         left = offset @ (-s, c)
+        near = ahead**2 + left**2 <= VISION_RANGE_M**2
+        cells, ahead, left = cells[near], ahead[near], left[near]
+        seen = np.zeros(len(cells), bool)
+        if depth is not None:
+            seen |= self._before(ahead, left, depth)
+        if laser is not None:
+            beam = laser.nearest(np.arctan2(left, ahead))
+            seen |= (beam >= 0) & (laser.range_m[beam] + self._slack_m >= np.hypot(ahead, left))
+        cells = cells[seen]
+        self._unseen[cells[:, 0], cells[:, 1]] = False
+        self._n_seen += len(cells)
+
+    def _before(
+        self,
+        ahead: Float[np.ndarray, " n"],
+        left: Float[np.ndarray, " n"],
+        depth: Float[np.ndarray, "h w"],
+    ) -> Bool[np.ndarray, " n"]:
+        """Which places lie before what the camera sees."""
         inside = (ahead > 0) & (np.abs(left) < ahead * self._tan_half)
-        inside &= ahead**2 + left**2 <= VISION_RANGE_M**2
-        cells, ahead, left = cells[inside], ahead[inside], left[inside]
         horizon = depth[depth.shape[0] // 2]
         reaches = np.where(horizon > 0, horizon, np.inf)
         width = len(horizon)
-        pixel = ((1 - left / ahead / self._tan_half) * width / 2).astype(int)
-        seen = cells[reaches[np.clip(pixel, 0, width - 1)] + self._slack_m >= ahead]
-        self._unseen[seen[:, 0], seen[:, 1]] = False
-        self._n_seen += len(seen)
+        slope = np.where(inside, left / np.where(inside, ahead, 1.0), 0.0)
+        pixel = ((1 - slope / self._tan_half) * width / 2).astype(int)
+        return inside & (reaches[np.clip(pixel, 0, width - 1)] + self._slack_m >= ahead)
 
     @property
     def area_m2(self) -> float:

@@ -1,4 +1,4 @@
-"""The classical mapper: depth and odometry in, map and pose out.
+"""The classical mapper: depth, a laser's scans and odometry in, map and pose out.
 
 At every decision: odometry without its bias predicts the pose, the scan is fitted to the surfaces on the map, and then
 entered at the pose found. Occupancy (where may the robot go), surfaces (where exactly are the walls) and collision
@@ -28,9 +28,10 @@ from slam.mapping.occupancy import OccupancyConfig, OccupancyGrid
 from slam.mapping.odometry import OdometryConfig, OdometryCorrector
 from slam.mapping.relocalization import RelocalizationConfig, Relocalizer
 from slam.matching.levels import ARM_M
-from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_scan
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_beams, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, rotation, wrap
+from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers
 
@@ -93,7 +94,10 @@ class Mapper(Protocol):
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
     ) -> MapEstimate:
-        """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
+        """Take in what was seen and measured after an action; see `ClassicalMapper.update`.
+
+        One that takes scans of a laser too has an argument `laser`, which is given where the robot has one.
+        """
 
     def estimate(self) -> MapEstimate:
         """The map and pose as they are now."""
@@ -121,6 +125,7 @@ class _Frame:
     points: ScanPoints
     lowest: float
     """Fall of the lowest image row per metre of depth."""
+    laser: LaserScan | None
 
 
 class ClassicalMapper:
@@ -165,6 +170,7 @@ class ClassicalMapper:
         depth: Float32[np.ndarray, "h w"],
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
+        laser: LaserScan | None = None,
     ) -> MapEstimate:
         """Take in what was seen and measured after an action.
 
@@ -172,6 +178,7 @@ class ClassicalMapper:
             depth: Depth image at the new pose [m]; 0 or not finite where nothing was measured.
             action: The action that led here; None at the first frame.
             odometry: Measured displacement in the robot's frame before the action: x, y [m], yaw [rad].
+            laser: What the robot's laser scanner measured, if it has one.
 
         Returns:
             Map and pose; the arrays are views that the next update changes.
@@ -179,8 +186,14 @@ class ClassicalMapper:
         self._step += 1
         self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
         points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
+        view = view_of_scan(scan)
+        if laser is not None:
+            beams = points_of_beams(
+                laser.bearing_rad, laser.range_m, laser.max_range_m, self.config.resolution_m
+            )
+            points, view = points.with_more(beams), view_of_laser(laser)
         moved, covariance = self._measured(action, odometry)
-        start, open_before, view = self.pose, self.tracker.covariance, view_of_scan(scan)
+        start, open_before = self.pose, self.tracker.covariance
         predicted, prior = self.tracker.predict(moved, covariance)
         match = (
             self._matcher.match(scan, self.occupancy, predicted, prior)
@@ -205,7 +218,7 @@ class ClassicalMapper:
         self.rearranged = False
         if not self.relocalizer.lost:
             lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
-            frame = _Frame(scan=scan, points=points, lowest=lowest)
+            frame = _Frame(scan=scan, points=points, lowest=lowest, laser=laser)
             if self.tracker.accept(match, points, view):
                 self._rearrange()
             self._frames.append(frame)
@@ -258,6 +271,9 @@ class ClassicalMapper:
         height_m = self.config.camera.height_m
         rows, columns, cleared = self.occupancy.integrate(frame.scan, pose, height_m, frame.lowest)
         self.surfaces.clear(rows, columns, cleared)
+        if frame.laser is not None:
+            self._make_room(*self.occupancy.laser_box(frame.laser, pose))
+            self.surfaces.clear(*self.occupancy.integrate_laser(frame.laser, pose))
         placed = frame.points.at(pose)
         self.surfaces.add(placed.points, placed.normals, placed.weights)
         self._stand(pose)
@@ -306,6 +322,14 @@ def _read_only(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def view_of_laser(scan: LaserScan) -> View:
+    """How far a laser's scan saw in each direction."""
+    return View(
+        bearing_rad=scan.bearing_rad,
+        range_m=np.where(scan.hit, scan.range_m, -np.maximum(scan.clear_m, 1e-9)),
+    )
 
 
 def view_of_scan(scan: Scan) -> View:

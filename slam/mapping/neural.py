@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
-from jaxtyping import Float, Float16, Float32
+from jaxtyping import Bool, Float, Float16, Float32
 
 from slam.actions import Action
 from slam.grid import GridFrame, MapEstimate
@@ -25,6 +25,7 @@ from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.networks.map_network import MapNetwork
 from slam.networks.prediction import MapPredictor, Prediction
 from slam.sensing.egocentric import AHEAD, belief_ahead
+from slam.sensing.laser import LaserScan
 from slam.support.checks import check_numbers
 
 
@@ -71,6 +72,7 @@ class NeuralMapper:
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
         self.classical.reset(pose)
+        self._laser_m = 0.0
         self.frame = self.classical.frame
         nothing = np.zeros(self.patch.shape, np.float32)
         self.prediction = Prediction(obstacle=nothing, seen=nothing)
@@ -92,9 +94,14 @@ class NeuralMapper:
         depth: Float32[np.ndarray, "h w"],
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
+        laser: LaserScan | None = None,
     ) -> MapEstimate:
-        """Take in what was seen and measured after an action; see `ClassicalMapper.update`."""
-        classical = self.classical.update(depth, action, odometry)
+        """Take in what was seen and measured after an action; see `ClassicalMapper.update`.
+
+        A laser helps the pose, and tells of what the network was not asked about.
+        """
+        classical = self.classical.update(depth, action, odometry, laser)
+        self._laser_m = 0.0 if laser is None else laser.max_range_m
         self._follow(classical.frame)
         self.prediction = self._predictor.predict(
             self.classical.scan, belief_ahead(classical, patch=self.patch)
@@ -121,13 +128,21 @@ class NeuralMapper:
 
     def _refresh(self, classical: MapEstimate) -> None:
         """Classical probabilities, replaced where the network was asked, as far as one frame can change them."""
-        reach = 1.5 * self.classical.config.occupancy.free_range_m
+        reach = max(1.5 * self.classical.config.occupancy.free_range_m, self._laser_m + 1.0)
         x, y, _ = classical.pose
         rows, columns, _ = self.frame.window((x - reach, y - reach), (x + reach, y + reach))
         told = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
         known = classical.obstacle_probability[rows, columns]
-        self._observed[rows, columns] = np.where(self._viewed[rows, columns], told, known)
-        self._anticipated[rows, columns] = np.where(self._asked[rows, columns], told, known)
+        viewed = self._viewed[rows, columns]
+        self._observed[rows, columns] = np.where(viewed, told, known)
+        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), told, known)
+
+    def _guessed(
+        self, rows: slice, columns: slice, known: Float32[np.ndarray, "ny nx"]
+    ) -> Bool[np.ndarray, "ny nx"]:
+        """Cells of a window whose answer stands on the anticipated map: no guess, where a laser has looked."""
+        asked, viewed = self._asked[rows, columns], self._viewed[rows, columns]
+        return asked & (viewed | (known == 0.5)) if self._laser_m else asked
 
     def _follow(self, frame: GridFrame) -> None:
         """Grow as the classical map has grown."""
@@ -180,7 +195,8 @@ class NeuralMapper:
             self._enter(Prediction(obstacle=obstacle, seen=seen), pose)
         told, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
         self._observed[:] = np.where(self._viewed, told, known)
-        self._anticipated[:] = np.where(self._asked, told, known)
+        every = slice(None)
+        self._anticipated[:] = np.where(self._guessed(every, every, known), told, known)
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]

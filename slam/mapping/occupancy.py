@@ -14,10 +14,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32
+from jaxtyping import Bool, Float, Float32, Int
 
 from slam.grid import GridFrame
 from slam.poses import to_map
+from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Scan, dense_points
 from slam.support.checks import check_numbers
 
@@ -104,16 +105,46 @@ class OccupancyGrid:
         # Over what is lower than the lowest row at that depth the camera looks away.
         held = free & (log_odds > 0)
         held &= self.top_m[rows, columns] < camera_height_m - down * ahead + 0.05
-        was_obstacle = log_odds > 0
-        log_odds += np.where(hit, np.float32(self.config.hit), np.float32(0))
-        log_odds -= np.where(free & ~held, np.float32(self.config.miss), np.float32(0))
-        np.clip(log_odds, -self.config.limit, self.config.limit, out=log_odds)
-        cleared = was_obstacle & (log_odds <= 0)
-        self.top_m[rows, columns][cleared] = 0
-        self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
-        near = ahead * np.sqrt(1 + bearing * bearing) <= self.config.explored_range_m
-        self.explored[rows, columns] |= (in_view | hit) & near
-        return rows, columns, cleared
+        away = ahead * np.sqrt(1 + bearing * bearing)
+        return rows, columns, self._weigh(rows, columns, hit, free & ~held, in_view | hit, away)
+
+    def integrate_laser(
+        self, scan: LaserScan, pose: Float[np.ndarray, "3"]
+    ) -> tuple[slice, slice, Bool[np.ndarray, "ny nx"]]:
+        """Enter a laser's scan as far as it reaches; arguments and results as of `integrate`.
+
+        Below its beams it sees nothing: what is lower than they are stays as it was.
+        """
+        rows, columns, frame = self.frame.window(*self.laser_box(scan, pose))
+        away, beam = _beams(frame, pose, scan)
+        seen = beam >= 0
+        clear, half = scan.clear_m, 0.5 * self.frame.resolution_m
+        inner = np.where(scan.hit, clear - half, clear)
+        beside = [np.roll(inner, 1), np.roll(inner, -1)]
+        if not scan.all_around:
+            beside[0][0], beside[1][-1] = inner[0], inner[-1]
+        # A beam that says nothing does not make its neighbours say less.
+        inner = np.minimum(inner, np.minimum(*(np.where(other > 0, other, np.inf) for other in beside)))
+        iy, ix = frame.index(to_map(pose, scan.dense(scan.max_range_m)))
+        inside = frame.inside(iy, ix)
+        hit = np.zeros(frame.shape, bool)
+        hit[iy[inside], ix[inside]] = True
+        top_m = self.top_m[rows, columns]
+        top_m[hit] = np.maximum(top_m[hit], scan.height_m)
+        free = seen & (away < inner.astype(np.float32)[beam]) & ~hit
+        log_odds = self.log_odds[rows, columns]
+        held = free & (log_odds > 0) & (top_m < scan.height_m)
+        in_view = seen & (away < (clear + half).astype(np.float32)[beam])
+        return rows, columns, self._weigh(rows, columns, hit, free & ~held, (in_view | hit), away)
+
+    def laser_box(
+        self, scan: LaserScan, pose: Float[np.ndarray, "3"]
+    ) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Lower-left and upper-right corner (x, y) [m] of what a laser's scan can change at a pose."""
+        angle = scan.bearing_rad + pose[2]
+        ends = scan.clear_m[:, None] * np.column_stack([np.cos(angle), np.sin(angle)]) + pose[:2]
+        low, high = ends.min(axis=0) - 0.15, ends.max(axis=0) + 0.15
+        return (low[0], low[1]), (high[0], high[1])
 
     def stand(self, pose: Float[np.ndarray, "3"], radius_m: float) -> None:
         """Clear the cells whose centres the hull covers: the robot stands there, so nothing else does."""
@@ -125,6 +156,27 @@ class OccupancyGrid:
         log_odds = self.log_odds[rows, columns]
         log_odds[under & (log_odds > -self.config.miss)] = -self.config.miss
         self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
+
+    def _weigh(
+        self,
+        rows: slice,
+        columns: slice,
+        hit: Bool[np.ndarray, "ny nx"],
+        free: Bool[np.ndarray, "ny nx"],
+        in_view: Bool[np.ndarray, "ny nx"],
+        away_m: Float32[np.ndarray, "ny nx"],
+    ) -> Bool[np.ndarray, "ny nx"]:
+        """Add the evidence of a look to a window; returns the cells that stopped being obstacles."""
+        log_odds = self.log_odds[rows, columns]
+        was_obstacle = log_odds > 0
+        log_odds += np.where(hit, np.float32(self.config.hit), np.float32(0))
+        log_odds -= np.where(free, np.float32(self.config.miss), np.float32(0))
+        np.clip(log_odds, -self.config.limit, self.config.limit, out=log_odds)
+        cleared = was_obstacle & (log_odds <= 0)
+        self.top_m[rows, columns][cleared] = 0
+        self.probability[rows, columns] = 1 / (1 + np.exp(-log_odds))
+        self.explored[rows, columns] |= in_view & (away_m <= self.config.explored_range_m)
+        return np.asarray(cleared)
 
     def _free(
         self, scan: Scan, ahead: Float32[np.ndarray, "ny nx"], bearing: Float32[np.ndarray, "ny nx"]
@@ -169,6 +221,15 @@ def _axes(frame: GridFrame) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray,
     x = frame.origin_xy[0] + (np.arange(nx) + 0.5) * frame.resolution_m
     y = frame.origin_xy[1] + (np.arange(ny) + 0.5) * frame.resolution_m
     return x, y
+
+
+def _beams(
+    frame: GridFrame, pose: Float[np.ndarray, "3"], scan: LaserScan
+) -> tuple[Float32[np.ndarray, "ny nx"], Int[np.ndarray, "ny nx"]]:
+    """Distance of the cell centres [m], and the number of the beam nearest to each."""
+    x, y = _axes(frame)
+    x, y = (x - pose[0]).astype(np.float32), (y - pose[1]).astype(np.float32)[:, None]
+    return np.hypot(x, y), scan.nearest(np.arctan2(y, x) - np.float32(pose[2]))
 
 
 def _robot_coordinates(

@@ -70,6 +70,15 @@ class ScanPoints:
             points=to_map(pose, self.points), normals=to_map(heading, self.normals), weights=self.weights
         )
 
+    def with_more(self, *others: "ScanPoints") -> "ScanPoints":
+        """These points and others'."""
+        every = (self, *others)
+        return ScanPoints(
+            points=np.concatenate([each.points for each in every]),
+            normals=np.concatenate([each.normals for each in every]),
+            weights=np.concatenate([each.weights for each in every]),
+        )
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Match:
@@ -96,11 +105,8 @@ def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
     """
     slant = np.hypot(1.0, scan.left)
     bearing = np.arctan(scan.left)
-    parts = [points_of_beams(bearing, z * slant, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m)]
-    points, normals, weights = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("points", "normals", "weights")
-    )
-    return ScanPoints(points=points, normals=normals, weights=weights)
+    near, far = (points_of_beams(bearing, z * slant, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m))
+    return near.with_more(far)
 
 
 def points_of_beams(

@@ -1,0 +1,1 @@
+"""2D lidars: planar laser scanners on the robot."""
