@@ -2,7 +2,7 @@
 
 This is the whole system on one page. Read `drive`: each turn of its loop is one decision, each line of the loop one
 part of the system. `run_episode` looks on and judges; whoever collects frames or teaches looks on in other ways. The
-mapper never sees the true pose, and only the oracle sees the target.
+mapper never sees the true pose, and only the oracle sees the target; `shortest`, the physical limit, is told all.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,6 +33,7 @@ from robosim.parts import (
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
+from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.policies.situation import Situation
 from robosim.radio.measurement import Interpreter, check_classifier
 from robosim.robot.motion import Motion
@@ -247,6 +248,8 @@ def run_episode(
     simulator = Simulator(
         building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )
+    if isinstance(policy, Shortest):
+        navigator = navigator._replace(mapper=TrueMapper(building, lambda: simulator.pose))
     radio = simulator.radio
     interpreter = Interpreter(radio, config.link_states) if radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))

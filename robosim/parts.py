@@ -31,6 +31,7 @@ GOAL = Kind(
     "goal policy",
     {
         "oracle": "robosim.policies.goals:oracle",
+        "shortest": "robosim.policies.shortest:shortest",
         "explore": "robosim.policies.goals:explore",
         "visual": "robosim.policies.goals:visual",
         "snr": "robosim.policies.goals:snr",

@@ -1,5 +1,8 @@
 """Small plans with known answers, shared by the tests."""
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
@@ -11,6 +14,11 @@ def room(width_m: float = 4.0, depth_m: float = 3.0, resolution_m: float = 0.05,
     return FloorPlan(
         occupancy=np.full(shape, FREE, np.uint8), resolution_m=resolution_m, **{"name": "room", **kwargs}
     )
+
+
+def turned(plan: FloorPlan, degrees: float) -> FloorPlan:
+    """The same plan, turned about its corner."""
+    return replace(plan, origin=(*plan.origin[:2], plan.origin[2] + math.radians(degrees)))
 
 
 def two_rooms(door_m: float, wall_m: float = 0.2) -> FloorPlan:

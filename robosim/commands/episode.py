@@ -60,10 +60,11 @@ def episode(
         start: Where the robot starts [m, m, degrees from +x]; drawn from the seed if not given.
         anchor: Another transmitter by name, at a place that the robot knows [m]; can be given several times.
         unknown_anchor: The same at a place that it does not know.
-        goal: Who chooses the goals. oracle knows the target; explore goes where the map ends; visual does so until
-            the camera sees the target; snr, los and los-or-first follow the strongest radio path where there is
-            one, in line of sight, or also where it is bent or reflected once; fused weighs all of that together,
-            and its variants show what each part of it brings. module:Name is one of your own.
+        goal: Who chooses the goals. oracle knows the target, shortest the building and its pose too; explore goes
+            where the map ends; visual does so until the camera sees the target; snr, los and los-or-first follow the
+            strongest radio path where there is one, in line of sight, or also where it is bent or reflected once;
+            fused weighs all of that together, and its variants show what each part of it brings. module:Name is one of
+            your own.
         seed: Seed of everything random: task and noise.
         base: What the options below start from.
         settings: How the episode is run.

@@ -36,18 +36,25 @@ def spl_chart(summaries: Sequence[Summary]) -> Figure:
     return _bars(summaries, "spl", "success weighted by path length (SPL)", percent=False)
 
 
-def time_chart(scored: Sequence[Mapping[str, Any]]) -> Figure:
-    """Distribution of the arrival time relative to the oracle's, a panel for each class; who never arrives counts."""
+def time_chart(scored: Sequence[Mapping[str, Any]], bar: str = "oracle") -> Figure:
+    """Distribution of the arrival time relative to a bar's, a panel for each class; who never arrives counts.
+
+    Args:
+        scored: Rows of episodes, scored.
+        bar: "oracle", or "shortest" where that was run.
+    """
+    column = {"oracle": "relative_time", "shortest": "limit_time"}[bar]
     figure, panels = plt.subplots(1, 3, figsize=(11, 3.8), sharey=True, layout="constrained")
     colours = _colours(row["policy"] for row in scored)
     for axes, name in zip(panels, CLASSES, strict=True):
-        own = [row for row in scored if row["difficulty"] == name and not np.isnan(row["relative_time"])]
+        own = [row for row in scored if row["difficulty"] == name and not np.isnan(row[column])]
         for policy, colour in colours.items():
-            times = np.sort([row["relative_time"] for row in own if row["policy"] == policy])
-            # The oracle with one seed is 1 by definition.
-            if len(times) and not (policy == "oracle" and (times == 1).all()):
+            times = np.sort([row[column] for row in own if row["policy"] == policy])
+            # The bar itself with one seed is 1 by definition.
+            if len(times) and not (policy == bar and (times == 1).all()):
                 _cdf(axes, times, colour, policy)
-        axes.set(xlim=(0.8, _LONGEST), ylim=(0, 1.02), xlabel="arrival time / oracle's")
+        least = 0.4 if bar == "oracle" and "shortest" in colours else 0.8
+        axes.set(xlim=(least, _LONGEST), ylim=(0, 1.02), xlabel=f"arrival time / {_WHOSE[bar]}")
         axes.set_title(f"{name}, {len({(row['plan'], row['task']) for row in own})} tasks", fontsize=10)
         axes.axvline(1, color="0.6", lw=0.8, ls=":")
         _plain_axes(axes)
@@ -85,6 +92,9 @@ def episode_picture(building: Building, episode: Episode) -> Figure:
     )
     axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
     return figure
+
+
+_WHOSE = {"oracle": "oracle's", "shortest": "that of shortest"}
 
 
 def _bars(summaries: Sequence[Summary], what: str, label: str, *, percent: bool) -> Figure:

@@ -64,7 +64,8 @@ def write_report(page: Page, path: Path) -> None:
         "<h2>Summary</h2>",
         _summary_table(page.summaries),
         "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over tasks for the rest. Times are "
-        "steps relative to the oracle's on the same task; never: fewer episodes than that arrive.</small></p>",
+        "steps relative to the oracle's on the same task, and x shortest the median relative to a robot that knows the "
+        "building, where that was run; never: fewer episodes than that arrive.</small></p>",
         *(_figure(picture, caption) for picture, caption in page.pictures),
         "<h2>Where the time goes</h2><p>Mean seconds of an episode.</p>",
         _wide_table(page.seconds, "{:.2f}"),
@@ -93,6 +94,7 @@ def summary_cells(summary: Summary) -> tuple[str, ...]:
         _percent(summary.arrival_rate),
         _times(summary.time_median),
         _times(summary.time_p80),
+        _times(summary.limit_median),
         "{:.3f} [{:.3f}, {:.3f}]".format(*summary.spl),
     )
 
@@ -104,6 +106,7 @@ SUMMARY_HEADS = (
     "arrived %",
     "rel. time, median",
     "rel. time, 80 %",
+    "x shortest",
     "mean SPL",
 )
 

@@ -92,7 +92,7 @@ def write_results(
     ]
     write_parquet(timing, out / "timing.parquet")
     write_json(out / "summary.json", {"summary": [_finite(vars(summary)) for summary in result.summaries]})
-    charts = (
+    charts = [
         ("arrival", arrival_chart(result.summaries), "Arrival rates by difficulty."),
         (
             "relative_time",
@@ -100,7 +100,10 @@ def write_results(
             "Episodes that have arrived by a time; a curve that ends below 100 % never gets higher.",
         ),
         ("spl", spl_chart(result.summaries), "Mean success weighted by path length."),
-    )
+    ]
+    if any(row["policy"] == "shortest" for row in result.rows):
+        about = "The same relative to a robot that knows building and pose: the physical limit."
+        charts.insert(2, ("limit_time", time_chart(result.rows, "shortest"), about))
     for name, figure, _ in charts:
         save_figure(figure, out / f"{name}.png")
     pictures = [(out / f"{name}.png", caption) for name, _, caption in charts]

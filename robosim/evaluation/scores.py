@@ -2,7 +2,8 @@
 
 The difficulty of a task goes by the steps that the oracle needs: the tasks in order of them, the first 27 % easy, the
 next 39 % moderate, the rest hard, the shares of the published 52, 76 and 65 tasks (arXiv 2110.14789). The arrival
-time of a policy is counted in steps, relative to the oracle's on the same task; never arriving is infinite. With
+time of a policy is counted in steps, relative to the oracle's on the same task; never arriving is infinite. Where
+`shortest` was run, which knows the building too, times are also told relative to its: the oracle is no bound. With
 repetitions a task's oracle steps are their median.
 
 Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. What is drawn again, and what
@@ -49,39 +50,49 @@ class Summary:
     """Relative arrival time that half of the episodes keep within; infinite if less than half arrive."""
     time_p80: Estimate
     """The same for 80 %."""
+    limit_median: Estimate
+    """Median arrival time relative to that of `shortest`, the physical limit; NaN where that was not run."""
     spl: Estimate
     """Mean success weighted by path length."""
 
 
 def score(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with `difficulty`, `oracle_steps` and `relative_time` added.
+    """Rows with `difficulty`, `oracle_steps`, `relative_time` and `limit_time` added.
 
     `relative_time` is infinite without arrival, and NaN where the oracle did not arrive either: such tasks count as
-    hard, and have no relative times.
+    hard, and have no relative times. `limit_time` is the same relative to `shortest`, NaN where that was not run.
 
     Raises:
         ValueError: If a task has no episode of the oracle.
     """
-    oracle = oracle_steps(rows)
+    oracle, limit = (steps_of(rows, policy) for policy in ("oracle", "shortest"))
     missing = {_key(row) for row in rows} - set(oracle)
     if missing:
         raise ValueError(f"no episode of the oracle for {sorted(missing)[0]}; difficulty goes by it.")
     classes = difficulty(oracle)
     scored = []
     for row in rows:
-        steps = oracle[_key(row)]
-        at = np.inf if row["arrived_at_step"] is None else row["arrived_at_step"]
-        relative = at / max(steps, 1) if np.isfinite(steps) else np.nan
-        added = {"difficulty": classes[_key(row)], "oracle_steps": steps, "relative_time": float(relative)}
+        key = _key(row)
+        at = np.inf if row["arrived_at_step"] is None else float(row["arrived_at_step"])
+        added = {
+            "difficulty": classes[key],
+            "oracle_steps": oracle[key],
+            "relative_time": _relative(at, oracle[key]),
+            "limit_time": _relative(at, limit.get(key, np.inf)),
+        }
         scored.append({**row, **added})
     return scored
 
 
-def oracle_steps(rows: Sequence[Mapping[str, Any]]) -> dict[TaskKey, float]:
-    """Steps that the oracle needs for each task: the median of the repetitions, infinite if it does not arrive."""
+def _relative(at: float, steps: float) -> float:
+    return at / max(steps, 1.0) if np.isfinite(steps) else np.nan
+
+
+def steps_of(rows: Sequence[Mapping[str, Any]], policy: str) -> dict[TaskKey, float]:
+    """Steps that a policy needs for each task: the median of the repetitions, infinite if it does not arrive."""
     steps: dict[TaskKey, list[float]] = defaultdict(list)
     for row in rows:
-        if row["policy"] == "oracle":
+        if row["policy"] == policy:
             at = row["arrived_at_step"]
             steps[_key(row)].append(np.inf if at is None else float(at))
     return {key: float(np.quantile(own, 0.5, method="inverted_cdf")) for key, own in steps.items()}
@@ -112,9 +123,9 @@ def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
     tasks: dict[TaskKey, list[Mapping[str, Any]]] = defaultdict(list)
     for row in rows:
         tasks[_key(row)].append(row)
-    arrived, times, spl = (
+    arrived, times, limit, spl = (
         _table([[float(row[column]) for row in own] for own in tasks.values()])
-        for column in ("arrived", "relative_time", "spl")
+        for column in ("arrived", "relative_time", "limit_time", "spl")
     )
     return Summary(
         policy,
@@ -124,6 +135,7 @@ def _summary(policy: str, name: str, rows: list[Mapping[str, Any]]) -> Summary:
         arrival_rate=wilson(float(np.nanmean(arrived, axis=1).sum()), len(tasks)),
         time_median=bootstrap(times, 0.5),
         time_p80=bootstrap(times, 0.8),
+        limit_median=bootstrap(limit, 0.5),
         spl=bootstrap(spl, None),
     )
 

@@ -85,6 +85,16 @@ def draw_search(
         ("search_arrival", _arrival(rows), "Arrival rates by difficulty", _ARRIVAL_CAPTION),
         ("search_times", _times(rows), "Arrival time relative to the oracle's", _TIMES_CAPTION),
     ]
+    if any(row["policy"] == "shortest" for row in rows):
+        own = [row for row in rows if row["policy"] in SEEKERS]
+        figures.append(
+            (
+                "search_limit",
+                time_chart(own, "shortest"),
+                "Arrival time relative to the shortest way's",
+                _LIMIT_CAPTION,
+            )
+        )
     notes = [f"{len(rows)} episodes of {tasks} tasks in {len({row['plan'] for row in rows})} plans."]
     notes += _following(results, rows)
     example = find_example(results, rows, follower, better)
@@ -112,6 +122,10 @@ _ARRIVAL_CAPTION = (
 _TIMES_CAPTION = (
     "Part of the episodes that had arrived by a time; episodes that never arrive count, so that curves may end below "
     "100 %. Diamonds: median and 80th percentile of los-or-first as read off the published curves, on other tasks."
+)
+_LIMIT_CAPTION = (
+    "The same relative to a robot that knows target, building and pose and drives the shortest way, which is the "
+    "physical limit."
 )
 _EXAMPLE_CAPTION = (
     "One start and two policies. Dots: the true link state at each decision. The circle marks where the first policy "

@@ -1,10 +1,12 @@
 """Goal policies: where the robot wants to be, given what it knows.
 
 A policy is handed a `Situation`: the map and pose that the robot has estimated, what its radio measured, where its
-camera saw the target; never the truth. The oracle is the exception by name: it is handed the target, and is the bar
-that the others' arrival times are measured against. All policies are asked once a decision, and all arrive by one rule.
+camera saw the target; never the truth. Two are exceptions by name, and the bars that the others' arrival times are
+measured against: the oracle is handed the target; `shortest` is told the building and its pose too. All policies are
+asked once a decision, and all arrive by one rule.
 
     oracle         knows the target
+    shortest       knows target, building and pose: the physical limit
     explore        goes where the map ends; does not look for the target
     visual         explores until the camera sees the target, then goes there
     snr            follows the strongest path wherever there is one that is strong enough, else explores

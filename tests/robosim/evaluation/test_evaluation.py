@@ -150,6 +150,16 @@ def test_oracle_steps_are_the_median_of_repetitions():
     assert score([*rows, _row(0, "los", 60)])[-1]["relative_time"] == 2.0
 
 
+def test_times_are_also_told_relative_to_the_shortest_way():
+    """30 steps against 20; NaN where it was not run, infinite without arrival."""
+    rows = [_row(0, "oracle", 25), _row(1, "oracle", 40), _row(0, "shortest", 20)]
+    scored = score([*rows, _row(0, "los", 30), _row(0, "snr", None), _row(1, "los", 50)])
+    np.testing.assert_equal([row["limit_time"] for row in scored], [1.25, np.nan, 1.0, 1.5, np.inf, np.nan])
+    found = {(s.policy, s.difficulty): s.limit_median.value for s in summarise(scored)}
+    assert found["los", "all"] == 1.5
+    assert np.isnan(summarise(score([_row(0, "oracle", 25)]))[0].limit_median.value)
+
+
 def test_scoring_needs_the_oracle():
     with pytest.raises(ValueError, match="no episode of the oracle for"):
         score([_row(0, "visual", 3)])
