@@ -17,6 +17,7 @@ from scipy import ndimage
 
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.outside import outside_of, tell_outside
 from robosim.support.checks import RADIUS_M, check_number
 from slam.planning.marching import march
 
@@ -40,14 +41,23 @@ class Reach:
     plan: FloorPlan
     radius_m: float
     parts: Int[np.ndarray, "ny nx"]
-    """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1."""
+    """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1; floor outside
+    of the building does not count."""
     free: shapely.Geometry
     """The floor between the walls, in `map` [m]."""
+    outside: Bool[np.ndarray, "ny nx"]
+    """Free cells around the building."""
 
     @cached_property
     def n_parts(self) -> int:
         """Count of connected parts."""
         return int(self.parts.max())
+
+    @cached_property
+    def indoors(self) -> Bool[np.ndarray, "ny nx"]:
+        """Cells where the hull's centre can be within the building; all where it can be nowhere but around it."""
+        inside = (self.parts > 0) & ~self.outside
+        return inside if inside.any() else self.parts > 0
 
     def check_room(self) -> None:
         """Complain if there is no place at all.
@@ -135,7 +145,7 @@ class Reach:
     def cut_off(self, part: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""
         # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
-        labels, n = ndimage.label(np.pad(self.plan.free & ~self.swept(part), 1))
+        labels, n = ndimage.label(np.pad(self.plan.free & ~self.outside & ~self.swept(part), 1))
         numbers = np.arange(1, n + 1)
         depth_m = ndimage.distance_transform_edt(labels > 0) * self.plan.resolution_m
         areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
@@ -164,7 +174,9 @@ def reach(building: Building, radius_m: float) -> Reach:
     inside = np.zeros(plan.shape, bool)
     inside[plan.free] = shapely.contains_xy(places, plan.centres(plan.free))
     labels, n = ndimage.label(inside)
-    size = np.bincount(labels.ravel(), minlength=n + 1)[1:]
+    outside = outside_of(plan)
+    tell_outside(plan, outside)
+    size = np.bincount(labels[~outside], minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
-    return Reach(plan, radius_m, rank[labels], building.free)
+    return Reach(plan, radius_m, rank[labels], building.free, outside)

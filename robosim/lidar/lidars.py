@@ -18,15 +18,7 @@ import trimesh
 from robosim.lidar.embree_lidar import EmbreeLidar
 from robosim.lidar.model import LidarConfig, LidarModel
 
-RPLIDAR_A1 = LidarModel(
-    beams=360,
-    fov_deg=360.0,
-    min_range_m=0.15,
-    max_range_m=12.0,
-    sigma_m=0.002,
-    sigma_share=0.005,
-    missing=0.01,
-)
+RPLIDAR_A1 = LidarModel()
 LDS_01 = LidarModel(
     beams=360,
     fov_deg=360.0,

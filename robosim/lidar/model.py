@@ -25,24 +25,42 @@ class LidarConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class LidarModel:
-    """A kind of lidar: its fan of beams, and how they err."""
+    """A kind of lidar: its fan of beams, and how they err; by default an RPLIDAR A1."""
 
-    beams: int
+    beams: int = 360
     """Beams of a turn."""
-    fov_deg: float
+    fov_deg: float = 360.0
     """Angle from the first to the last beam [deg]; 360 for all around."""
-    min_range_m: float
+    min_range_m: float = 0.15
     """Nearer surfaces are not measured [m]."""
-    max_range_m: float
+    max_range_m: float = 12.0
     """Farther surfaces are not measured [m]."""
-    sigma_m: float
+    sigma_m: float = 0.002
     """Least standard deviation of a range [m]."""
-    sigma_share: float
+    sigma_share: float = 0.005
     """Standard deviation as a part of the range, where that is more."""
-    missing: float
+    missing: float = 0.01
     """Part of the beams that return nothing for no reason."""
     grazing_deg: float = 85.0
     """Surfaces met at more than this from their normal return nothing [deg]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            beams=(3, 100_000, "beams"),
+            fov_deg=(1, 360, "degrees"),
+            min_range_m=(0, 1000, "m"),
+            max_range_m=(0.01, 1000, "m"),
+            sigma_m=(0, 10, "m"),
+            sigma_share=(0, 1),
+            missing=(0, 1),
+            grazing_deg=(1, 90, "degrees"),
+        )
+        if not self.min_range_m < self.max_range_m:
+            raise ValueError(
+                f"min_range_m is {self.min_range_m} and max_range_m {self.max_range_m}, expected the first below the "
+                "other."
+            )
 
     @property
     def bearing_rad(self) -> Float[np.ndarray, " n"]:

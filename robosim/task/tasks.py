@@ -118,12 +118,17 @@ def make_task(
 def _draw_pair(
     reach: Reach, rng: np.random.Generator, given: np.ndarray | None, min_path_m: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Two points of one part and the drive between them [m]; the first is the given one, if there is one."""
-    cells = np.argwhere(reach.parts > 0)
+    """Two points of one part and the drive between them [m]; the first is the given one, if there is one.
+
+    What is drawn is indoors.
+    """
+    cells = np.argwhere(reach.indoors)
     best: tuple[float, np.ndarray, np.ndarray] | None = None
     for _ in range(1 if given is not None else _TRIES):
         anchor = given if given is not None else _centre(reach, cells[rng.integers(len(cells))])
         travel = reach.travel_m(anchor)
+        indoors = np.where(reach.indoors, travel, np.inf)
+        travel = indoors if np.isfinite(indoors).any() else travel
         far_enough = np.argwhere(np.isfinite(travel) & (travel >= min_path_m))
         if len(far_enough):
             cell = far_enough[rng.integers(len(far_enough))]
