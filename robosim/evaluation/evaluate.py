@@ -16,7 +16,7 @@ from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import SUMMARY_HEADS, summary_cells
+from robosim.evaluation.report import summary_rows
 from robosim.evaluation.results import Evaluation, write_results
 from robosim.evaluation.scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
@@ -152,12 +152,13 @@ def evaluate(
 def summary_table(summaries: Sequence[Summary]) -> Table:
     """The summary for a terminal."""
     table = Table(caption="95 % intervals in brackets; times in steps relative to the oracle's")
-    for place, name in enumerate(SUMMARY_HEADS):
+    heads, lines = summary_rows(summaries)
+    for place, name in enumerate(heads):
         table.add_column(name, justify="left" if place < 2 else "right", no_wrap=True)
     before = None
-    for summary in summaries:
-        if before is not None and before != summary.policy:
+    for cells in lines:
+        if before is not None and before != cells[0]:
             table.add_section()
-        before = summary.policy
-        table.add_row(*(Text(cell) for cell in summary_cells(summary)))
+        before = cells[0]
+        table.add_row(*map(Text, cells))
     return table

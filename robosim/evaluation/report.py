@@ -85,30 +85,33 @@ def write_report(page: Page, path: Path) -> None:
         )
 
 
-def summary_cells(summary: Summary) -> tuple[str, ...]:
-    """One line of the summary table."""
-    return (
-        summary.policy,
-        summary.difficulty,
-        str(summary.tasks),
-        _percent(summary.arrival_rate),
-        _times(summary.time_median),
-        _times(summary.time_p80),
-        _times(summary.limit_median),
-        "{:.3f} [{:.3f}, {:.3f}]".format(*summary.spl),
+def summary_rows(summaries: Sequence[Summary]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Heads and lines of the summary table; with times relative to `shortest` where that was run."""
+    limit = any(not np.isnan(summary.limit_median.value) for summary in summaries)
+    heads = (
+        "policy",
+        "tasks are",
+        "tasks",
+        "arrived %",
+        "rel. time, median",
+        "rel. time, 80 %",
+        *(["x shortest, median"] if limit else []),
+        "mean SPL",
     )
-
-
-SUMMARY_HEADS = (
-    "policy",
-    "tasks are",
-    "tasks",
-    "arrived %",
-    "rel. time, median",
-    "rel. time, 80 %",
-    "x shortest",
-    "mean SPL",
-)
+    lines = [
+        (
+            summary.policy,
+            summary.difficulty,
+            str(summary.tasks),
+            _percent(summary.arrival_rate),
+            _times(summary.time_median),
+            _times(summary.time_p80),
+            *([_times(summary.limit_median)] if limit else []),
+            "{:.3f} [{:.3f}, {:.3f}]".format(*summary.spl),
+        )
+        for summary in summaries
+    ]
+    return heads, lines
 
 
 def _percent(rate: Estimate) -> str:
@@ -122,16 +125,16 @@ def _times(time: Estimate) -> str:
 
 def _summary_table(summaries: Sequence[Summary]) -> str:
     rows, before = [], None
-    for summary in summaries:
-        first = ' class="first"' if before is not None and before != summary.policy else ""
-        before = summary.policy
-        policy, name, *cells = summary_cells(summary)
+    heads, lines = summary_rows(summaries)
+    for policy, name, *cells in lines:
+        first = ' class="first"' if before is not None and before != policy else ""
+        before = policy
         rows.append(
             f'<tr{first}><td>{escape(policy)}</td><td class="name">{name}</td>'
             + "".join(f"<td>{cell}</td>" for cell in cells)
             + "</tr>"
         )
-    return _table(SUMMARY_HEADS, rows)
+    return _table(heads, rows)
 
 
 def _wide_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
