@@ -1,5 +1,6 @@
 """`robosim bench`: speed against error."""
 
+import math
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -410,3 +411,34 @@ def episode(
     console.print(table)
     tell_file(folder / "episode.json")
     console.print(f"Wrote episode.json and episode.png in {folder}")
+
+
+def positioning(
+    paths: Positional[Path],
+    *,
+    turn_deg: float = 0.0,
+    out: Path | None = None,
+) -> None:
+    """Find receivers and the transmitter of a real hall from measured radio paths, and compare with the truth.
+
+    Line of sight and single bounces, directions at both ends and delays; the clocks need not agree. Three minutes for
+    45 places.
+
+    Example: robosim bench positioning paths.csv --turn-deg -1.6 --out out/positioning
+
+    Args:
+        paths: Table with a row for each path (.csv): place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m,
+            rx_heading_rad, range_m, aod_rad, aoa_rad.
+        turn_deg: What the transmitter's heading in the table is corrected by [deg].
+        out: Folder for the table and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.positioning import run
+    from robosim.published.measured_paths import read_measured_paths
+    from wireless.positioning.single_bounce import PositioningConfig
+
+    check_number("turn_deg", turn_deg, -360, 360, "degrees")
+    hall = read_measured_paths(paths, math.radians(turn_deg))
+    with results_in(out, "bench positioning") as folder:
+        console.print(run(hall, folder, PositioningConfig(), console))
+    tell_file(folder / "positioning.json")
+    console.print(f"Wrote the table and the plot in {folder}")

@@ -29,6 +29,7 @@ COMMANDS = {
     "bench wireless": "bench:wireless",
     "bench estimation": "bench:estimation",
     "bench labels": "bench:labels",
+    "bench positioning": "bench:positioning",
     "figures plans": "figures:plans",
     "figures arrays": "figures:arrays",
     "figures wireless": "figures:wireless",

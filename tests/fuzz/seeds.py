@@ -31,6 +31,7 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.plans.formats.pgm import encode_pgm
 from robosim.plans.formats.plan_image import GREY
 from robosim.published.label_links import Links
+from robosim.published.measured_paths import COLUMNS as MEASURED
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.robot.calibration import COLUMNS, read_runs
 from robosim.robot.robots import TURTLEBOT, write_robot
@@ -399,13 +400,19 @@ def logs(folder: Path) -> None:
 
 
 def robots(folder: Path) -> None:
-    """A robot whose odometry is known, and the table of runs that it is known from."""
+    """A robot whose odometry is known, the table of runs that it is known from, and a table of measured paths."""
     home, rng = _into(folder, "robots"), np.random.default_rng(7)
     rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in Action for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
     (home / "runs.csv").write_text(text)
     found = calibrated(read_runs(home / "runs.csv"))
     write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
+    columns = ",".join(MEASURED)
+    (home / "paths.csv").write_text(
+        "\n".join(
+            [columns, *(",".join(map(str, row)) for row in rng.normal(0, 3, (9, len(MEASURED))).round(4))]
+        )
+    )
     (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
 
 

@@ -23,6 +23,7 @@ from robosim.figures.training import confusion_of, read_card, read_epochs
 from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.published.label_links import Links
+from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
 from robosim.recording.decision_log import read_decisions
 from robosim.robot.calibration import read_runs
@@ -324,6 +325,7 @@ TARGETS: dict[str, Target] = {
     "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
+    "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),

@@ -1,0 +1,1 @@
+"""Where radios are, from the paths between them."""
