@@ -58,7 +58,7 @@ def run(
         alone = [locate(place.seen_from_transmitter, config) for place in places]
     with tracked(hall.places, "clock known", console) as places:
         timed = [locate(place.seen_from_transmitter, config, offset_m=0.0) for place in places]
-    with console.status("one clock for all places: some two minutes ..."):
+    with console.status("one clock for all places: a minute or two ..."):
         together = locate_together([place.seen_from_transmitter for place in hall.places], config)
     transmitter = locate(hall.seen_from_receiver, config)
     truth = np.array([place.receiver for place in hall.places])

@@ -421,7 +421,7 @@ def positioning(
 ) -> None:
     """Find receivers and the transmitter of a real hall from measured radio paths, and compare with the truth.
 
-    Line of sight and single bounces, directions at both ends and delays; the clocks need not agree. Three minutes for
+    Line of sight and single bounces, directions at both ends and delays; the clocks need not agree. Two minutes for
     45 places.
 
     Example: robosim bench positioning paths.csv --turn-deg -1.6 --out out/positioning

@@ -27,8 +27,8 @@ from scipy.optimize import least_squares
 
 #: Directions differ by less than this many standard deviations where a path is taken for one in line of sight.
 _STRAIGHT = 2.5
-#: Sets of few paths are solved at most; how much worse than the best a heading's hypotheses are still refined.
-_MOST_SETS, _REFINED = 400, 8
+#: Sets of few paths that are solved at most for a heading, and hypotheses of the best headings that are refined.
+_MOST_SETS, _REFINED = 400, 4
 #: Rounds of least squares at most until the same paths agree twice.
 _MORE_ROUNDS = 6
 #: Paths that leave a direction open have a larger condition number.
