@@ -368,7 +368,7 @@ INTERRUPTED = """
         return Result(x, 1)
 
 
-    def interrupted(delay, call):
+    def interrupted(delay, call, longer=None):
         for _ in range(20):
             through = False
             try:
@@ -377,9 +377,10 @@ INTERRUPTED = """
                 through = True
                 time.sleep(60)
             except Stop:
-                # On a busy machine the signal may come when all is over: then once more.
-                if not through:
+                # On a busy machine the signal may come when all is over: then once more, for longer.
+                if not through or longer is None:
                     return
+                longer()
             else:
                 break
         raise SystemExit("not interrupted")
@@ -398,12 +399,16 @@ INTERRUPTED = """
     begin = time.perf_counter()
     spin(2_000_000, 3)
     rounds = max(1, int(2_000_000 * 0.3 / (time.perf_counter() - begin)))
-    spin(rounds, 3)
+
+    def more():
+        global rounds
+        rounds *= 2
+
     for i in range(4):
-        interrupted(0.02 + 0.05 * i, lambda: spin(rounds, 3))
+        interrupted(0.02 + 0.05 * i, lambda: spin(rounds, 3), more)
     SIGNAL, Stop = signal.SIGTERM, Ended
     signal.signal(SIGNAL, end)
-    interrupted(0.1, lambda: spin(rounds, 3))
+    interrupted(0.1, lambda: spin(rounds, 3), more)
     assert signal.getsignal(signal.SIGTERM) is end
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     asked = []
