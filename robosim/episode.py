@@ -5,7 +5,7 @@ part of the system. `run_episode` looks on and judges; whoever collects frames o
 mapper never sees the true pose, and only the oracle sees the target; `shortest`, the physical limit, is told all.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from signal import SIGINT, SIGTERM
@@ -40,7 +40,6 @@ from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.support.checks import SEED, STEPS, check_numbers
 from robosim.support.interrupt import noted_interrupt
-from robosim.support.parts import Part
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
 from robosim.task.record import EpisodeLog
@@ -133,19 +132,17 @@ class Decision(Turn):
 Onlooker = Callable[[EpisodeLog, Decision], None]
 
 
-def check_weights(config: EpisodeConfig, goals: Sequence[Part] | None = None) -> None:
+def check_weights(config: EpisodeConfig) -> None:
     """Read the weights that an episode asks for, so that a bad file is found before the work begins.
 
-    Args:
-        config: How episodes are run.
-        goals: Who chooses the goals, if not the one of the configuration: without a radio nobody tells link states.
+    Without a radio nobody tells link states, and their weights are not read.
 
     Raises:
         ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=np.zeros(2))
-    if any(make_policy(goal, context).uses_radio for goal in goals or [config.goal]):
+    if make_policy(config.goal, context).uses_radio:
         check_classifier(config.link_states)
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
-from robosim.evaluation.ablations import POLICY, place_of
+from robosim.evaluation.ablations import POLICY, configured, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import summary_rows
@@ -121,7 +121,8 @@ def evaluate(
         MapError: If a plan cannot be read.
         ValueError: If weights cannot be read, or a task lies outside of its plan.
     """
-    check_weights(config, policies)
+    for policy in policies:
+        check_weights(configured(config, policy))
     suite.check_places()
     everyone = (
         "oracle",

@@ -3,10 +3,12 @@
 from dataclasses import asdict, replace
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
+from robosim.cli import main
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.evaluation.ablations import POLICY, configured
 from robosim.evaluation.episodes import make_jobs
@@ -94,3 +96,13 @@ def test_variants_run_only_if_asked_for():
         ValueError, match=r"policies is 'fused-no-legs'\. Did you mean 'fused-no-aod'\? Known: oracle"
     ):
         check_policies(["fused-no-legs"])
+
+
+def test_a_variant_is_evaluated(tmp_path):
+    """One is no goal policy by its own name: what is checked before the work is its configuration."""
+    main(
+        "evaluate flat --policies fused-no-aod --targets 1 --max-steps 2 --mapper classical --physics kinematic "
+        f"--camera embree --image.height 32 --workers 1 --out {tmp_path / 'out'}".split()
+    )
+    rows = pq.read_table(tmp_path / "out" / "episodes.parquet").to_pylist()
+    assert [row["policy"] for row in rows] == ["oracle", "fused-no-aod"]
