@@ -190,7 +190,7 @@ class Simulator:
     @property
     def true_depth(self) -> Float[np.ndarray, "h w"] | None:
         """Depth of the last observation without noise, for judging [m]; 0 where nothing was hit, None if blind."""
-        return None if getattr(self._camera, "blind", False) else self._depth
+        return None if self.config.camera == "none" else self._depth
 
     @property
     def true_laser(self) -> LaserScan | None:

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 from rich.table import Table
+from scipy.constants import speed_of_light
 
 from robosim.drawing.plots import save_figure
 from robosim.published.measured_paths import MeasuredHall
@@ -23,7 +24,7 @@ from wireless.positioning.single_bounce import Located, PositioningConfig, locat
 from wireless.support.axes import axes_in_metres
 
 #: Metres that light goes in a nanosecond.
-_M_PER_NS = 0.299792458
+_M_PER_NS = speed_of_light / 1e9
 
 
 @dataclass(frozen=True)

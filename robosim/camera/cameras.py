@@ -68,8 +68,6 @@ def embree_camera(
 class NoCamera:
     """The camera of a robot that has none: its pictures are black, and nothing is measured in them."""
 
-    blind = True
-
     def __init__(
         self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig, platform: GLSystem | None = None
     ) -> None:

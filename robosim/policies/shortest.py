@@ -7,6 +7,7 @@ Planner, controller, physics and noise of actuation are everybody's.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -52,8 +53,17 @@ class TrueMapper:
             pose: Tells the true pose: x [m], y [m], yaw [rad] in `map`.
         """
         self._pose = pose
-        self._frame = _frame(building)
-        self._obstacle, self._offset_m = _raster(building, self._frame)
+        frame = _frame(building)
+        obstacle, offset_m = _raster(building, frame)
+        nothing = np.zeros(frame.shape, bool)
+        self._truth = MapEstimate(
+            frame=frame,
+            obstacle_probability=obstacle.astype(np.float32),
+            explored=~nothing,
+            blocked=nothing,
+            pose=np.zeros(3),
+            surface_offset_m=offset_m,
+        )
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """There is nothing to forget."""
@@ -66,15 +76,7 @@ class TrueMapper:
 
     def estimate(self) -> MapEstimate:
         """The truth."""
-        nothing = np.zeros(self._frame.shape, bool)
-        return MapEstimate(
-            frame=self._frame,
-            obstacle_probability=self._obstacle.astype(np.float32),
-            explored=~nothing,
-            blocked=nothing,
-            pose=np.array(self._pose(), float),
-            surface_offset_m=self._offset_m,
-        )
+        return replace(self._truth, pose=np.array(self._pose(), float))
 
 
 def _frame(building: Building) -> GridFrame:

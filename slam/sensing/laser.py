@@ -8,6 +8,7 @@ Left out: the robot's motion within one turn of the scanner, tilt.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -29,7 +30,7 @@ class LaserScan:
     height_m: float
     """Height of the beams above the floor [m]."""
 
-    @property
+    @cached_property
     def hit(self) -> Bool[np.ndarray, " n"]:
         """Beams that ended at a surface."""
         return np.isfinite(self.range_m)
@@ -51,7 +52,7 @@ class LaserScan:
         # Rounding: the last turn of a full circle is the last beam's.
         return np.where(beam < n, beam, n - 1 if self.all_around else -1)
 
-    @property
+    @cached_property
     def clear_m(self) -> Float[np.ndarray, " n"]:
         """How far nothing stands on each beam [m]; 0 where it says nothing."""
         side = _MISSING // 2

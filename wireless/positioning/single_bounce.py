@@ -52,6 +52,15 @@ class MeasuredPaths:
     length_m: Float[np.ndarray, " n"]
     """Delay times the speed of light [m], with the offset of the clocks."""
 
+    def chosen(self, which: Bool[np.ndarray, " n"] | slice) -> "MeasuredPaths":
+        """Some of the paths."""
+        return MeasuredPaths(
+            known_xy=self.known_xy[which],
+            known_rad=self.known_rad[which],
+            own_rad=self.own_rad[which],
+            length_m=self.length_m[which],
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class PositioningConfig:
@@ -163,8 +172,7 @@ def locate_together(
         ValueError: If the paths of a place are too few.
     """
     alone = [locate(paths, config) for paths in places]
-    middle = float(np.median([found.offset_m for found in alone]))
-    offset = middle
+    offset = float(np.median([found.offset_m for found in alone]))
     for half_m in _AROUND_M:
         offset = _best_of(
             lambda value: sum(locate(paths, config, offset_m=value).cost for paths in places), offset, half_m
@@ -200,7 +208,7 @@ def _solved(
     """Places and offsets (x, y, heading, offset) that agree exactly with few paths."""
     d, e = _unit(paths.known_rad), _unit(heading + paths.own_rad)
     s = d + e
-    normal = np.stack([-s[:, 1], s[:, 0]], axis=-1) / np.maximum(np.hypot(*s.T), 1e-9)[:, None]
+    normal = _left_of(s) / np.maximum(np.hypot(*s.T), 1e-9)[:, None]
     across = (normal * e).sum(axis=1)
     # Equation (1) times the normal: normal . z - (normal . e) offset = normal . (k - length e).
     told = (normal * (paths.known_xy - paths.length_m[:, None] * e)).sum(axis=1)
@@ -312,12 +320,7 @@ def _refined(
         if settled or not agree.any():
             break
         before = agree if config is last else None
-        some = MeasuredPaths(
-            known_xy=paths.known_xy[agree],
-            known_rad=paths.known_rad[agree],
-            own_rad=paths.own_rad[agree],
-            length_m=paths.length_m[agree],
-        )
+        some = paths.chosen(agree)
         spread = _deviations(some, state[None], config)[1][0]
         whitening = np.linalg.inv(np.linalg.cholesky(spread))
         whiten = partial(_whitened, paths=some, kept=state[free:], whitening=whitening, config=config)

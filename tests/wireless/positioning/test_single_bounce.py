@@ -65,13 +65,7 @@ def test_without_noise_it_is_exact(straight, offset_m):
 def test_with_the_clock_known_three_bounces_do():
     pose = np.array([7.0, 2.0, -0.4])
     paths = in_room(pose, straight=False)
-    three = MeasuredPaths(
-        known_xy=paths.known_xy[:3],
-        known_rad=paths.known_rad[:3],
-        own_rad=paths.own_rad[:3],
-        length_m=paths.length_m[:3],
-    )
-    np.testing.assert_allclose(locate(three, FINE, offset_m=0.0).pose, pose, atol=1e-6)
+    np.testing.assert_allclose(locate(paths.chosen(slice(3)), FINE, offset_m=0.0).pose, pose, atol=1e-6)
 
 
 def test_the_covariance_is_that_of_the_errors():
@@ -103,14 +97,8 @@ def test_places_share_a_clock():
 
 def test_too_few_paths_are_refused():
     paths = in_room(np.array([6.0, 3.0, 0.0]))
-    two = MeasuredPaths(
-        known_xy=paths.known_xy[:2],
-        known_rad=paths.known_rad[:2],
-        own_rad=paths.own_rad[:2],
-        length_m=paths.length_m[:2],
-    )
     with pytest.raises(ValueError, match="2 paths, expected 3 at least"):
-        locate(two)
+        locate(paths.chosen(slice(2)))
 
 
 @pytest.fixture(scope="module")
