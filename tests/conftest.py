@@ -8,8 +8,15 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
 
+# Large libraries come before the first module of ours: those that one of ours imports first are compiled anew in each
+# process, as jaxtyping has Python look for bytecode of a name of its own as long as a module of ours is loaded.
+import matplotlib.pyplot  # noqa: F401
+import numba  # noqa: F401
 import numpy as np
 import pytest
+import scipy.optimize  # noqa: F401
+import torch  # noqa: F401
+import trimesh
 from typecheck import check_all_again
 
 from robosim.support.workers import Workers
@@ -39,8 +46,6 @@ def shared() -> Path:
 def loops_for_any_mesh() -> None:
     """On a new machine two processes that run tests compile side by side: one what its tests need, the other this."""
     if os.environ.get("PYTEST_XDIST_WORKER") == "gw1":
-        import trimesh
-
         from wireless import Tracer, TracerConfig
 
         box = Tracer(trimesh.creation.box((8, 6, 3)), config=TracerConfig(scene="space"))
