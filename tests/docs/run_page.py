@@ -1,17 +1,13 @@
-"""Runs the Python on a page: blocks named python, one after the other; `python run_page.py PAGE`.
-
-In a process of its own, as a reader would run it: in the tests' own one, types are checked at each call.
-"""
+"""Runs the Python on a page: blocks named python, one after the other, in a process of its own."""
 
 import doctest
 import re
-import sys
 from pathlib import Path
 
 _FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
-def main(page: Path) -> int:
+def run_page(page: Path) -> int:
     """Run all blocks; the number of those that print something else than the page says."""
     names: dict[str, object] = {"__name__": "page"}
     failures = 0
@@ -26,7 +22,3 @@ def main(page: Path) -> int:
         failures += runner.failures
         names = test.globs
     return failures
-
-
-if __name__ == "__main__":
-    sys.exit(main(Path(sys.argv[1])))

@@ -1,31 +1,31 @@
 """Every example of the gallery runs, is short, and draws something."""
 
 import ast
-import os
-import subprocess
-import sys
+import runpy
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from PIL import Image
+
+from tests.docs.conftest import Ended
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "docs" / "gallery").glob("plot_*.py"))
 #: Lines of code that an example may have, its text and empty lines not counted.
 MOST_LINES = 40
 
-#: Shows figures by saving them.
-_SHOW = """
-import runpy, sys
-import matplotlib
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
-plt.show = lambda *args, **kwargs: None
-runpy.run_path(sys.argv[1], run_name="__main__")
-for number in plt.get_fignums():
-    plt.figure(number).savefig(f"{sys.argv[2]}/{number}.png", dpi=50)
-"""
+
+def _show(example: Path, folder: Path) -> None:
+    """Run an example that shows its figures by saving them."""
+    warnings.filterwarnings("error", category=DeprecationWarning, module="__main__")
+    plt.show = lambda *args, **kwargs: None
+    runpy.run_path(str(example), run_name="__main__")
+    for number in plt.get_fignums():
+        plt.figure(number).savefig(folder / f"{number}.png", dpi=50)
 
 
 def test_there_are_examples() -> None:
@@ -42,18 +42,10 @@ def test_length(path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_runs(path: Path, tmp_path: Path) -> None:
+def test_runs(path: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
     """It ends without error and without a warning on the terminal, and its picture is not empty."""
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
-    done = subprocess.run(
-        [sys.executable, "-W", "error::DeprecationWarning:__main__", "-c", _SHOW, str(path), str(tmp_path)],
-        cwd=tmp_path,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
+    ended = apart(_show, path, tmp_path, folder=tmp_path)
+    assert ended.status == 0, ended.said[-3000:]
     pictures = list(tmp_path.glob("*.png"))
     assert pictures
     for picture in pictures:

@@ -2,11 +2,8 @@
 
 import functools
 import importlib
-import os
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +11,8 @@ import pytest
 
 import robosim.cli as cli
 from robosim.commands.table import loaded
+from tests.docs.conftest import Ended
+from tests.docs.run_page import run_page
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -81,16 +80,10 @@ def python_pages() -> list[Path]:
 
 
 @pytest.mark.parametrize("page", python_pages(), ids=lambda page: page.name)
-def test_python_runs(page: Path, tmp_path: Path) -> None:
+def test_python_runs(page: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
     """Blocks of a page run one after the other, and print what the page says."""
-    done = subprocess.run(
-        [sys.executable, str(Path(__file__).with_name("run_page.py")), str(page)],
-        cwd=tmp_path,
-        env={**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr[-3000:]
+    ended = apart(run_page, page, folder=tmp_path)
+    assert ended.status == 0, ended.said[-3000:]
 
 
 def test_citations() -> None:
