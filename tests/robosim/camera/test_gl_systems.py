@@ -29,15 +29,14 @@ def environment(**settings: str) -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if not name.startswith(own)} | settings
 
 
-@pytest.mark.parametrize("name", RENDERING_TESTS)
-def test_the_other_system_passes_the_rendering_tests_too(name, tmp_path):
+def test_the_other_system_passes_the_rendering_tests_too(tmp_path):
     """On a machine with OSMesa and EGL: this run takes the first, and a child process the second."""
     (other,) = set(SYSTEM_NAMES) - {default_system()}
     if lack := missing(other):
         pytest.skip(str(lack))
     options = ["-q", "-p", "no:cacheprovider", "--basetemp", str(tmp_path / "child"), "-k", "not embree"]
     child = subprocess.run(
-        [sys.executable, "-m", "pytest", *options, str(ROOT / "tests" / name)],
+        [sys.executable, "-m", "pytest", *options, *(str(ROOT / "tests" / name) for name in RENDERING_TESTS)],
         cwd=ROOT,
         env=environment(PYOPENGL_PLATFORM=other),
         capture_output=True,
