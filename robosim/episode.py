@@ -35,6 +35,7 @@ from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.policies.situation import Situation
+from robosim.radio.bearings import bearings_of
 from robosim.radio.measurement import Interpreter, check_classifier
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
@@ -46,6 +47,7 @@ from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.grid import MapEstimate
+from slam.mapping.classical import Listener
 from slam.planning.planner import Plan
 from wireless.paths import Paths
 
@@ -269,6 +271,9 @@ def run_episode(
         for name, link in simulator.anchors.items():
             anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
             log.add_link(anchors[name], link, name)
+        if isinstance(navigator.mapper, Listener):
+            heard = {"target": measurement, **anchors}
+            navigator.mapper.listen(bearings_of(heard, radio.config, known_places))
         return Situation(estimate, measurement, anchors, known_places, view.target)
 
     def look(decision: Decision) -> None:
@@ -280,6 +285,8 @@ def run_episode(
         )
     if explored:
         log.ended = "explored"
+    if isinstance(navigator.mapper, Listener):
+        log.transmitters = navigator.mapper.transmitters()
     return log, last.estimate
 
 

@@ -5,6 +5,7 @@ Metrics go by their usual names: success weighted by path length (SPL) and its s
 TUM files, `timestamp x y z qx qy qz qw` in seconds of simulated time, as evo reads them.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -18,6 +19,7 @@ from robosim.robot.motion import Motion
 from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.support.tum import write_tum
 from robosim.task.tasks import ARRIVAL_M, Task
+from slam.graph.landmarks import Transmitter
 from slam.poses import wrap
 from wireless.paths import LinkState
 from wireless.support.axes import axes_in_metres
@@ -56,6 +58,8 @@ class EpisodeLog:
     """What the radio measured at each decision, if there is one."""
     anchor_links: dict[str, list[Link]] = field(default_factory=dict)
     """The same of other transmitters, by their names."""
+    transmitters: Mapping[str, Transmitter] = field(default_factory=dict)
+    """Where the mapper takes transmitters to stand in the end, by their names; those it has seen in line of sight."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
@@ -144,6 +148,7 @@ class EpisodeLog:
             "target": self.task.target,
             "simulated_s": float(self._times()[-1]),
             **_radio_result(self.links),
+            **(self._where_found("target", self.task.target) if self.links else {}),
             **({"anchors": self._anchor_results()} if self.task.anchors else {}),
         }
 
@@ -154,8 +159,18 @@ class EpisodeLog:
                 "place": anchor.place,
                 "known": anchor.known,
                 **_radio_result(self.anchor_links.get(anchor.name, [])),
+                **self._where_found(anchor.name, anchor.place),
             }
             for anchor in self.task.anchors
+        }
+
+    def _where_found(self, name: str, place: Float[np.ndarray, "2"]) -> dict[str, Any]:
+        """Where the mapper takes a transmitter to stand, how sure it is, and how far off; None if it cannot say."""
+        found = self.transmitters.get(name)
+        return {
+            "transmitter": found and found.xy,
+            "transmitter_std_m": found and float(np.sqrt(np.trace(found.covariance))),
+            "transmitter_error_m": found and float(np.hypot(*(found.xy - place))),
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":

@@ -1,13 +1,14 @@
-"""A graph of poses and of what was measured between them, and the poses that fit all measurements best.
+"""A graph of poses, of places that were sighted, and of what was measured between them.
 
-A constraint says where pose j lies in the frame of pose i, with a covariance. With e_ij the difference between that and
-what the poses say, in the frame of i, the poses minimise
+A constraint says where pose j lies in the frame of pose i, with a covariance; a sighting, in which direction and about
+how far away a place appeared. With e_ij the difference between what was measured and what poses and places say, in the
+frame of i, they minimise
 
-    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e),
+    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2),
 
-by Gauss-Newton on a sparse system. Closed loops may be wrong: rho is Geman and McClure's kernel, under which a wrong
-one loses its weight, made convex at first and less and less so (graduated non-convexity), so that what is right does
-not depend on where the solver starts. The first pose stands still.
+by Gauss-Newton on a sparse system. Closed loops may be wrong, and so may sightings: rho is Geman and McClure's kernel,
+under which what is wrong loses its weight, made convex at first and less and less so (graduated non-convexity), so that
+what is right does not depend on where the solver starts. The first pose stands still.
 References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Transportation Systems Magazine 2 (2010);
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
@@ -15,24 +16,29 @@ Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotic
 import heapq
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
 from slam.poses import between, rotation
 
-#: Squared error, in variances, at which a loop begins to lose its weight: 99.9 % of a right one's are below (chi
-#: square, three degrees of freedom).
-_TRUSTED = 16.27
-#: By how much the kernel is made less convex in each round.
-_STEP = 1.6
-#: Steps with the same weights, and at most.
-_FEW_STEPS, _MOST_STEPS = 2, 30
+#: Squared error, in variances, at which a loop, or a number of a sighting, begins to lose its weight: 99.9 % of right
+#: ones are below (chi square of three degrees of freedom, and of one).
+_TRUSTED, _TRUSTED_ONE = 16.27, 10.83
+#: By how much the kernel is made less convex in each round, and how convex it is at first at most.
+_STEP, _MOST_CONVEX = 1.6, 1e3
+#: Steps with the same weights, and at most; rounds in which the last weights settle.
+_FEW_STEPS, _MOST_STEPS, _SETTLING = 2, 30, 3
 #: The solver stops when no pose moves by more [m, rad].
 _STILL = 1e-5
+#: A place moves in one step by no more than this part of its distance from where it was seen: beyond, bearings are
+#: not linear.
+_PLACE_STEP = 0.5
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,8 +57,30 @@ class Constraint:
     """Whether it may be wrong altogether."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sighting:
+    """A place, as it appeared from a pose of the graph."""
+
+    pose: int
+    """Whose frame `at` is told in."""
+    at: Float[np.ndarray, "3"]
+    """Where it was seen from: x [m], y [m], yaw [rad]."""
+    place: int
+    """Which place."""
+    bearing_rad: float
+    """Direction, from `at` [rad]."""
+    sigma_rad: float
+    """Standard deviation of that [rad]."""
+    range_m: float
+    """Distance [m]; with `beyond`, how much larger it is than that of the other place."""
+    sigma_range: float
+    """Standard deviation of the distance's natural logarithm; with `beyond`, of the difference [m]."""
+    beyond: int | None = None
+    """The place whose distance is compared, if one is."""
+
+
 class PoseGraph:
-    """Poses in `map`, and constraints between them."""
+    """Poses and places in `map`, and what was measured between them."""
 
     def __init__(self, first: Float[np.ndarray, "3"]) -> None:
         """Begin with a pose that stands still: x [m], y [m], yaw [rad]."""
@@ -60,43 +88,67 @@ class PoseGraph:
         self.constraints: list[Constraint] = []
         self.weights: list[float] = []
         """How far each constraint is believed, 0 to 1."""
+        self.places: list[Float[np.ndarray, 2]] = []
+        self.sightings: list[Sighting] = []
+        self._known: list[bool] = []
 
     def add(self, pose: Float[np.ndarray, "3"]) -> int:
         """Add a pose, which something has to hold; its number."""
         self.poses.append(np.asarray(pose, float))
         return len(self.poses) - 1
 
+    def add_place(self, xy: Float[np.ndarray, "2"], *, known: bool = False) -> int:
+        """Add a place [m], which sightings have to hold unless it is known; its number."""
+        self.places.append(np.asarray(xy, float))
+        self._known.append(known)
+        return len(self.places) - 1
+
     def hold(self, constraint: Constraint) -> None:
         """Add a constraint."""
         self.constraints.append(constraint)
         self.weights.append(1.0)
 
+    def see(self, sighting: Sighting) -> None:
+        """Add a sighting of a place."""
+        self.sightings.append(sighting)
+
     def solve(self) -> float:
-        """Find the poses that fit best.
+        """Find the poses and places that fit best.
 
         Returns:
             How far the pose that moved most has moved [m].
         """
-        before = np.array(self.poses)
-        if len(before) < 2 or not self.constraints:
+        if len(self.poses) < 2 or not self.constraints:
             return 0.0
-        first = np.array([c.first for c in self.constraints])
-        second = np.array([c.second for c in self.constraints])
-        measured = np.array([c.pose for c in self.constraints])
-        information = np.linalg.inv(np.array([c.covariance for c in self.constraints]))
-        loop = np.array([c.loop for c in self.constraints])
-        weights = np.ones(len(loop))
-        poses, convex = before, 0.0
-        while loop.any() and convex != 1.0:
-            squares = _squares(poses, first, second, measured, information)[loop]
-            convex = max(1.0, convex / _STEP if convex else 2 * float(squares.max()) / _TRUSTED)
+        before = np.array(self.poses)
+        system = self._system()
+        state = system.state
+        weights, convex = system.all_trusted(), 0.0
+        while system.doubtful.any() and convex != 1.0:
+            over = (system.squares(state) / system.trusted)[system.doubtful]
+            convex = max(1.0, convex / _STEP if convex else min(2 * float(over.max()), _MOST_CONVEX))
             # The weights of Geman and McClure's kernel.
-            weights[loop] = (convex * _TRUSTED / (squares + convex * _TRUSTED)) ** 2
-            poses = _minimised(poses, first, second, measured, information, weights, _FEW_STEPS)
-        poses = _minimised(poses, first, second, measured, information, weights, _MOST_STEPS)
-        self.weights = weights.tolist()
-        self.poses = list(poses)
-        return float(np.hypot(*(poses - before)[:, :2].T).max())
+            weights[system.doubtful] = (convex / (over + convex)) ** 2
+            state = system.minimised(state, weights, _FEW_STEPS)
+        state = system.minimised(state, weights, _MOST_STEPS)
+        for _ in range(_SETTLING if system.doubtful.any() else 0):
+            weights[system.doubtful] = 1 / (system.squares(state) / system.trusted + 1)[system.doubtful] ** 2
+            state = system.minimised(state, weights, _FEW_STEPS)
+        self.weights = weights[: len(self.constraints)].tolist()
+        self.poses = list(state.poses)
+        self.places = list(state.places)
+        return float(np.hypot(*(state.poses - before)[:, :2].T).max())
+
+    def place_covariance(self, place: int) -> Float[np.ndarray, "2 2"]:
+        """How well a place is known in `map` [m^2], all that is believed taken together."""
+        system = self._system()
+        over = system.squares(system.state) / system.trusted
+        weights = np.where(system.doubtful, (1 / (over + 1)) ** 2, 1.0)
+        return system.place_covariance(weights, place)
+
+    def _system(self) -> "_System":
+        poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
+        return _System(_State(poses, places), self.constraints, self.sightings, np.array(self._known, bool))
 
     def uncertainty(self, start: int) -> dict[int, Float[np.ndarray, "3 3"]]:
         """Covariance of each pose in the frame of one of them, at most.
@@ -154,16 +206,155 @@ def _inverted(pose: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
     return np.asarray(lever @ turn @ covariance @ turn.T @ lever.T)
 
 
-def _squares(
-    poses: Float[np.ndarray, "n 3"],
-    first: np.ndarray,
-    second: np.ndarray,
-    measured: Float[np.ndarray, "m 3"],
-    information: Float[np.ndarray, "m 3 3"],
-) -> Float[np.ndarray, " m"]:
-    """Squared error of each constraint, in variances."""
-    error, _ = _errors(poses, first, second, measured)
-    return np.asarray(np.einsum("mi,mij,mj->m", error, information, error))
+class _State(NamedTuple):
+    """Poses and places in `map`."""
+
+    poses: Float[np.ndarray, "n 3"]
+    places: Float[np.ndarray, "m 2"]
+
+
+class _System:
+    """All measurements as arrays: constraints first, then bearings, then distances of sightings."""
+
+    def __init__(
+        self,
+        state: _State,
+        constraints: Sequence[Constraint],
+        sightings: Sequence[Sighting],
+        known: Bool[np.ndarray, " m"],
+    ) -> None:
+        self.state = state
+        self._first = np.array([c.first for c in constraints], int)
+        self._second = np.array([c.second for c in constraints], int)
+        self._measured = np.array([c.pose for c in constraints]).reshape(-1, 3)
+        self._information = np.linalg.inv(np.array([c.covariance for c in constraints]).reshape(-1, 3, 3))
+        self._from = np.array([s.pose for s in sightings], int)
+        self._at = np.array([s.at for s in sightings]).reshape(-1, 3)
+        self._place = np.array([s.place for s in sightings], int)
+        self._bearing = np.array([s.bearing_rad for s in sightings])
+        # Where nothing is compared, the other place is the same one.
+        self._other = np.array([s.place if s.beyond is None else s.beyond for s in sightings], int)
+        self._alone = np.array([s.beyond is None for s in sightings], bool)
+        self._range = np.array([s.range_m for s in sightings])
+        self._sigma = np.array([(s.sigma_rad, s.sigma_range) for s in sightings]).reshape(-1, 2)
+        loops, ones = [c.loop for c in constraints], 2 * len(sightings)
+        self.doubtful = np.array([*loops, *[True] * ones])
+        """Which may be wrong altogether."""
+        self.trusted = np.array([_TRUSTED] * len(loops) + [_TRUSTED_ONE] * ones)
+        """Squared error, in variances, at which each begins to lose its weight."""
+        count = 3 * len(state.poses)
+        self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2)])
+        blocks = [3 * self._first[:, None] + np.arange(3), 3 * self._second[:, None] + np.arange(3)]
+        self._columns = np.concatenate(blocks, axis=1)
+        seen = [3 * self._from[:, None] + np.arange(3)]
+        seen += [count + 2 * place[:, None] + np.arange(2) for place in (self._place, self._other)]
+        self._seen_columns = np.concatenate(seen, axis=1)
+
+    def all_trusted(self) -> Float[np.ndarray, " k"]:
+        """Full weight for everything."""
+        return np.ones(len(self.doubtful))
+
+    def squares(self, state: _State) -> Float[np.ndarray, " k"]:
+        """Squared error of each measurement, in variances."""
+        error, _ = _errors(state.poses, self._first, self._second, self._measured)
+        held = np.einsum("mi,mij,mj->m", error, self._information, error)
+        seen, _ = self._sighted(state)
+        return np.concatenate([held, *(seen**2).T])
+
+    def minimised(self, state: _State, weights: Float[np.ndarray, " k"], steps: int) -> _State:
+        """Poses and places after Gauss-Newton with fixed weights."""
+        for _ in range(steps):
+            hessian, gradient = self._normal(state, weights)
+            step = np.zeros(len(self._free))
+            step[self._free] = splu(hessian).solve(-gradient[self._free])
+            shift = step[: state.poses.size].reshape(-1, 3)
+            far = self._short_enough(state, step[state.poses.size :].reshape(-1, 2))
+            state = _State(state.poses + shift, state.places + far)
+            if max(np.abs(shift).max(), np.abs(far).max(initial=0.0)) < _STILL:
+                break
+        state.poses[:, 2] = (state.poses[:, 2] + math.pi) % (2 * math.pi) - math.pi
+        return state
+
+    def place_covariance(self, weights: Float[np.ndarray, " k"], place: int) -> Float[np.ndarray, "2 2"]:
+        """Of one place [m^2]."""
+        hessian, _ = self._normal(self.state, weights)
+        columns = np.zeros((len(self._free), 2))
+        rows = self.state.poses.size + 2 * place + np.arange(2)
+        columns[rows] = np.eye(2)
+        spread = np.zeros_like(columns)
+        spread[self._free] = splu(hessian).solve(columns[self._free])
+        return np.asarray(spread[rows])
+
+    def _normal(self, state: _State, weights: Float[np.ndarray, " k"]) -> tuple[csc_matrix, np.ndarray]:
+        """Hessian of what is free, and gradient of all."""
+        count, sightings = len(self._first), len(self._place)
+        error, derivative = _errors(state.poses, self._first, self._second, self._measured)
+        weighted = self._information * weights[:count, None, None]
+        projected = np.einsum("mia,mij->maj", derivative, weighted)
+        blocks = np.einsum("maj,mjb->mab", projected, derivative)
+        gradient = np.zeros(len(self._free))
+        np.add.at(gradient, self._columns.ravel(), np.einsum("maj,mj->ma", projected, error).ravel())
+        rows, across = np.repeat(self._columns, 6, axis=1).ravel(), np.tile(self._columns, (1, 6)).ravel()
+        parts = [(blocks.ravel(), rows, across)]
+        if sightings:
+            error, derivative = self._sighted(state)
+            projected = derivative * weights[count:].reshape(2, -1).T[:, :, None]
+            blocks = np.einsum("mia,mib->mab", projected, derivative)
+            columns = self._seen_columns
+            np.add.at(gradient, columns.ravel(), np.einsum("mia,mi->ma", projected, error).ravel())
+            rows, across = np.repeat(columns, 7, axis=1).ravel(), np.tile(columns, (1, 7)).ravel()
+            parts.append((blocks.ravel(), rows, across))
+        values, rows, across = (np.concatenate(some) for some in zip(*parts, strict=True))
+        size = len(self._free)
+        hessian = csc_matrix((values, (rows, across)), shape=(size, size))
+        return hessian[self._free][:, self._free], gradient
+
+    def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 7"]]:
+        """Errors of bearings and distances, in standard deviations, and their derivatives by pose, place and other."""
+        yaw, arm = state.poses[self._from, 2], np.column_stack(self._arm(state))
+        seen_from = state.poses[self._from, :2] + arm
+        away, square, gap = _gaps(state.places[self._place] - seen_from)
+        other, _, other_gap = _gaps(state.places[self._other] - seen_from)
+        turn = np.arctan2(away[:, 1], away[:, 0]) - yaw - self._at[:, 2] - self._bearing
+        turn = (turn + math.pi) % (2 * math.pi) - math.pi
+        beyond = gap - other_gap - self._range
+        far = np.where(self._alone, np.log(gap / np.where(self._alone, self._range, 1.0)), beyond)
+        across = np.column_stack([-away[:, 1], away[:, 0]]) / square[:, None]
+        along = away / np.where(self._alone, square, gap)[:, None]
+        along_other = np.where(self._alone[:, None], 0.0, -other / other_gap[:, None])
+        derivative = np.zeros((len(gap), 2, 7))
+        for k, (place, beside) in enumerate(((across, 0.0 * across), (along, along_other))):
+            both = place + beside
+            derivative[:, k, :2] = -both
+            # Turning the frame moves the point that was seen from.
+            derivative[:, k, 2] = both[:, 0] * arm[:, 1] - both[:, 1] * arm[:, 0] - (k == 0)
+            derivative[:, k, 3:5], derivative[:, k, 5:] = place, beside
+        return np.column_stack([turn, far]) / self._sigma, derivative / self._sigma[:, :, None]
+
+    def _arm(self, state: _State) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+        """From the pose to the point that was seen from, axes of `map` [m]."""
+        c, s = np.cos(state.poses[self._from, 2]), np.sin(state.poses[self._from, 2])
+        x, y = self._at[:, 0], self._at[:, 1]
+        return c * x - s * y, s * x + c * y
+
+    def _short_enough(self, state: _State, step: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "m 2"]:
+        """A step of the places that leaves bearings nearly linear."""
+        if not len(step):
+            return step
+        seen_from = state.poses[self._from, :2] + np.column_stack(self._arm(state))
+        gap = np.hypot(*(state.places[self._place] - seen_from).T)
+        nearest = np.full(len(step), np.inf)
+        np.minimum.at(nearest, self._place, np.maximum(gap, 0.1))
+        length = np.hypot(*step.T)
+        return np.asarray(step * np.minimum(1.0, _PLACE_STEP * nearest / np.maximum(length, 1e-12))[:, None])
+
+
+def _gaps(
+    away: Float[np.ndarray, "s 2"],
+) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:
+    """Differences of places, and the squares of their lengths and these, never quite zero."""
+    square = np.maximum((away**2).sum(axis=1), 1e-6)
+    return away, square, np.sqrt(square)
 
 
 def _errors(
@@ -184,34 +375,3 @@ def _errors(
     derivative[:, 0, 3], derivative[:, 0, 4] = c, s
     derivative[:, 1, 3], derivative[:, 1, 4] = -s, c
     return error, derivative
-
-
-def _minimised(
-    poses: Float[np.ndarray, "n 3"],
-    first: np.ndarray,
-    second: np.ndarray,
-    measured: Float[np.ndarray, "m 3"],
-    information: Float[np.ndarray, "m 3 3"],
-    weights: Float[np.ndarray, " m"],
-    steps: int,
-) -> Float[np.ndarray, "n 3"]:
-    """The poses after Gauss-Newton with fixed weights; the first stands still."""
-    weighted = information * weights[:, None, None]
-    columns = np.concatenate([3 * first[:, None] + np.arange(3), 3 * second[:, None] + np.arange(3)], axis=1)
-    rows = np.repeat(columns, 6, axis=1).ravel()
-    across = np.tile(columns, (1, 6)).ravel()
-    size = 3 * len(poses)
-    for _ in range(steps):
-        error, derivative = _errors(poses, first, second, measured)
-        projected = np.einsum("mia,mij->maj", derivative, weighted)
-        blocks = np.einsum("maj,mjb->mab", projected, derivative)
-        gradient = np.zeros(size)
-        np.add.at(gradient, columns.ravel(), np.einsum("maj,mj->ma", projected, error).ravel())
-        hessian = csc_matrix((blocks.ravel(), (rows, across)), shape=(size, size))[3:, 3:]
-        step = splu(hessian).solve(-gradient[3:]).reshape(-1, 3)
-        poses = poses.copy()
-        poses[1:] += step
-        if np.abs(step).max() < _STILL:
-            break
-    poses[:, 2] = (poses[:, 2] + math.pi) % (2 * math.pi) - math.pi
-    return poses

@@ -12,12 +12,14 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from slam.graph.landmarks import Landmarks, Transmitter
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
 from slam.graph.submaps import (
     OF_SCAN,
@@ -32,6 +34,7 @@ from slam.graph.submaps import (
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose, rotation, to_map
+from slam.sensing.bearings import Bearing
 from slam.support.checks import check_numbers
 
 
@@ -47,6 +50,8 @@ class TrackerConfig:
     """Scans after which it is closed, at the latest."""
     loops: bool = True
     """Whether loops are closed; without, each pose stays as it was found."""
+    radio: bool = True
+    """Whether sources of a radio are landmarks."""
     match: MatchConfig = field(default_factory=MatchConfig)
     """How far scans are trusted."""
     together_m: float = 0.05
@@ -100,6 +105,8 @@ _TRIES = 6
 _WAITING = 24
 #: Scans after which a submap is closed where one lies beside it that is not known to fit [m].
 _SOON, _BESIDE_M = 12, 8.0
+#: Submaps are closed early where sources are heard and the heading has become so uncertain [rad].
+_VAGUE_RAD = math.radians(0.2)
 #: The surfaces around are put together anew when a pose moves by more [m].
 _MOVED_M = 0.002
 #: Scans before by which a pose that was searched for is judged.
@@ -123,6 +130,8 @@ class Tracker:
         self.submaps = [Submap(cell_m=self.config.cell_m)]
         self.closed = 0
         """Loops that were closed."""
+        self.landmarks = Landmarks()
+        self._heard = 0
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
         self._way_m = 0.0
@@ -183,9 +192,23 @@ class Tracker:
         moved = self._try() if self._queue else False
         # What lies around but is not known to fit is tried soon.
         most = min(_SOON, self.config.submap_scans) if self._apart else self.config.submap_scans
-        if self._way_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most:
-            self._begin()
+        if self._way_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
+            moved |= self._begin()
         return moved
+
+    def _vague(self) -> bool:
+        """Whether sources can tell more of the pose than what was seen since the submap was begun."""
+        heard = len(self.graph.sightings) > self._heard
+        return heard and bool(self._spread[2, 2] > _VAGUE_RAD**2)
+
+    def listen(self, bearings: Sequence[Bearing]) -> None:
+        """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
+        if self.config.radio:
+            self.landmarks.see(self.graph, self._here, bearings)
+
+    def transmitters(self) -> dict[str, Transmitter]:
+        """Where sources stand that were seen in line of sight."""
+        return self.landmarks.transmitters(self.graph)
 
     def jump(self, match: Match, scan: ScanPoints) -> None:
         """Go on where the robot was found again: nothing holds that place to the way before but the match."""
@@ -256,22 +279,30 @@ class Tracker:
 
         return max(found, key=rated)
 
-    def _begin(self) -> None:
-        """Close the submap, and begin the next where the robot is."""
+    def _begin(self) -> bool:
+        """Close the submap, and begin the next where the robot is; whether poses of the past were moved."""
         last = len(self.submaps) - 1
         node = self.graph.add(self.pose)
         config, way_m = self.config, max(self._way_m, 0.5)
         drift = way_m * np.diag([config.drift_m**2, config.drift_m**2, config.drift_rad**2])
-        # What matching adds up to, and what odometry alone would: both tell.
+        # Odometry alone tells this much; what matching told beyond it drifts.
         least = 1e-12 * np.eye(3)
-        told = np.linalg.inv(self._spread + drift) + np.linalg.inv(self._blind + least)
-        self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=np.linalg.inv(told)))
+        blind = np.linalg.inv(self._blind + least)
+        values, vectors = np.linalg.eigh(np.linalg.inv(self._spread + least) - blind)
+        matched = (vectors * np.maximum(values, 0.0)) @ vectors.T
+        matched -= matched @ np.linalg.solve(np.linalg.inv(drift + least) + matched, matched)
+        covariance = np.linalg.inv(blind + 0.5 * (matched + matched.T))
+        self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(cell_m=self.config.cell_m))
         self._here, self._way_m = np.zeros(3), 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
             self._queue = [*self._candidates(last), *self._queue][:_WAITING]
-        self._look_around()
+        heard, self._heard = self._heard, len(self.graph.sightings)
+        moved = self._heard > heard and self._solve()
+        if not moved:
+            self._look_around()
+        return moved
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
         """Submaps that may show the same as one that was closed, the most likely first."""
@@ -330,6 +361,10 @@ class Tracker:
             for one_of in (new, *confirming):
                 self._pending.remove(one_of)
                 self._close(*one_of)
+        return self._solve()
+
+    def _solve(self) -> bool:
+        """Find the poses that fit best; whether any moved."""
         moved_m = self.graph.solve()
         self.pose = compose(self.graph.poses[-1], self._here)
         if moved_m > _MOVED_M:

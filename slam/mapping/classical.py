@@ -13,6 +13,7 @@ Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D 
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol, runtime_checkable
 
@@ -20,6 +21,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from slam.actions import Action
+from slam.graph.landmarks import Transmitter
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.grid import GridFrame, MapEstimate
@@ -31,6 +33,7 @@ from slam.matching.levels import ARM_M
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, points_of_beams, points_of_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import between, rotation, wrap
+from slam.sensing.bearings import Bearing
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
 from slam.support.checks import check_numbers
@@ -101,6 +104,17 @@ class Mapper(Protocol):
 
     def estimate(self) -> MapEstimate:
         """The map and pose as they are now."""
+
+
+@runtime_checkable
+class Listener(Protocol):
+    """What a mapper does that uses a radio's bearings too."""
+
+    def listen(self, bearings: Sequence[Bearing]) -> None:
+        """Take in where sources appear from the pose of the last update."""
+
+    def transmitters(self) -> dict[str, Transmitter]:
+        """Where sources stand that were seen in line of sight, by name."""
 
 
 @runtime_checkable
@@ -241,6 +255,18 @@ class ClassicalMapper:
             pose=self.pose.copy(),
             surface_offset_m=_read_only(self.surfaces.front_m),
         )
+
+    def listen(self, bearings: Sequence[Bearing]) -> None:
+        """Take in where sources of a radio appear from the pose of the last update.
+
+        Poses move, and the map with them, in updates that come after. A robot that is lost says nothing.
+        """
+        if not self.relocalizer.lost:
+            self.tracker.listen(bearings)
+
+    def transmitters(self) -> dict[str, Transmitter]:
+        """Where sources stand that were seen in line of sight, by name."""
+        return self.tracker.transmitters()
 
     def _measured(
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None

@@ -13,6 +13,7 @@ Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -20,10 +21,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Float16, Float32
 
 from slam.actions import Action
+from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.networks.map_network import MapNetwork
 from slam.networks.prediction import MapPredictor, Prediction
+from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.laser import LaserScan
 from slam.support.checks import check_numbers
@@ -114,6 +117,14 @@ class NeuralMapper:
             self._told.append(halves)
         self._refresh(classical)
         return self._combined(classical)
+
+    def listen(self, bearings: Sequence[Bearing]) -> None:
+        """See `ClassicalMapper.listen`."""
+        self.classical.listen(bearings)
+
+    def transmitters(self) -> dict[str, Transmitter]:
+        """See `ClassicalMapper.transmitters`."""
+        return self.classical.transmitters()
 
     def estimate(self) -> MapEstimate:
         """The maps and pose as they are now."""

@@ -1,0 +1,107 @@
+"""What a measurement of a robot's radio says to its mapper: in which directions a transmitter appears, and how far.
+
+The strongest path tells by its power gain g about how far it came, as if through free space (Friis): r = lambda /
+(4 pi) 10^(-g / 20 dB). Delays tell much better how much farther other paths came, within the window that the receiver
+keeps. A path with another beside it that the receiver can hardly tell apart, in angle nor delay, may be off by degrees,
+as at grazing angles along a corridor; one that stands alone hardly is.
+
+How well all this is known is what estimates of the shipped receiver came to in nine homes, halls and corridors: in what
+is taken for line of sight, 90 % of directions are within 0.4 degrees and 90 % of distances within 10 %. Some are far
+off: that is for a robust kernel to bear.
+"""
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Float
+from scipy.constants import speed_of_light
+
+from robosim.radio.link import RadioLinkConfig
+from robosim.radio.measurement import Measurement
+from slam.poses import wrap
+from slam.sensing.bearings import Bearing
+from wireless.paths import LinkState
+
+#: Standard deviation of directions in line of sight and in other states: of a path alone, and of one beside others.
+_DIRECT_RAD, _OTHER_RAD = np.radians([0.3, 1.0]), np.radians([0.8, 3.0])
+#: The same of the logarithm of distances.
+_LOG_RANGE = np.array([0.06, 0.3])
+#: Of how much farther a path came than the strongest [m].
+_BEYOND_M = 0.05
+#: Paths nearer to each other than this in azimuth [rad] and delay [samples] are beside each other.
+_BESIDE_RAD, _BESIDE_SAMPLES = math.radians(20.0), 1.3
+#: Weaker paths are not trusted: the strongest, others [dB].
+_LEAST_SNR_DB, _LEAST_OTHER_DB = 0.0, 20.0
+
+
+def bearings_of(
+    heard: Mapping[str, Measurement], radio: RadioLinkConfig, known: Mapping[str, Float[np.ndarray, "2"]]
+) -> list[Bearing]:
+    """The directions in which transmitters appear that are heard well enough: of each the strongest path, then others.
+
+    Args:
+        heard: What the robot made of its measurements, by the transmitters' names.
+        radio: How they were made.
+        known: Where those stand whose places are known, in `map` [m].
+    """
+    bearings = []
+    for name, measurement in heard.items():
+        if len(measurement.aoa_rad) and measurement.snr_db[0] >= _LEAST_SNR_DB:
+            bearings.append(_first(name, measurement, radio, known.get(name)))
+            bearings += _further(name, measurement, radio)
+    return bearings
+
+
+def _first(
+    name: str, measurement: Measurement, radio: RadioLinkConfig, place_xy: Float[np.ndarray, "2"] | None
+) -> Bearing:
+    """The strongest path."""
+    direct = float(measurement.probability[LinkState.LOS])
+    lossless_m = speed_of_light / (4 * math.pi * radio.frequency_hz)
+    beside = int(_beside(measurement, 0, radio))
+    return Bearing(
+        source=name,
+        bearing_rad=wrap(float(measurement.aoa_rad[0] - measurement.pose[2])),
+        sigma_rad=float((_DIRECT_RAD if direct >= 0.5 else _OTHER_RAD)[beside]),
+        range_m=lossless_m * 10 ** (-float(measurement.gain_db[0]) / 20),
+        sigma_log_range=float(_LOG_RANGE[beside]),
+        direct=direct,
+        place_xy=place_xy,
+    )
+
+
+def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
+    """Other strong paths that stand alone, well within the window of delays."""
+    most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
+    first_m = (
+        speed_of_light / (4 * math.pi * radio.frequency_hz) * 10 ** (-float(measurement.gain_db[0]) / 20)
+    )
+    found = []
+    for k in range(1, len(measurement.aoa_rad)):
+        beyond_m = speed_of_light * float(measurement.delay_s[k])
+        weak = measurement.snr_db[k] < _LEAST_OTHER_DB
+        if weak or abs(beyond_m) > most_m or _beside(measurement, k, radio):
+            continue
+        bearing = Bearing(
+            source=name,
+            bearing_rad=wrap(float(measurement.aoa_rad[k] - measurement.pose[2])),
+            sigma_rad=float(_OTHER_RAD[0]),
+            range_m=max(first_m + beyond_m, 0.1),
+            sigma_log_range=1.0,
+            direct=0.0,
+            beyond_m=beyond_m,
+            sigma_m=_BEYOND_M,
+        )
+        found.append(bearing)
+    return found
+
+
+def _beside(measurement: Measurement, k: int, radio: RadioLinkConfig) -> bool:
+    """Whether another strong path lies so near that it can hardly be told apart."""
+    turn = measurement.aoa_rad - measurement.aoa_rad[k]
+    turn = (turn + math.pi) % (2 * math.pi) - math.pi
+    gap = np.abs(measurement.delay_s - measurement.delay_s[k]) / radio.sounding.sample_s
+    near = (np.abs(turn) < _BESIDE_RAD) & (gap < _BESIDE_SAMPLES) & (measurement.snr_db >= _LEAST_OTHER_DB)
+    near[k] = False
+    return bool(near.any())

@@ -1,0 +1,238 @@
+"""Sightings in the graph, and landmarks of a radio, against another solver and against the truth."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+from slam.graph.landmarks import Landmarks
+from slam.graph.pose_graph import Constraint, PoseGraph, Sighting
+from slam.poses import between, compose, wrap
+from slam.sensing.bearings import Bearing
+
+STEP = np.diag([0.01, 0.01, math.radians(0.5)]) ** 2
+
+
+def _walk(rng: np.random.Generator, steps: int, noise: float = 1.0) -> tuple[PoseGraph, np.ndarray]:
+    """A winding way with noisy steps of a metre, and the true poses."""
+    graph, true = PoseGraph(np.zeros(3)), [np.zeros(3)]
+    for k in range(steps):
+        move = np.array([1.0, 0.0, 0.3 * math.cos(0.4 * k)])
+        told = move + noise * rng.multivariate_normal(np.zeros(3), STEP)
+        true.append(compose(true[-1], move))
+        graph.add(compose(graph.poses[-1], told))
+        graph.hold(Constraint(first=k, second=k + 1, pose=told, covariance=STEP))
+    return graph, np.array(true)
+
+
+def _bearing(
+    pose: np.ndarray, place: np.ndarray, rng: np.random.Generator, source="a", spread=0.05, **more
+) -> Bearing:
+    away = place - pose[:2]
+    return Bearing(
+        source=source,
+        bearing_rad=wrap(math.atan2(away[1], away[0]) - pose[2] + rng.normal(0, math.radians(0.4))),
+        sigma_rad=math.radians(0.4),
+        range_m=float(np.hypot(*away) * np.exp(rng.normal(0, spread))),
+        sigma_log_range=0.05,
+        **more,
+    )
+
+
+def _seen_all_along(seed: int) -> tuple[PoseGraph, np.ndarray, np.ndarray]:
+    """A walk past two places, seen from beside every pose; the second's distance is compared with the first's."""
+    rng = np.random.default_rng(seed)
+    graph, true = _walk(rng, 25)
+    places = np.array([[8.0, 6.0], [18.0, -5.0]])
+    for place in places:
+        graph.add_place(place + rng.normal(0, 0.5, 2))
+    for k, pose in enumerate(true):
+        at = np.array([0.2, -0.1, 0.4])
+        seen_from = compose(pose, at)
+        gaps = np.hypot(*(places - seen_from[:2]).T)
+        for number, place in enumerate(places):
+            bearing = _bearing(seen_from, place, rng)
+            beyond = number == 1
+            graph.see(
+                Sighting(
+                    pose=k,
+                    at=at,
+                    place=number,
+                    bearing_rad=bearing.bearing_rad,
+                    sigma_rad=bearing.sigma_rad,
+                    range_m=float(gaps[1] - gaps[0] + rng.normal(0, 0.05)) if beyond else bearing.range_m,
+                    sigma_range=0.05 if beyond else bearing.sigma_log_range,
+                    beyond=0 if beyond else None,
+                )
+            )
+    return graph, true, places
+
+
+def test_it_finds_what_another_solver_finds() -> None:
+    """SciPy's trust region on the same squares with the kernel as a loss: poses and places within 1e-3."""
+    graph, _, _ = _seen_all_along(0)
+    graph.solve()
+    count = len(graph.poses)
+    root = np.linalg.cholesky(np.linalg.inv(STEP)).T
+
+    def errors(values: np.ndarray) -> np.ndarray:
+        poses = np.vstack([np.zeros(3), values[: 3 * count - 3].reshape(-1, 3)])
+        places = values[3 * count - 3 :].reshape(-1, 2)
+        told = []
+        for one in graph.constraints:
+            off = between(poses[one.first], poses[one.second]) - one.pose
+            told.extend(root @ [off[0], off[1], wrap(float(off[2]))])
+        for one in graph.sightings:
+            pose = compose(poses[one.pose], one.at)
+            away = places[one.place] - pose[:2]
+            turn = wrap(math.atan2(away[1], away[0]) - pose[2] - one.bearing_rad)
+            gap = np.hypot(*away)
+            if one.beyond is None:
+                far = math.log(gap / one.range_m)
+            else:
+                far = gap - np.hypot(*(places[one.beyond] - pose[:2])) - one.range_m
+            # Geman and McClure's kernel, as a residual whose square it is.
+            for value in (turn / one.sigma_rad, far / one.sigma_range):
+                told.append(value / math.sqrt(1 + value**2 / 10.83))
+        return np.array(told)
+
+    start = np.concatenate([np.array(graph.poses[1:]).ravel(), np.array(graph.places).ravel()])
+    judge = least_squares(errors, start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    assert np.abs(judge.x - start).max() < 1e-3
+
+
+def test_places_come_out_with_the_covariance_of_their_errors() -> None:
+    """Over 60 walks the mean squared error, in its covariances, is 2 for two numbers, within its own spread."""
+    squares = []
+    for seed in range(60):
+        graph, _, places = _seen_all_along(seed)
+        graph.solve()
+        for number, place in enumerate(places):
+            off = graph.places[number] - place
+            squares.append(off @ np.linalg.solve(graph.place_covariance(number), off))
+    assert np.mean(squares) == pytest.approx(2.0, abs=0.7)
+
+
+def test_sources_hold_the_heading() -> None:
+    """Where steps leave the heading to itself, two sources keep it: a third of the error at the end, or less."""
+    with_radio, without = [], []
+    for seed in range(20):
+        graph, true, _ = _seen_all_along(seed)
+        without.append(wrap(float(graph.poses[-1][2] - true[-1][2])))
+        graph.solve()
+        with_radio.append(wrap(float(graph.poses[-1][2] - true[-1][2])))
+    assert np.sqrt(np.mean(np.square(with_radio))) < 0.33 * np.sqrt(np.mean(np.square(without)))
+
+
+def test_wrong_sightings_are_left_out() -> None:
+    """A fifth of all bearings points anywhere: poses end within 3 cm of where the rest alone puts them."""
+    clean, _, _ = _seen_all_along(3)
+    wrong, _, _ = _seen_all_along(3)
+    rng = np.random.default_rng(1)
+    kept = []
+    for number, one in enumerate(wrong.sightings):
+        if number % 5 == 4:
+            wrong.sightings[number] = Sighting(**{**vars(one), "bearing_rad": rng.uniform(-math.pi, math.pi)})
+        else:
+            kept.append(clean.sightings[number])
+    clean.sightings[:] = kept
+    clean.solve()
+    wrong.solve()
+    off = np.hypot(*(np.array(wrong.poses) - np.array(clean.poses))[:, :2].T)
+    assert off.max() < 0.03
+
+
+def _heard(
+    places: dict[str, np.ndarray], rng: np.random.Generator, *, known: bool = False
+) -> tuple[PoseGraph, np.ndarray, Landmarks]:
+    """A walk on which sources are in sight all along."""
+    graph, true = _walk(rng, 25)
+    landmarks, told = Landmarks(), PoseGraph(np.zeros(3))
+    for k, pose in enumerate(true):
+        if k:
+            told.add(compose(told.poses[-1], graph.constraints[k - 1].pose))
+            told.hold(graph.constraints[k - 1])
+        heard = [
+            _bearing(pose, place, rng, source=name, place_xy=place if known else None)
+            for name, place in places.items()
+        ]
+        landmarks.see(told, np.zeros(3), heard)
+    told.solve()
+    return told, true, landmarks
+
+
+def test_a_source_in_sight_is_found() -> None:
+    """Where it stands comes out within three standard deviations."""
+    place = np.array([8.0, 6.0])
+    graph, _, landmarks = _heard({"a": place}, np.random.default_rng(2))
+    found = landmarks.transmitters(graph)["a"]
+    off = found.xy - place
+    assert off @ np.linalg.solve(found.covariance, off) < 9
+    assert found.sightings == 26
+
+
+def test_sources_whose_places_are_known_hold_the_place_too() -> None:
+    """Over 20 walks, the error at the end is a third of that of steps alone, or less, and the places stay as told."""
+    places = {"a": np.array([8.0, 6.0]), "b": np.array([18.0, -5.0])}
+    held, blind = [], []
+    for seed in range(20):
+        graph, true, landmarks = _heard(places, np.random.default_rng(seed), known=True)
+        for name, found in landmarks.transmitters(graph).items():
+            assert np.array_equal(found.xy, places[name])
+        held.append(np.hypot(*(graph.poses[-1] - true[-1])[:2]))
+        alone, _ = _walk(np.random.default_rng(seed), 25)
+        blind.append(np.hypot(*(alone.poses[-1] - true[-1])[:2]))
+    assert np.median(held) < np.median(blind) / 3
+
+
+def test_what_keeps_to_a_place_is_the_source_whatever_its_link_state() -> None:
+    """Never taken for line of sight, but as strong as from its place: found; as weak as off a wall: not."""
+    place = np.array([8.0, 6.0])
+    for weaker, found in ((1.0, True), (3.0, False)):
+        rng = np.random.default_rng(5)
+        graph, true = _walk(rng, 25, noise=0.1)
+        told, landmarks = PoseGraph(np.zeros(3)), Landmarks()
+        for k, pose in enumerate(true):
+            if k:
+                told.add(compose(told.poses[-1], graph.constraints[k - 1].pose))
+                told.hold(graph.constraints[k - 1])
+            heard = _bearing(pose, place, rng, direct=0.1, spread=0.01)
+            heard = Bearing(**{**vars(heard), "range_m": weaker * heard.range_m})
+            landmarks.see(told, np.zeros(3), [heard])
+        told.solve()
+        where = landmarks.transmitters(told)
+        assert bool(where) == found
+        if found:
+            assert np.hypot(*(where["a"].xy - place)) < 0.2
+
+
+def test_mirror_images_are_followed_beside_the_source() -> None:
+    """Two further paths, known by how much farther they came: two landmarks in their places, and one transmitter."""
+    rng = np.random.default_rng(7)
+    places = np.array([[8.0, 6.0], [8.0, 14.0], [28.0, 6.0]])
+    graph, true = _walk(rng, 25)
+    told, landmarks = PoseGraph(np.zeros(3)), Landmarks()
+    for k, pose in enumerate(true):
+        if k:
+            told.add(compose(told.poses[-1], graph.constraints[k - 1].pose))
+            told.hold(graph.constraints[k - 1])
+        gaps = np.hypot(*(places - pose[:2]).T)
+        heard = [_bearing(pose, places[0], rng)]
+        for place, gap in zip(places[1:], gaps[1:], strict=True):
+            beyond_m = float(gap - gaps[0] + rng.normal(0, 0.05))
+            heard.append(_bearing(pose, place, rng, direct=0.0, beyond_m=beyond_m))
+        landmarks.see(told, np.zeros(3), heard)
+        told.solve()
+    assert set(landmarks.transmitters(told)) == {"a"}
+    assert len(told.places) == 3
+    for place in places:
+        assert min(np.hypot(*(np.array(told.places) - place).T)) < 0.5
+
+
+def test_standing_still_is_heard_once() -> None:
+    """From one place bearings err alike: they are taken again after 15 cm or 15 degrees."""
+    landmarks, graph, rng = Landmarks(), PoseGraph(np.zeros(3)), np.random.default_rng(6)
+    for _ in range(20):
+        landmarks.see(graph, np.zeros(3), [_bearing(np.zeros(3), np.array([3.0, 4.0]), rng)])
+    assert not graph.places
