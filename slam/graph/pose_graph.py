@@ -31,7 +31,7 @@ from slam.poses import between, rotation
 #: ones are below (chi square of three degrees of freedom, and of one).
 _TRUSTED, _TRUSTED_ONE = 16.27, 10.83
 #: By how much the kernel is made less convex in each round, and how convex it is at first at most.
-_STEP, _MOST_CONVEX = 1.6, 1e3
+_STEP, _MOST_CONVEX = 1.6, 100.0
 #: Steps with the same weights, and at most; rounds in which the last weights settle.
 _FEW_STEPS, _MOST_STEPS, _SETTLING = 2, 30, 3
 #: The solver stops when no pose moves by more [m, rad].
@@ -249,6 +249,13 @@ class _System:
         seen = [3 * self._from[:, None] + np.arange(3)]
         seen += [count + 2 * place[:, None] + np.arange(2) for place in (self._place, self._other)]
         self._seen_columns = np.concatenate(seen, axis=1)
+        # Where the numbers of each measurement's block stand among those that are free.
+        place = np.where(self._free, np.cumsum(self._free) - 1, -1)
+        shapes = [(self._columns, 6), (self._seen_columns, 7)]
+        rows = np.concatenate([place[np.repeat(columns, n, axis=1)].ravel() for columns, n in shapes])
+        across = np.concatenate([place[np.tile(columns, (1, n))].ravel() for columns, n in shapes])
+        self._kept = (rows >= 0) & (across >= 0)
+        self._at_free = rows[self._kept], across[self._kept]
 
     def all_trusted(self) -> Float[np.ndarray, " k"]:
         """Full weight for everything."""
@@ -294,20 +301,15 @@ class _System:
         blocks = np.einsum("maj,mjb->mab", projected, derivative)
         gradient = np.zeros(len(self._free))
         np.add.at(gradient, self._columns.ravel(), np.einsum("maj,mj->ma", projected, error).ravel())
-        rows, across = np.repeat(self._columns, 6, axis=1).ravel(), np.tile(self._columns, (1, 6)).ravel()
-        parts = [(blocks.ravel(), rows, across)]
+        values = [blocks.ravel()]
         if sightings:
             error, derivative = self._sighted(state)
             projected = derivative * weights[count:].reshape(2, -1).T[:, :, None]
-            blocks = np.einsum("mia,mib->mab", projected, derivative)
-            columns = self._seen_columns
-            np.add.at(gradient, columns.ravel(), np.einsum("mia,mi->ma", projected, error).ravel())
-            rows, across = np.repeat(columns, 7, axis=1).ravel(), np.tile(columns, (1, 7)).ravel()
-            parts.append((blocks.ravel(), rows, across))
-        values, rows, across = (np.concatenate(some) for some in zip(*parts, strict=True))
-        size = len(self._free)
-        hessian = csc_matrix((values, (rows, across)), shape=(size, size))
-        return hessian[self._free][:, self._free], gradient
+            np.add.at(gradient, self._seen_columns.ravel(), np.einsum("mia,mi->ma", projected, error).ravel())
+            values.append(np.einsum("mia,mib->mab", projected, derivative).ravel())
+        size = int(self._free.sum())
+        kept = np.concatenate(values)[self._kept]
+        return csc_matrix((kept, self._at_free), shape=(size, size)), gradient
 
     def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 7"]]:
         """Errors of bearings and distances, in standard deviations, and their derivatives by pose, place and other."""

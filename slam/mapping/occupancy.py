@@ -2,16 +2,15 @@
 
 A cell in front of the surface that its image column sees is free, the cells where surfaces are seen are occupied, and
 what lies behind stays as it was. Evidence adds up as log-odds within bounds, so a wall entered in error
-clears again after some looks. Cells are looked up in the scan (not rays drawn on the map): cells in view cost a
-handful of array operations, whatever their number.
+clears again after some looks. Cells are looked up in the scan, in one compiled pass (not rays drawn on the map).
 
 A level camera looks over low things when it is near them. A cell is therefore cleared only from where the
 obstacle would have been seen, which needs the height of the obstacle's top to be remembered.
 Reference: Elfes, Using occupancy grids for mobile robot perception and navigation, Computer 22(6), 1989.
 """
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -19,8 +18,9 @@ from jaxtyping import Bool, Float, Float32, Int
 from slam.grid import GridFrame
 from slam.poses import to_map
 from slam.sensing.laser import LaserScan
-from slam.sensing.projection import Scan, dense_points
+from slam.sensing.projection import Scan
 from slam.support.checks import check_numbers
+from slam.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,16 +97,29 @@ class OccupancyGrid:
             Rows and columns of the window that changed, and the cells in it that stopped being obstacles.
         """
         rows, columns, frame = self.frame.window(*self.view_box(scan, pose))
-        ahead, bearing = _robot_coordinates(frame, pose)
-        log_odds = self.log_odds[rows, columns]
-        hit = self._hits(scan, pose, frame, self.top_m[rows, columns])
-        free, in_view = self._free(scan, ahead, bearing)
-        free &= ~hit
-        # Over what is lower than the lowest row at that depth the camera looks away.
-        held = free & (log_odds > 0)
-        held &= self.top_m[rows, columns] < camera_height_m - down * ahead + 0.05
-        away = ahead * np.sqrt(1 + bearing * bearing)
-        return rows, columns, self._weigh(rows, columns, hit, free & ~held, in_view | hit, away)
+        top_m, cleared = self.top_m[rows, columns], np.zeros(frame.shape, bool)
+        hit = np.zeros(frame.shape, bool)
+        x, y, yaw = (float(value) for value in pose)
+        place, range_m = _Place(x, y, yaw, *frame.origin_xy, frame.resolution_m), self.config.free_range_m
+        _mark(scan.left, scan.depth_m, scan.top_m, range_m, place, hit, top_m)
+        # What stands behind something low is as high as the camera at least.
+        _mark(scan.left, scan.far_m, np.full_like(scan.top_m, 9.0), range_m, place, hit, top_m)
+        inner, outer = self._clear(scan)
+        _look(
+            scan.left,
+            inner,
+            outer,
+            place,
+            (self.config.hit, self.config.miss, self.config.limit, self.config.explored_range_m),
+            (camera_height_m + 0.05, down),
+            hit,
+            self.log_odds[rows, columns],
+            top_m,
+            self.explored[rows, columns],
+            cleared,
+        )
+        self.probability[rows, columns] = 1 / (1 + np.exp(-self.log_odds[rows, columns]))
+        return rows, columns, cleared
 
     def integrate_laser(
         self, scan: LaserScan, pose: Float[np.ndarray, "3"]
@@ -178,41 +191,111 @@ class OccupancyGrid:
         self.explored[rows, columns] |= in_view & (away_m <= self.config.explored_range_m)
         return np.asarray(cleared)
 
-    def _free(
-        self, scan: Scan, ahead: Float32[np.ndarray, "ny nx"], bearing: Float32[np.ndarray, "ny nx"]
-    ) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"]]:
-        """Cells wholly before the surface of their column and its neighbours; cells not behind it."""
-        n = len(scan.left)
-        per_column = (scan.left[0] - scan.left[-1]) / (n - 1)
-        column = np.rint((scan.left[0] - bearing) / per_column)
-        seen = (ahead > 0) & (column >= 0) & (column < n)
-        column = np.where(seen, column, 0).astype(np.intp)
+    def _clear(self, scan: Scan) -> tuple[Float32[np.ndarray, " w"], Float32[np.ndarray, " w"]]:
+        """Depth up to which each column and its neighbours say that all is free, and up to which it sees at all [m]."""
         clear = np.minimum(scan.clear_m, self.config.free_range_m)
         half = 0.5 * self.frame.resolution_m
         # A column without a surface is clear up to its last measured point, with no wall to keep off from.
         inner = np.where(scan.hit & (scan.depth_m <= self.config.free_range_m), clear - half, clear)
         inner[1:-1] = np.minimum(inner[1:-1], np.minimum(inner[:-2], inner[2:]))
-        free = seen & (ahead < inner.astype(np.float32)[column])
-        in_view = seen & (ahead < (clear + half).astype(np.float32)[column])
-        return free, in_view
+        return inner.astype(np.float32), (clear + half).astype(np.float32)
 
-    def _hits(
-        self,
-        scan: Scan,
-        pose: Float[np.ndarray, "3"],
-        frame: GridFrame,
-        top_m: Float32[np.ndarray, "ny nx"],
-    ) -> Bool[np.ndarray, "ny nx"]:
-        """Cells in which the scan sees a surface; raises `top_m` there to the height seen."""
-        hit = np.zeros(frame.shape, bool)
-        for depth_m, top in ((scan.depth_m, scan.top_m), (scan.far_m, np.full_like(scan.top_m, 9.0))):
-            points, heights = dense_points(scan.left, depth_m, top, self.config.free_range_m)
-            iy, ix = frame.index(to_map(pose, points))
-            inside = frame.inside(iy, ix)
-            iy, ix = iy[inside], ix[inside]
-            hit[iy, ix] = True
-            np.maximum.at(top_m, (iy, ix), heights[inside])
-        return hit
+
+class _Place(NamedTuple):
+    """A pose, and the grid that is looked at from it."""
+
+    x: float
+    y: float
+    yaw: float
+    corner_x: float
+    corner_y: float
+    cell_m: float
+
+
+@compiled
+def _mark(
+    left: np.ndarray,
+    depth_m: np.ndarray,
+    heights_m: np.ndarray,
+    range_m: float,
+    place: _Place,
+    hit: np.ndarray,
+    top_m: np.ndarray,
+) -> None:
+    """Mark the cells in which a scan sees a surface, and raise their tops to the height seen.
+
+    Between neighbours on one surface there are points in between, so that far walls have no holes: the inverse depth
+    of a plane is linear in the column, so they lie exactly on it.
+    """
+    ny, nx = hit.shape
+    c, s = np.cos(place.yaw), np.sin(place.yaw)
+    for k in range(len(left) - 1):
+        a, b = 1 / float(depth_m[k]), 1 / float(depth_m[k + 1])
+        gap = np.hypot(1 / a - 1 / b, left[k] / a - left[k + 1] / b)
+        for between in range(4 if gap < 0.2 else 1):
+            share = between / 4
+            inverse = a * (1 - share) + b * share
+            ahead = 1 / inverse
+            if not ahead <= range_m:
+                continue
+            aside = ahead * (left[k] * (1 - share) + left[k + 1] * share)
+            x, y = place.x + c * ahead - s * aside, place.y + s * ahead + c * aside
+            ix = int(np.floor((x - place.corner_x) / place.cell_m))
+            iy = int(np.floor((y - place.corner_y) / place.cell_m))
+            if 0 <= ix < nx and 0 <= iy < ny:
+                hit[iy, ix] = True
+                top_m[iy, ix] = max(top_m[iy, ix], heights_m[k])
+
+
+@compiled
+def _look(
+    left: np.ndarray,
+    inner: np.ndarray,
+    outer: np.ndarray,
+    place: _Place,
+    weights: tuple[float, float, float, float],
+    eye: tuple[float, float],
+    hit: np.ndarray,
+    log_odds: np.ndarray,
+    top_m: np.ndarray,
+    explored: np.ndarray,
+    cleared: np.ndarray,
+) -> None:
+    """Add the evidence of a look to a window, cell by cell; marks the cells that stopped being obstacles."""
+    more, less, limit, explored_m = weights
+    eye_m, down = eye
+    ny, nx = hit.shape
+    n = len(left)
+    per_column = (left[0] - left[n - 1]) / (n - 1)
+    first, last, deepest = left[0] + 0.5 * per_column, left[n - 1] - 0.5 * per_column, outer.max()
+    c, s = np.cos(place.yaw), np.sin(place.yaw)
+    for iy in range(ny):
+        dy = place.corner_y + (iy + 0.5) * place.cell_m - place.y
+        for ix in range(nx):
+            dx = place.corner_x + (ix + 0.5) * place.cell_m - place.x
+            ahead, aside = c * dx + s * dy, c * dy - s * dx
+            free = in_view = False
+            if ahead > 1e-6 and ahead < deepest and aside < first * ahead and aside > last * ahead:
+                column = min(max(int((left[0] - aside / ahead) / per_column + 0.5), 0), n - 1)
+                free, in_view = ahead < inner[column], ahead < outer[column]
+            struck = hit[iy, ix]
+            if not (in_view or struck):
+                continue
+            was = log_odds[iy, ix]
+            # Over what is lower than the lowest row at that depth the camera looks away.
+            held = was > 0 and top_m[iy, ix] < eye_m - down * ahead
+            now = was
+            if struck:
+                now += more
+            elif free and not held:
+                now -= less
+            now = min(max(now, -limit), limit)
+            log_odds[iy, ix] = now
+            if was > 0 and now <= 0:
+                cleared[iy, ix] = True
+                top_m[iy, ix] = 0
+            if dx * dx + dy * dy <= explored_m * explored_m:
+                explored[iy, ix] = True
 
 
 def _axes(frame: GridFrame) -> tuple[Float[np.ndarray, " nx"], Float[np.ndarray, " ny"]]:
@@ -230,15 +313,3 @@ def _beams(
     x, y = _axes(frame)
     x, y = (x - pose[0]).astype(np.float32), (y - pose[1]).astype(np.float32)[:, None]
     return np.hypot(x, y), scan.nearest(np.arctan2(y, x) - np.float32(pose[2]))
-
-
-def _robot_coordinates(
-    frame: GridFrame, pose: Float[np.ndarray, "3"]
-) -> tuple[Float32[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx"]]:
-    """Distance ahead of the robot [m], and leftward offset per metre ahead, of the cell centres."""
-    x, y = _axes(frame)
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x, y = x - pose[0], y - pose[1]
-    ahead = (c * x).astype(np.float32) + (s * y).astype(np.float32)[:, None]
-    left = (-s * x).astype(np.float32) + (c * y).astype(np.float32)[:, None]
-    return ahead, left / np.where(np.abs(ahead) < 1e-6, np.float32(1e-6), ahead)

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from slam.grid import GridFrame
+from slam.support.compiled import compiled
 
 #: Means of less weight, or of normals that disagree more than this, are not surfaces to match against.
 MIN_WEIGHT = 0.5
@@ -74,47 +75,24 @@ class SurfaceGrid:
         weights: Float[np.ndarray, " n"],
     ) -> None:
         """Enter points (x, y) [m] with unit normals, those inside; a weight of 1 counts as one observation."""
-        iy, ix = self.frame.index(points)
-        inside = self.frame.inside(iy, ix)
-        iy, ix, points, normals, weights = (a[inside] for a in (iy, ix, points, normals, weights))
-        offset = points - self.frame.to_points(np.column_stack([ix, iy]) + 0.5)
-        squares = np.column_stack([offset[:, 0] ** 2, offset[:, 0] * offset[:, 1], offset[:, 1] ** 2])
-        terms = np.column_stack([np.ones(len(points)), offset, normals, squares]) * weights[:, None]
-        cell, of_cell = np.unique(iy * self.frame.shape[1] + ix, return_inverse=True)
-        sums = np.zeros((len(cell), 8))
-        np.add.at(sums, of_cell, terms)
-        self._sum_up(cell, sums)
-
-    def _sum_up(self, cell: Int[np.ndarray, " n"], sums: Float[np.ndarray, "n 8"]) -> None:
-        row = self._row.reshape(-1)[cell]
-        new = np.flatnonzero(row < 0)
-        row[new] = self._used + np.arange(len(new))
-        self._row.reshape(-1)[cell] = row
-        self._used += len(new)
-        if self._used > len(self._sums):
-            more = max(self._used, 2 * len(self._sums), 1024) - len(self._sums)
+        if self._used + len(points) > len(self._sums):
+            more = max(self._used + len(points), 2 * len(self._sums), 1024) - len(self._sums)
             self._sums = np.pad(self._sums, ((0, more), (0, 0)))
             self._planes = np.pad(self._planes, ((0, more), (0, 0)))
             self._cell = np.pad(self._cell, ((0, more), (0, 0)))
-        self._cell[row[new]] = np.column_stack(np.divmod(cell[new], self.frame.shape[1]))
-        self._sums[row] += sums.astype(np.float32)
-        self._summarise(cell, row)
-
-    def _summarise(self, cell: Int[np.ndarray, " n"], row: Int[np.ndarray, " n"]) -> None:
-        sums = self._sums[row].astype(float)
-        weight = np.maximum(sums[:, :1], 1e-6)
-        mean = sums[:, 1:3] / weight
-        facing = np.hypot(sums[:, 3], sums[:, 4])
-        unit = sums[:, 3:5] / np.maximum(facing, 1e-6)[:, None]
-        usable = (sums[:, 0] >= MIN_WEIGHT) & (facing >= MIN_AGREEMENT * sums[:, 0])
-        self._planes[row] = np.column_stack([mean, unit, usable])
-        if not self._fronts:
-            return
-        xx, xy, yy = (sums[:, 5:] / weight).T
-        along = unit[:, 0] ** 2 * xx + 2 * unit[:, 0] * unit[:, 1] * xy + unit[:, 1] ** 2 * yy
-        spread = np.sqrt(np.maximum(along - (unit * mean).sum(axis=1) ** 2, 0))
-        half = 0.5 * self.frame.resolution_m
-        self.front_m.reshape(-1, 2)[cell] = np.clip(mean + unit * spread[:, None], -half, half)
+        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
+        self._used = _add(
+            np.asarray(points, float),
+            np.asarray(normals, float),
+            np.asarray(weights, float),
+            (x, y, cell_m),
+            self._row,
+            self._used,
+            self._sums,
+            self._planes,
+            self._cell,
+            self.front_m,
+        )
 
     def clear(self, rows: slice, columns: slice, mask: Bool[np.ndarray, "ny nx"]) -> None:
         """Forget the surfaces of the cells of a window where `mask` holds."""
@@ -169,3 +147,77 @@ class SurfaceGrid:
 
 
 _NEIGHBOURS: Int[np.ndarray, "9 2"] = np.array([(dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1)])
+
+
+@compiled
+def _add(
+    points: np.ndarray,
+    normals: np.ndarray,
+    weights: np.ndarray,
+    grid: tuple[float, float, float],
+    row_of: np.ndarray,
+    used: int,
+    sums: np.ndarray,
+    planes: np.ndarray,
+    cell_of: np.ndarray,
+    front: np.ndarray,
+) -> int:
+    """Add points to the sums of their cells, and say anew what follows from those; returns how many cells are used."""
+    x0, y0, cell_m = grid
+    ny, nx = row_of.shape
+    # Of this call, in double precision: sums of the cells that were touched.
+    slot_of = np.full(used + len(points), -1, np.int32)
+    touched = np.empty(len(points), np.int32)
+    parts = np.zeros((len(points), 8))
+    count = 0
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        # Not a number is not inside.
+        across, up = np.floor((x - x0) / cell_m), np.floor((y - y0) / cell_m)
+        if not (across >= 0 and across < nx and up >= 0 and up < ny):
+            continue
+        ix, iy = int(across), int(up)
+        row = row_of[iy, ix]
+        if row < 0:
+            row = used
+            row_of[iy, ix] = row
+            cell_of[row, 0], cell_of[row, 1] = iy, ix
+            used += 1
+        slot = slot_of[row]
+        if slot < 0:
+            slot = count
+            slot_of[row] = slot
+            touched[slot] = row
+            count += 1
+        dx, dy = x - ((ix + 0.5) * cell_m + x0), y - ((iy + 0.5) * cell_m + y0)
+        part, weight = parts[slot], weights[k]
+        part[0] += weight
+        part[1] += dx * weight
+        part[2] += dy * weight
+        part[3] += normals[k, 0] * weight
+        part[4] += normals[k, 1] * weight
+        part[5] += dx * dx * weight
+        part[6] += dx * dy * weight
+        part[7] += dy * dy * weight
+    half = 0.5 * cell_m
+    for slot in range(count):
+        row = touched[slot]
+        own = sums[row]
+        for j in range(8):
+            own[j] += np.float32(parts[slot, j])
+        weight = max(float(own[0]), 1e-6)
+        mean_x, mean_y = own[1] / weight, own[2] / weight
+        facing = np.hypot(float(own[3]), float(own[4]))
+        unit_x, unit_y = own[3] / max(facing, 1e-6), own[4] / max(facing, 1e-6)
+        usable = own[0] >= MIN_WEIGHT and facing >= MIN_AGREEMENT * own[0]
+        planes[row, 0], planes[row, 1], planes[row, 2], planes[row, 3] = mean_x, mean_y, unit_x, unit_y
+        planes[row, 4] = 1.0 if usable else 0.0
+        if len(front):
+            xx, xy, yy = own[5] / weight, own[6] / weight, own[7] / weight
+            along = unit_x * unit_x * xx + 2 * unit_x * unit_y * xy + unit_y * unit_y * yy
+            off = unit_x * mean_x + unit_y * mean_y
+            spread = np.sqrt(max(along - off * off, 0.0))
+            iy, ix = cell_of[row, 0], cell_of[row, 1]
+            front[iy, ix, 0] = min(max(mean_x + unit_x * spread, -half), half)
+            front[iy, ix, 1] = min(max(mean_y + unit_y * spread, -half), half)
+    return used
