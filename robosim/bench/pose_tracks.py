@@ -11,6 +11,7 @@ point cloud registration revisited, ICCV 2017; evo, Grupp 2017.
 
 import math
 import time
+from collections.abc import Collection, Sequence
 from typing import Protocol, runtime_checkable
 
 import cv2
@@ -21,8 +22,9 @@ from robosim.camera.model import CameraConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
-from slam.mapping.classical import Mapper
+from slam.mapping.classical import Listener, Mapper
 from slam.poses import between, compose, wrap
+from slam.sensing.bearings import Bearing
 
 #: Farthest that OpenCV's answer may be from odometry before it counts as lost [m, rad].
 LOST_M, LOST_RAD = 0.1, math.radians(5.0)
@@ -137,17 +139,31 @@ class Track:
 class MapperTrack:
     """The poses of a mapper that gets the same frames."""
 
-    def __init__(self, mapper: Mapper, start: Float[np.ndarray, "3"]) -> None:
+    def __init__(self, mapper: Mapper, start: Float[np.ndarray, "3"], sources: Collection[str] = ()) -> None:
+        """Begin.
+
+        Args:
+            mapper: Who finds the pose.
+            start: Where it begins.
+            sources: Names of the transmitters that it hears, where the robot has a radio.
+        """
         self._mapper = mapper
         self._mapper.reset(start)
+        self._sources = sources
         self.poses: list[np.ndarray] = []
         self.seconds: list[float] = []
 
     def update(self, view: Observation, action: Action | None) -> None:
         """Take in a frame and the action that led to it; None at the first."""
         begin = time.perf_counter()
-        self.poses.append(self._mapper.update(view.depth, action, view.odometry).pose)
+        estimate = self._mapper.update(view.depth, action, view.odometry, **view.beside)
+        self.poses.append(estimate.pose)
         self.seconds.append(time.perf_counter() - begin)
+
+    def listen(self, bearings: Sequence[Bearing]) -> None:
+        """Take in where transmitters appear; the time of that counts for the next frame."""
+        if isinstance(self._mapper, Listener):
+            self._mapper.listen([one for one in bearings if one.source in self._sources])
 
 
 def trajectory_errors(true: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n 3"]) -> dict[str, float]:
@@ -155,7 +171,7 @@ def trajectory_errors(true: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n
 
     Returns:
         `ate_m`: root mean square of distances. `rpe_m` and `rpe_deg`: root mean squares of the errors of displacements
-        and of turns from frame to frame. `last_m`, `last_deg`: errors at the end.
+        and of turns from frame to frame. `last_m`, `last_deg`: errors at the end; `worst_m`, `worst_deg`: the largest.
     """
     off = told - true
     gap = np.hypot(off[:, 0], off[:, 1])
@@ -168,6 +184,8 @@ def trajectory_errors(true: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n
         "rpe_m": _rms(np.hypot(step[:, 0], step[:, 1])),
         "rpe_deg": math.degrees(_rms(step[:, 2])),
         "last_m": float(gap[-1]),
+        "worst_m": float(gap.max()),
+        "worst_deg": math.degrees(max(abs(wrap(float(yaw))) for yaw in off[:, 2])),
         "last_deg": math.degrees(abs(wrap(float(off[-1, 2])))),
     }
 

@@ -6,7 +6,7 @@ rest of the patch ahead, as far as it is floor or the face of a wall; there the 
 elsewhere, and unknown is neither obstacle nor floor.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,11 @@ from rich.text import Text
 
 from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
 from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
-from robosim.bench.slam_plan import EVERY, TELLERS, TOLD_AT, SlamSettings, measure_plan
+from robosim.bench.slam_plan import EVERY, MATCHED, TELLERS, TOLD_AT, Floor, SlamSettings, measure_plan
 from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
 from robosim.building.building import make_building
-from robosim.plans.files import find_plans, read_plan
+from robosim.generator.trial_floors import TRIAL_FLOORS
+from robosim.plans.files import find_plans
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
@@ -38,28 +39,33 @@ def run(
     speed: SpeedSettings | None,
     workers: int,
     cluster: str | None = None,
+    angles_deg: Sequence[float] = (0.0,),
     out: Path,
     console: Console,
 ) -> Group:
     """Measure the plans that are missing, write `slam.json` and pictures, and return the tables.
 
     Args:
-        plans: Files of floor plans, folders of them, or names of shipped ones.
+        plans: Files of floor plans, folders of them, or names of shipped ones or of `robosim.generator.trial_floors`.
         settings: What to run in each.
         speed: Input sizes and networks to compare; None leaves that out.
         workers: Processes at once; scores do not depend on it.
         cluster: Address of a dask scheduler that is used instead; times are of its machines then.
+        angles_deg: Each plan is turned by each of these against its grid.
         out: Folder for the files.
         console: Where progress is shown.
     """
-    found = find_plans(plans)
+    sources = [word for word in plans if word in TRIAL_FLOORS]
+    sources += [str(path) for path in find_plans([word for word in plans if word not in TRIAL_FLOORS])]
+    found = [Floor(source, degrees) for source in sources for degrees in angles_deg]
+    floors = {floor.plan().name: floor for floor in found}
     with run_folder(out, "bench slam", asdict(settings)):
-        rows = _measured(found, settings, workers, cluster, out, console)
-        return _told(found, rows, settings, speed, workers, out, console)
+        rows = _measured(floors, settings, workers, cluster, out, console)
+        return _told(floors, rows, settings, speed, workers, out, console)
 
 
 def _measured(
-    found: Sequence[Path],
+    floors: Mapping[str, Floor],
     settings: SlamSettings,
     workers: int,
     cluster: str | None,
@@ -67,18 +73,17 @@ def _measured(
     console: Console,
 ) -> list[dict[str, Any]]:
     """What is told of each plan, by name; from its file where it was measured before."""
-    files = {read_plan(path).name: path for path in found}
-    missing = [name for name in files if not _row_file(out, name).exists()]
+    missing = [name for name in floors if not _row_file(out, name).exists()]
     with (
         Workers(min(workers, len(missing) or 1), cluster, what="plans") as pool,
-        told_units(console, "plans", len(files), len(files) - len(missing)) as tell,
+        told_units(console, "plans", len(floors), len(floors) - len(missing)) as tell,
     ):
-        for _, (row, maps) in pool.run(measure_plan, [(files[name], settings) for name in missing]):
+        for _, (row, maps) in pool.run(measure_plan, [(floors[name], settings) for name in missing]):
             write_whole(_row_file(out, row["plan"]).with_suffix(".npz"), maps)
             write_json(_row_file(out, row["plan"]), row)
             tell(row["plan"])
     remedy = "Delete it to measure again."
-    return [read_json(_row_file(out, name), "results of a plan", remedy) for name in sorted(files)]
+    return [read_json(_row_file(out, name), "results of a plan", remedy) for name in sorted(floors)]
 
 
 def _row_file(out: Path, plan: str) -> Path:
@@ -86,7 +91,7 @@ def _row_file(out: Path, plan: str) -> Path:
 
 
 def _told(
-    found: Sequence[Path],
+    floors: Mapping[str, Floor],
     rows: list[dict[str, Any]],
     settings: SlamSettings,
     speed: SpeedSettings | None,
@@ -104,20 +109,28 @@ def _told(
         "poses": _poses(rows),
         "walks": {name: _walks(rows, name) for name in ("classical", "learned")},
     }
-    tables = [_map_table(rows, summary), _pose_table(summary), _walk_table(rows, summary), _stage_table(rows)]
-    if speed is not None:
-        summary["speed"] = speeds(found, speed, settings, workers=workers, out=out, console=console)
+    tables = [
+        _map_table(rows, summary),
+        _pose_table(summary),
+        _part_table(rows),
+        _walk_table(rows, summary),
+        _stage_table(rows),
+    ]
+    files = [Path(floor.source) for floor in floors.values() if floor.source not in TRIAL_FLOORS]
+    if speed is not None and files:
+        summary["speed"] = speeds(
+            list(dict.fromkeys(files)), speed, settings, workers=workers, out=out, console=console
+        )
         tables.append(speed_table(summary["speed"]))
     write_json(out / "slam.json", summary)
     plot_reliability(scores, out / "reliability.png")
     plot_coverage(rows, out / "coverage.png")
-    files = {read_plan(path).name: path for path in found}
     order = sorted(rows, key=lambda row: _own_iou(row, "network"))
     for name, row in (("worst", order[0]), ("median", order[len(order) // 2]), ("best", order[-1])):
         plan = row["plan"]
         title = f"{name} of {len(rows)}: {plan}, IoU of obstacles in view {_own_iou(row, 'network'):.3f}"
         kept = out / "plans" / f"{plan}.npz"
-        plot_map(out / f"{name}.png", make_building(read_plan(files[plan])), kept, title)
+        plot_map(out / f"{name}.png", make_building(floors[plan].plan()), kept, title)
     return Group(*tables)
 
 
@@ -214,6 +227,23 @@ def _pose_table(summary: dict[str, Any]) -> Table:
             f"{1000 * pose['rpe_m']:.1f}",
             f"{pose['rpe_deg']:.3f}",
             f"{pose.get('ms', summary['walks']['classical']['mapper_ms']):.2f}",
+        )
+    return table
+
+
+def _part_table(rows: list[dict[str, Any]]) -> Table:
+    """Errors of the pose on each plan, and what becomes of them with a part left out or a radio."""
+    others = [name for name in rows[0]["poses"] if name.startswith("with")]
+    columns = ["ATE [cm]", "last", "worst", "worst [deg]", *(f"ATE [cm] {name}" for name in others)]
+    caption = "By scan matching, and by the same with a part left out or with a radio, on the same frames"
+    table = _numbers("Pose, plan by plan", "plan", columns, caption)
+    for row in rows:
+        pose = row["poses"][MATCHED]
+        table.add_row(
+            row["plan"],
+            *(f"{100 * pose[key]:.1f}" for key in ("ate_m", "last_m", "worst_m")),
+            f"{pose['worst_deg']:.2f}",
+            *(f"{100 * row['poses'][name]['ate_m']:.1f}" for name in others),
         )
     return table
 

@@ -9,14 +9,15 @@ On the way of the first, everything is compared on the same frames: at every `EV
 - the network,
 - the learned map, into which its answers are fused, cut in the same way;
 
-and at every frame the true pose with each way to know it (`robosim.bench.pose_tracks`). The learned mapper runs along
-in the shadow of the classical one there, and takes the poses of that one: what it adds is the map.
+and at every frame the true pose with each way to know it (`robosim.bench.pose_tracks`), among them the classical mapper
+with one part left out, and with a radio that hears transmitters. The learned mapper runs along in the shadow of the
+classical one there, and takes the poses of that one: what it adds is the map.
 """
 
 import zlib
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -34,19 +35,26 @@ from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.generator.trial_floors import TRIAL_FLOORS, turned
 from robosim.navigation import make_navigator
 from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import read_plan
+from robosim.plans.floorplan import FloorPlan
+from robosim.policies.goals import Explore, PolicyContext
+from robosim.radio.bearings import bearings_of
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import LEVEL, SEED, STEPS, check_numbers
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
-from robosim.task.tasks import Task, make_task
+from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from slam.grid import MapEstimate
+from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.neural import NeuralMapper
 from slam.mapping.occupancy import OccupancyGrid
+from slam.mapping.odometry import OdometryConfig
+from slam.mapping.relocalization import RelocalizationConfig
 from slam.networks.scores import PatchScores
 from slam.sensing.egocentric import AHEAD, belief_ahead, egocentric_map
 from slam.sensing.projection import scan_from_depth
@@ -60,6 +68,28 @@ TOLD_AT = 500
 #: Ways to know the pose.
 ODOMETRY, UNBIASED, OPENCV = "odometry", "odometry, unbiased", "OpenCV RGB-D"
 LEARNED, MATCHED = "learned pose", "scan matching"
+#: The classical mapper with a part left out: what is changed of its configuration.
+LEFT_OUT: Mapping[str, Callable[[MapperConfig], MapperConfig]] = {
+    "without calibration": lambda config: replace(config, odometry=OdometryConfig()),
+    "without relocaliser": lambda config: replace(
+        config, relocalization=RelocalizationConfig(contradiction=1.0)
+    ),
+    "without loops": lambda config: replace(config, tracking=replace(config.tracking, loops=False)),
+}
+
+
+class Floor(NamedTuple):
+    """Where is measured."""
+
+    source: str
+    """File of a floor plan, or a name of `robosim.generator.trial_floors`."""
+    degrees: float = 0.0
+    """By how much it is turned against its grid."""
+
+    def plan(self) -> FloorPlan:
+        """Its plan, turned."""
+        made = TRIAL_FLOORS.get(self.source)
+        return turned(read_plan(self.source) if made is None else made(), self.degrees)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,11 +108,20 @@ class SlamSettings:
     """Level of the depth camera's noise."""
     physics: PhysicsPart = "kinematic"
     """How the robot is moved."""
+    transmitters: int = 0
+    """How many are heard by mappers beside that of the walk; with none there is no radio."""
 
     def __post_init__(self) -> None:
         MAPPER.check("mapper", self.mapper)
         PHYSICS.check("physics", self.physics)
-        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL, steps=STEPS)
+        check_numbers(
+            self,
+            seed=SEED,
+            noise=LEVEL,
+            depth_noise=LEVEL,
+            steps=STEPS,
+            transmitters=(0, 100, "transmitters"),
+        )
 
     @property
     def simulator(self) -> SimulatorConfig:
@@ -93,7 +132,7 @@ class SlamSettings:
             depth_noise=DepthNoise(level=self.depth_noise),
         )
 
-    def episode(self, mapper: str, plan: str) -> EpisodeConfig:
+    def episode(self, mapper: MapperPart, plan: str) -> EpisodeConfig:
         """Exploring a plan by a mapper, frontiers rated by hand: the difference is that of the maps."""
         seed = zlib.crc32(f"{self.seed} {plan}".encode())
         return EpisodeConfig(
@@ -106,21 +145,45 @@ class SlamSettings:
         )
 
     def task(self, places: Reach, plan: str) -> Task:
-        """Where the robot begins in a plan."""
-        return make_task(places, np.random.default_rng([self.episode("classical", plan).seed, 0]))
+        """Where the robot begins in a plan, and where transmitters stand."""
+        rng = np.random.default_rng([self.episode("classical", plan).seed, 0])
+        task = make_task(places, rng)
+        others = [
+            Anchor(name=name, place=make_task(places, rng).target, known=False) for name in self.sources[1:]
+        ]
+        return with_anchors(task, places, others)
+
+    @property
+    def sources(self) -> list[str]:
+        """Names of the transmitters."""
+        return ["target", *(f"anchor-{k}" for k in range(1, self.transmitters))][: self.transmitters]
 
 
-def measure_plan(path: str | Path, settings: SlamSettings) -> tuple[dict[str, Any], bytes]:
+class _Listening(Explore):
+    """Explores with its radio on."""
+
+    uses_radio = True
+
+    def __init__(self, context: PolicyContext) -> None:
+        super().__init__(context.explorer)
+
+
+def _deaf(config: MapperConfig) -> ClassicalMapper:
+    """The classical mapper, to which the radio says nothing."""
+    return ClassicalMapper(replace(config, tracking=replace(config.tracking, radio=False)))
+
+
+def measure_plan(floor: Floor, settings: SlamSettings) -> tuple[dict[str, Any], bytes]:
     """Everything about one plan.
 
     Args:
-        path: Floor plan.
+        floor: Floor plan.
         settings: What to run.
 
     Returns:
         What is told of it, and the built maps as a NumPy archive.
     """
-    plan = read_plan(path)
+    plan = floor.plan()
     building = make_building(plan)
     places = reach(building, settings.simulator.robot.radius_m)
     task = settings.task(places, plan.name)
@@ -128,9 +191,16 @@ def measure_plan(path: str | Path, settings: SlamSettings) -> tuple[dict[str, An
     # Whatever is compiled or loaded at first use is not to be found in the times.
     run_episode(building, places, task, replace(settings.episode(settings.mapper, plan.name), max_steps=3))
     walks = {}
-    for mapper, watch in (("classical", shadow.look), (settings.mapper, lambda log, decision: None)):
-        log, estimate = run_episode(building, places, task, settings.episode(mapper, plan.name), watch)
-        walks["classical" if mapper == "classical" else "learned"] = _walk(log)
+    first = settings.episode(_deaf, plan.name)
+    if settings.transmitters:
+        first = replace(first, goal=_Listening)
+    second = settings.episode(settings.mapper, plan.name)
+    for name, config, watch in (
+        ("classical", first, shadow.look),
+        ("learned", second, lambda log, decision: None),
+    ):
+        log, estimate = run_episode(building, places, task, config, watch)
+        walks[name] = _walk(log)
     row = {
         "plan": plan.name,
         "area_m2": building.free.area,
@@ -198,6 +268,14 @@ class _Shadow:
             UNBIASED: Track(UnbiasedOdometry(config.noise), task.start),
             LEARNED: MapperTrack(other, task.start),
         }
+        classical = ClassicalMapper(self._learned.classical.config)
+        for name, changed in LEFT_OUT.items():
+            self._tracks[name] = MapperTrack(ClassicalMapper(changed(classical.config)), task.start)
+        for count in sorted({1, settings.transmitters}) if settings.transmitters else ():
+            name = f"with radio, {count} transmitter{'s' if count > 1 else ''}"
+            hearing = ClassicalMapper(classical.config)
+            self._tracks[name] = MapperTrack(hearing, task.start, settings.sources[:count])
+        self._radio = config.radio
         self._opencv = OpenCVOdometry(config.image, config.noise) if OpenCVOdometry.available() else None
         if self._opencv is not None:
             self._tracks[OPENCV] = Track(self._opencv, task.start)
@@ -206,8 +284,14 @@ class _Shadow:
         """Take in one decision."""
         view, pose, action = decision.view, decision.pose, decision.before
         estimate = self._learned.update(view.depth, action, view.odometry)
+        situation = decision.situation
+        measured = situation.measurement
+        heard = {} if measured is None else {"target": measured, **situation.anchors}
+        bearings = bearings_of(heard, self._radio, {})
         for track in self._tracks.values():
             track.update(view, action)
+            if isinstance(track, MapperTrack):
+                track.listen(bearings)
         self._true.append(np.array(pose))
         self._matched.append(np.array(decision.estimate.pose))
         if self.frames % EVERY == 0:

@@ -172,6 +172,8 @@ def slam(
     noise: float = 1.0,
     depth_noise: float = 1.0,
     physics: PhysicsPart = "kinematic",
+    turned: tuple[float, ...] = (0.0,),
+    transmitters: int = 0,
     sizes: tuple[int, ...] = (64, 96, 128, 192, 256),
     others: tuple[str, ...] = (),
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
@@ -179,20 +181,25 @@ def slam(
 ) -> None:
     """Measure mapping: the learned mapper against the classical one, and ways to know the pose, on the same frames.
 
-    Overlap and calibration of maps, ATE and RPE, coverage, time by stage, and speed against error over the size of
-    depth images and over networks. About a minute a plan. Goes on after a kill if given the same folder; the scores do
-    not depend on the number of workers.
+    Overlap and calibration of maps, ATE and RPE, with parts of the mapper left out one by one, coverage, time by stage,
+    and speed against error over the size of depth images and over networks. About two minutes a plan. Goes on after a
+    kill if given the same folder; the scores do not depend on the number of workers.
 
     Example: robosim bench slam flat office --out out/slam
 
+    Example: robosim bench slam hall ring corridor large-1 --turned 0 30 --transmitters 3 --sizes --out out/floors
+
     Args:
-        plans: Floor plans, or folders of them.
+        plans: Floor plans, or folders of them; or floors on which poses are hard to tell, by name: hall, pillars,
+            corridor, ring, large-1, large-2.
         mapper: Learned mapper: neural, or a .safetensors file.
         steps: Most decisions of each walk; two walks a plan.
         seed: Seed of the tasks and of the noise.
         noise: Level of actuation and odometry noise.
         depth_noise: Level of the depth camera's noise.
         physics: dynamic drives wheels in MuJoCo; kinematic moves a disk, faster.
+        turned: Each plan is turned by each of these angles against its grid [degrees].
+        transmitters: Radios that mappers beside that of the walk hear: one of them, and all.
         sizes: Widths of depth images at which speed is measured [pixels]; none leaves that part out.
         others: Further networks whose speed is measured: .safetensors files.
         work: Who does the work.
@@ -203,8 +210,17 @@ def slam(
     from robosim.bench.slam_speed import SpeedSettings
 
     check_some("plans", plans, PLANS)
+    check_some("turned", turned, "--turned 0 45")
+    for angle in turned:
+        check_number("turned", angle, -360, 360, "degrees")
     settings = SlamSettings(
-        mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
+        mapper=mapper,
+        steps=steps,
+        seed=seed,
+        noise=noise,
+        depth_noise=depth_noise,
+        physics=physics,
+        transmitters=transmitters,
     )
     speed = SpeedSettings(sizes=sizes, mappers=others, frames=min(steps, 150)) if sizes else None
     folder = folder_for(out, "bench slam")
@@ -215,6 +231,7 @@ def slam(
             speed=speed,
             workers=work.count,
             cluster=work.cluster,
+            angles_deg=turned,
             out=folder,
             console=console,
         )

@@ -101,7 +101,7 @@ def _large(seed: int) -> FloorPlan:
     return replace(plan, name=f"large-{seed}")
 
 
-#: By name.
+#: Makers of the floors, by name.
 TRIAL_FLOORS: Mapping[str, Callable[[], FloorPlan]] = {
     "hall": hall,
     "pillars": pillars,

@@ -10,7 +10,16 @@ from rich.console import Console
 
 from robosim.bench.pose_tracks import OpenCVOdometry, RawOdometry, Track, UnbiasedOdometry, trajectory_errors
 from robosim.bench.slam import run
-from robosim.bench.slam_plan import LEARNED, MATCHED, ODOMETRY, OPENCV, TELLERS, UNBIASED, SlamSettings
+from robosim.bench.slam_plan import (
+    LEARNED,
+    LEFT_OUT,
+    MATCHED,
+    ODOMETRY,
+    OPENCV,
+    TELLERS,
+    UNBIASED,
+    SlamSettings,
+)
 from robosim.bench.slam_speed import SpeedSettings
 from robosim.building.building import make_building
 from robosim.building.reach import reach
@@ -99,11 +108,11 @@ def test_the_bench_scores_everything_and_goes_on(tmp_path):
     """Eight decisions of a shipped plan, two sizes: scores of each teller and pose, pictures; then read from files."""
     settings, speed = SlamSettings(steps=8), SpeedSettings(sizes=(64, 128), frames=8)
     tables = run(["cottage"], settings, speed=speed, workers=1, out=tmp_path, console=QUIET)
-    assert len(tables.renderables) == 5
+    assert len(tables.renderables) == 6
     told = json.loads((tmp_path / "slam.json").read_text())
     for teller in TELLERS:
         assert 0 < told["maps"][teller]["iou_seen"] <= 1
-    always = {ODOMETRY, UNBIASED, LEARNED, MATCHED}
+    always = {ODOMETRY, UNBIASED, LEARNED, MATCHED, *LEFT_OUT}
     assert always <= set(told["poses"]) <= {*always, OPENCV}
     assert told["poses"][MATCHED]["then_m"] < 0.05
     assert 0 < told["walks"]["learned"]["seen_after_250"] <= 1
@@ -118,3 +127,14 @@ def test_the_bench_scores_everything_and_goes_on(tmp_path):
     kept.write_text(json.dumps(changed))
     run(["cottage"], settings, speed=None, workers=1, out=tmp_path, console=QUIET)
     assert json.loads((tmp_path / "slam.json").read_text())["walks"]["learned"]["collisions"] == 77
+
+
+def test_floors_are_turned_and_radios_heard(tmp_path):
+    """A hall as it is and askew, two transmitters: a row each, with the radio of one and of both beside the rest."""
+    settings = SlamSettings(steps=6, transmitters=2)
+    run(["ring"], settings, speed=None, workers=1, angles_deg=(0.0, 30.0), out=tmp_path, console=QUIET)
+    told = json.loads((tmp_path / "slam.json").read_text())
+    assert told["plans"] == ["ring", "ring@30"]
+    assert {"with radio, 1 transmitter", "with radio, 2 transmitters"} <= set(told["poses"])
+    for name in LEFT_OUT:
+        assert told["poses"][name]["worst_m"] >= told["poses"][name]["ate_m"] > 0
