@@ -60,7 +60,8 @@ def make_navigator(
     """
     radius_m = config.robot.radius_m
     odometry = config.robot.odometry or odometry_of(config.noise)
-    cost, control = CostConfig(radius_m=radius_m), ControlConfig(radius_m=radius_m)
+    cost = CostConfig(radius_m=radius_m)
+    control = ControlConfig(radius_m=radius_m, motions=tuple(error.motion for error in odometry.of_actions))
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
@@ -117,4 +118,4 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
 def odometry_of(noise: NoiseModel) -> OdometryConfig:
     """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions."""
     runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
-    return calibrated(runs)
+    return calibrated(*runs)

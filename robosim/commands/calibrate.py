@@ -52,19 +52,19 @@ def calibrate(
     simulator = settings.simulator
     with results_in(out, "calibrate") as folder:
         if measured is not None:
-            errors = read_runs(measured)
+            done = read_runs(measured)
         else:
             world = PHYSICS.make(simulator.physics, open_floor(), robot=simulator.robot)
             with tracked(range(runs), "runs of each action", console) as numbers:
-                errors = run_actions(world, simulator.noise, numbers, np.random.default_rng(seed))
-        found = calibrated(errors)
+                done = run_actions(world, simulator.noise, numbers, np.random.default_rng(seed))
+        found = calibrated(*done)
         write_robot(folder / "robot.json", replace(simulator.robot, odometry=found))
-        draw_errors(errors, folder / "odometry.png")
+        draw_errors(done, folder / "odometry.png")
     table = Table("action", "runs", "mean x, y [mm]", "yaw [deg]", "std x, y [mm]", "yaw [deg] ")
     rows = []
     for action, error in zip(Action, found.of_actions, strict=True):
         mean, std = np.array(error.mean), np.sqrt(np.diag(error.covariance))
-        name, count = action.name.lower(), len(errors[action])
+        name, count = action.name.lower(), len(done.errors[action])
         rows.append({"action": name, "runs": count, "mean": mean, "std": std})
         cells = [f"{1000 * v[0]:.2f}, {1000 * v[1]:.2f}" for v in (mean, std)]
         turns = [f"{round(np.degrees(v[2]), 3) + 0.0:.3f}" for v in (mean, std)]  # no -0.000

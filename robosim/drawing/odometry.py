@@ -13,11 +13,11 @@ from robosim.robot.calibration import Runs
 _MOST = 2000
 
 
-def draw_errors(errors: Runs, path: Path) -> None:
+def draw_errors(runs: Runs, path: Path) -> None:
     """Draw the errors of each run: sideways against ahead, and the turn, with the ellipse that holds 95 % of them."""
-    figure, axes = plt.subplots(2, len(errors), figsize=(11, 6.5), layout="constrained", squeeze=False)
+    figure, axes = plt.subplots(2, len(runs.errors), figsize=(11, 6.5), layout="constrained", squeeze=False)
     circle = np.linspace(0, 2 * math.pi, 100)
-    for column, (action, all_of_them) in enumerate(errors.items()):
+    for column, (action, all_of_them) in enumerate(runs.errors.items()):
         some = all_of_them[:: max(1, len(all_of_them) // _MOST)]
         place, turn = axes[:, column]
         place.plot(1000 * some[:, 0], 1000 * some[:, 1], ".", ms=2, color="tab:blue", alpha=0.5)

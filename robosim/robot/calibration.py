@@ -7,6 +7,7 @@ total station, or marks on the floor. `slam.mapping.odometry.calibrated` makes o
 import csv
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -22,8 +23,15 @@ from slam.actions import Action
 from slam.mapping.odometry import calibrated
 from slam.poses import between, wrap
 
-#: Measured minus true displacement of each run of each action: x, y [m] and yaw [rad], robot's frame before it.
-Runs = Mapping[Action, Float[np.ndarray, "n 3"]]
+
+class Runs(NamedTuple):
+    """Displacements of each run of each action: x, y [m] and yaw [rad], robot's frame before it."""
+
+    errors: Mapping[Action, Float[np.ndarray, "n 3"]]
+    """Measured minus true ones."""
+    motions: Mapping[Action, Float[np.ndarray, "n 3"]]
+    """True ones."""
+
 
 #: Side of the open floor [m].
 _SIDE_M = 4.0
@@ -53,7 +61,7 @@ def run_actions(
     runs: Iterable[object],
     rng: np.random.Generator,
 ) -> Runs:
-    """Measured minus true displacement of each run of each action.
+    """Run each action again and again.
 
     Args:
         world: Moves the robot on the open floor.
@@ -62,18 +70,20 @@ def run_actions(
         rng: Source of the noise.
     """
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
-    errors: dict[Action, list[Float[np.ndarray, 3]]] = {action: [] for action in Action}
+    errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
     for _ in runs:
         for action in Action:
             world.reset(start)
             world.move(noise.actuation(action, rng))
             moved = between(start, world.pose)
             errors[action].append(noise.sense(action, moved, rng) - moved)
-    return {action: np.array(found) for action, found in errors.items()}
+            motions[action].append(moved)
+    return _runs(errors, motions)
 
 
 def read_runs(path: Path) -> Runs:
-    """Measured minus true displacements from a table, a row a run, with `COLUMNS`; action is forward, left or right.
+    """Runs from a table, a row a run, with `COLUMNS`; action is forward, left or right.
 
     Raises:
         FileError: If the file is damaged, a column is missing, a value is none that a displacement has, or an action
@@ -81,6 +91,7 @@ def read_runs(path: Path) -> Runs:
     """
     names = [action.name.lower() for action in Action]
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each run of an action"
     with reading(path, "a table of runs", remedy) as file:
         rows = csv.DictReader(file.read().decode("utf-8-sig").splitlines())
@@ -92,9 +103,18 @@ def read_runs(path: Path) -> Runs:
             error = values[:3] - values[3:]
             error[2] = wrap(float(error[2]))
             errors[Action[row["action"].upper()]].append(error)
-        runs = {action: np.array(found).reshape(-1, 3) for action, found in errors.items()}
-        calibrated(runs)  # a table with too few runs is refused by its name
+            motions[Action[row["action"].upper()]].append(values[3:])
+        runs = _runs(errors, motions)
+        calibrated(*runs)  # a table with too few runs is refused by its name
     return runs
+
+
+def _runs(errors: Mapping[Action, list[np.ndarray]], motions: Mapping[Action, list[np.ndarray]]) -> Runs:
+    both = [
+        {action: np.array(found).reshape(-1, 3) for action, found in some.items()}
+        for some in (errors, motions)
+    ]
+    return Runs(*both)
 
 
 def _number(text: str | None, column: str, line: int) -> float:

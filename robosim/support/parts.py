@@ -243,9 +243,12 @@ def _restored(hint: Any, value: Any) -> Any:
         for one in (hint, *get_args(hint)):
             if dataclasses.is_dataclass(one):
                 return restored(one, value)  # type: ignore[arg-type]
-    if isinstance(value, list) and get_origin(hint) is tuple:
-        inner = get_args(hint)
-        return tuple(
-            _restored(inner[0] if inner[-1] is ... else inner[i], one) for i, one in enumerate(value)
-        )
+    if isinstance(value, list):
+        for kind in (hint, *get_args(hint)):
+            if get_origin(kind) is tuple:
+                inner = get_args(kind)
+                several = inner[:1] * len(value) if inner[-1] is ... else inner
+                if len(several) != len(value):
+                    raise ValueError(f"{value} has {len(value)} values, expected {len(several)}.")
+                return tuple(_restored(one, each) for one, each in zip(several, value, strict=True))
     return value

@@ -48,6 +48,9 @@ class ControlConfig:
     """Nominal distance of a step forward [m]; what it really does is learned."""
     turn_rad: float = TURN_RAD
     """Nominal angle of a turn [rad]."""
+    motions: tuple[tuple[float, float, float] | None, ...] = (None, None, None)
+    """What each action does in the mean, in the order of `Action`: x, y [m], yaw [rad], as a calibration finds it; None
+    for nominal."""
     arrived_m: float = 0.15
     """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
     stuck_decisions: int = 45
@@ -84,6 +87,11 @@ class ControlConfig:
 #: Decisions looked back on for wavering, and changes of side among their turns that are too many.
 HISTORY, MOST_REVERSALS = 16, 4
 
+#: What an action does is a mean over so many, as of a calibration; and over so many at least to be relied upon.
+_CALIBRATED, _SURE = 50, 5
+#: A turn that moves the hull by less than this does not swing it [m].
+_SWING_M = 0.008
+
 #: Places at which one step of a run is checked against obstacles.
 PARTS = 4
 
@@ -111,6 +119,9 @@ class Controller:
         turn = self.config.turn_rad
         self.motion = np.array([[self.config.forward_m, 0, 0], [0, 0, turn], [0, 0, -turn]], float)
         self._motions = np.ones(len(Action))
+        for action, known in zip(Action, self.config.motions, strict=True):
+            if known is not None and self._usual(action, np.array(known)):
+                self.motion[action], self._motions[action] = known, _CALIBRATED
         self._last: Action | None = None
         self._last_pose: Float[np.ndarray, 3] | None = None
         self._bumps: deque[tuple[float, float, float, float]] = deque(maxlen=12)
@@ -162,14 +173,23 @@ class Controller:
     ) -> None:
         """Take what an action did into the mean of its kind, unless it was stopped."""
         moved = between(before, after)
-        nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
-        done = moved[0] if action is Action.FORWARD else abs(moved[2])
-        if action is Action.FORWARD and done < 0.6 * nominal:
+        swing_m = math.hypot(*self.motion[action][:2])
+        ahead_m = float(moved[:2] @ self.motion[action][:2]) / max(swing_m, 1e-9)
+        # A turn swings the hull aside; what it swings against stops that, though not the turn.
+        known = action is Action.FORWARD or (swing_m > _SWING_M and self._motions[action] >= _SURE)
+        if known and ahead_m < (0.6 if action is Action.FORWARD else 0.4) * swing_m:
             touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
-            self._bumps.append((float(after[0]), float(after[1]), float(before[2]), touch))
-        elif 0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m:
-            self._motions[action] = min(self._motions[action] + 1, 50)
+            heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
+            self._bumps.append((float(after[0]), float(after[1]), heading, touch))
+        elif self._usual(action, moved):
+            self._motions[action] = min(self._motions[action] + 1, _CALIBRATED)
             self.motion[action] += (moved - self.motion[action]) / self._motions[action]
+
+    def _usual(self, action: Action, moved: Float[np.ndarray, "3"]) -> bool:
+        """Whether a displacement is about what the action is meant to do."""
+        nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
+        done = moved[0] if action is Action.FORWARD else moved[2] * (1 if action is Action.LEFT else -1)
+        return bool(0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m)
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """First action of the cheapest turn and run."""

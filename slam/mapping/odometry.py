@@ -42,9 +42,11 @@ class ActionError:
     """Its constant part [m, m, rad]."""
     covariance: Matrix = ((1.6e-5, 0.0, 0.0), (0.0, 1.6e-5, 0.0), (0.0, 0.0, 9e-6))
     """Of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees where nobody has calibrated."""
+    motion: Vector | None = None
+    """What the action truly does on open floor, in the mean: x, y [m], yaw [rad]. None where nobody has calibrated."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, mean=(-1, 1, "m and rad"))
+        check_numbers(self, mean=(-1, 1, "m and rad"), motion=(-100, 100, "m and rad"))
         matrix = np.asarray(self.covariance, float)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
             raise ValueError("covariance has to be three rows of three numbers [m^2, m rad, rad^2].")
@@ -84,12 +86,16 @@ class OdometryConfig:
         return tuple(by_action[action] for action in Action)
 
 
-def calibrated(errors: Mapping[Action, Float[np.ndarray, "n 3"]]) -> OdometryConfig:
+def calibrated(
+    errors: Mapping[Action, Float[np.ndarray, "n 3"]],
+    motions: Mapping[Action, Float[np.ndarray, "n 3"]] | None = None,
+) -> OdometryConfig:
     """What measured actions say of a robot's odometry.
 
     Args:
         errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame
             before it; what is true comes from a motion capture, a total station, marks on the floor, or a simulator.
+        motions: The true displacements, if what the actions do is to be known too.
 
     Raises:
         ValueError: If an action has fewer than ten runs.
@@ -105,6 +111,7 @@ def calibrated(errors: Mapping[Action, Float[np.ndarray, "n 3"]]) -> OdometryCon
         told[action.name.lower()] = ActionError(
             mean=(float(mean[0]), float(mean[1]), float(mean[2])),
             covariance=tuple(tuple(float(value) for value in row) for row in covariance),  # type: ignore[arg-type]
+            motion=None if motions is None else tuple(float(v) for v in np.mean(motions[action], axis=0)),  # type: ignore[arg-type]
         )
     runs = min(len(samples) for samples in errors.values())
     return OdometryConfig(forward=told["forward"], left=told["left"], right=told["right"], runs=runs)

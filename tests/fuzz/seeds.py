@@ -405,7 +405,7 @@ def robots(folder: Path) -> None:
     rows = [[action.name.lower(), *rng.normal(0, 0.01, 6).round(5)] for action in Action for _ in range(11)]
     text = "\n".join(",".join(map(str, row)) for row in [COLUMNS, *rows])
     (home / "runs.csv").write_text(text)
-    found = calibrated(read_runs(home / "runs.csv"))
+    found = calibrated(*read_runs(home / "runs.csv"))
     write_robot(home / "robot.json", replace(TURTLEBOT, odometry=found))
     columns = ",".join(MEASURED)
     (home / "paths.csv").write_text(

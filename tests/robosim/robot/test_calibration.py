@@ -19,7 +19,7 @@ from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
 def test_a_simulated_robot_finds_the_published_errors():
     """1,000 runs: means of the published table within 4 standard errors, deviations within 10 %."""
     runs = run_actions(KinematicWorld(open_floor()), NoiseModel(), range(1000), np.random.default_rng(0))
-    for action, error in zip(Action, calibrated(runs).of_actions, strict=True):
+    for action, error in zip(Action, calibrated(*runs).of_actions, strict=True):
         mean, deviation = (np.array(one) * [0.01, 0.01, np.radians(1)] for one in PUBLISHED_SENSOR[action])
         assert (np.abs(np.array(error.mean) - mean) < 4 * deviation / np.sqrt(1000)).all()
         np.testing.assert_allclose(np.sqrt(np.diag(error.covariance)), deviation, rtol=0.1)
@@ -38,8 +38,8 @@ def test_a_table_of_a_real_robot_is_read(tmp_path):
         ("right", 0.0, 0.0, 0.0, 0.0, 0.0, 0.1),
     ]
     runs = read_runs(written(tmp_path / "runs.csv", 10 * rows))
-    np.testing.assert_allclose(runs[Action.FORWARD], 10 * [[0.01, 0.01, 0.002]], atol=1e-12)
-    np.testing.assert_allclose(runs[Action.LEFT], 10 * [[0.0, 0.02, 2 * np.pi - 6.2]], atol=1e-12)
+    np.testing.assert_allclose(runs.errors[Action.FORWARD], 10 * [[0.01, 0.01, 0.002]], atol=1e-12)
+    np.testing.assert_allclose(runs.errors[Action.LEFT], 10 * [[0.0, 0.02, 2 * np.pi - 6.2]], atol=1e-12)
 
 
 def test_a_table_that_is_too_short_is_refused_by_its_name(tmp_path):
@@ -95,4 +95,4 @@ def test_a_real_robot_is_calibrated_by_its_table(tmp_path):
     path = written(tmp_path / "runs.csv", rows)
     main(["calibrate", str(path), "--out", str(tmp_path / "c")])
     robot = read_robot(tmp_path / "c" / "robot.json")
-    assert robot.odometry == calibrated(read_runs(path))
+    assert robot.odometry == calibrated(*read_runs(path))
