@@ -126,3 +126,47 @@ def test_pursuit_reaches_its_goal():
             break
     assert np.hypot(*(pose[:2] - goal)) < 0.2
     assert min(gaps) > 0.08
+
+
+#: A base that turns about a point 0.1 m behind its middle, as the one does on which the noise was measured.
+SWINGS = ((0.245, 0.0, 0.0), (-0.0015, 0.0196, 0.1965), (-0.0008, -0.0195, -0.1936))
+
+
+def test_it_begins_with_what_its_actions_do():
+    """As a calibration found; what is no such action at all is not believed."""
+    np.testing.assert_array_equal(Controller(ControlConfig(motions=SWINGS)).motion, SWINGS)
+    senseless = ((0.0, 0.0, 0.0), SWINGS[2], None)
+    np.testing.assert_array_equal(Controller(ControlConfig(motions=senseless)).motion, MOTION)
+
+
+def test_a_turn_that_is_stopped_teaches_nothing():
+    """A robot that swings against a wall at each turn still knows, after 20 of them, that the turn swings it."""
+    controller, planner = Controller(ControlConfig(motions=SWINGS)), Planner()
+    estimate = floor((0.0, 0.0, 0.0))
+    pose, goal = estimate.pose, np.array([0.0, -1.5])
+    for _ in range(20):
+        action = controller.act(pose, planner.plan(at_pose(estimate, pose), goal))
+        # It turns on the spot, whatever it is told: its hull leans against something.
+        pose = pose + np.array([0.0, 0.0, SWINGS[action][2]])
+        goal = pose[:2] + 1.5 * np.array([np.sin(pose[2]), -np.cos(pose[2])])
+    np.testing.assert_allclose(controller.motion[[1, 2]], np.array(SWINGS)[[1, 2]], atol=1e-9)
+
+
+def test_it_does_not_swing_into_a_wall():
+    """Its right side 5 mm from a wall, the goal half right behind: not by turning right, as it would with no wall."""
+    for swings, side, into in ((SWINGS, -1, Action.RIGHT), (_mirrored(SWINGS), 1, Action.LEFT)):
+        goal = np.array([-1.0, 0.1 * side])
+        wall = (-3.0, -2.0, 3.0, -0.105) if side < 0 else (-3.0, 0.105, 3.0, 2.0)
+        chosen = []
+        for walls in ([], [wall]):
+            estimate = floor((0.0, 0.0, 0.0), walls=walls)
+            plan = Planner().plan(estimate, goal)
+            chosen.append(Controller(ControlConfig(motions=swings)).act(estimate.pose, plan))
+        assert chosen[0] is into
+        assert chosen[1] is not into
+
+
+def _mirrored(motions):
+    """What a base does that is the other's mirror image, left for right."""
+    forward, left, right = (tuple(np.array(one) * [1, -1, -1]) for one in motions)
+    return forward, right, left
