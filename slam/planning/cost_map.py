@@ -42,6 +42,9 @@ class CostConfig:
     """Extra cost per metre with no space left at all; falls linearly with the space left."""
     unknown_cost: float = 1.5
     """Cost per metre through unknown cells."""
+    anticipated_weight: float = 20.0
+    """Extra cost per metre through unknown cells where the anticipated map is sure of an obstacle; none where it is
+    undecided, linear in between."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -54,6 +57,7 @@ class CostConfig:
             squeeze_m=(0.001, 1, "m"),
             squeeze_weight=(0, 1e4),
             unknown_cost=(1, 1e4),
+            anticipated_weight=(0, 1e4),
         )
 
 
@@ -151,6 +155,8 @@ class Box:
     """Belief in an obstacle; 0.5 where nothing is known."""
     explored: Bool[np.ndarray, "ny nx"]
     """Cells that the camera has seen."""
+    anticipated: Float32[np.ndarray, "ny nx"]
+    """Belief in an obstacle where nothing was seen, if the mapper anticipates; else 0.5."""
     obstacle: Bool[np.ndarray, "ny nx"]
     """Cells where something stands, or stopped the robot."""
     offset_m: Float32[np.ndarray, "ny nx 2"] | None
@@ -189,6 +195,9 @@ def cut_box(
     here, there = np.s_[y0 - iy0 : y1 - iy0, x0 - ix0 : x1 - ix0], np.s_[y0:y1, x0:x1]
     probability, explored = np.full(frame.shape, 0.5, np.float32), np.zeros(frame.shape, bool)
     probability[here], explored[here] = estimate.obstacle_probability[there], estimate.explored[there]
+    anticipated = np.full(frame.shape, 0.5, np.float32)
+    if estimate.anticipated_probability is not None:
+        anticipated[here] = estimate.anticipated_probability[there]
     obstacle = probability > 0.5
     if ease == 0:
         obstacle[here] |= estimate.blocked[there]
@@ -200,6 +209,7 @@ def cut_box(
         frame=frame,
         probability=probability,
         explored=explored,
+        anticipated=anticipated,
         obstacle=obstacle,
         offset_m=offset,
         pose=estimate.pose,
@@ -216,7 +226,9 @@ def cost_map(box: Box, config: CostConfig, ease: int = 0) -> CostMap:
     """
     space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
     cost = np.ones(box.frame.shape, np.float32)
-    cost[box.probability == 0.5] = config.unknown_cost
+    unknown = box.probability == 0.5
+    doubt = np.clip(2 * box.anticipated[unknown] - 1, 0, 1)
+    cost[unknown] = config.unknown_cost + config.anticipated_weight * doubt
     tightness = np.clip(1 - space / config.comfort_m, 0, 1)
     cost += config.wall_weight * tightness * tightness
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
