@@ -31,6 +31,8 @@ _LOG_RANGE = np.array([0.06, 0.3])
 _BEYOND_M = 0.05
 #: Paths nearer to each other than this in azimuth [rad] and delay [samples] are beside each other.
 _BESIDE_RAD, _BESIDE_SAMPLES = math.radians(20.0), 1.3
+#: Distances that power may tell [m].
+_NEAREST_M, _FARTHEST_M = 0.1, 1e5
 #: Weaker paths are not trusted: the strongest, others [dB].
 _LEAST_SNR_DB, _LEAST_OTHER_DB = 0.0, 20.0
 
@@ -47,7 +49,8 @@ def bearings_of(
     """
     bearings = []
     for name, measurement in heard.items():
-        if len(measurement.aoa_rad) and measurement.snr_db[0] >= _LEAST_SNR_DB:
+        heard_well = len(measurement.aoa_rad) > 0 and measurement.snr_db[0] >= _LEAST_SNR_DB
+        if heard_well and np.isfinite([measurement.aoa_rad[0], measurement.gain_db[0]]).all():
             bearings.append(_first(name, measurement, radio, known.get(name)))
             bearings += _further(name, measurement, radio)
     return bearings
@@ -57,14 +60,14 @@ def _first(
     name: str, measurement: Measurement, radio: RadioLinkConfig, place_xy: Float[np.ndarray, "2"] | None
 ) -> Bearing:
     """The strongest path."""
-    direct = float(measurement.probability[LinkState.LOS])
-    lossless_m = speed_of_light / (4 * math.pi * radio.frequency_hz)
+    # Estimators and classifiers may be anybody's, and round a little over 1.
+    direct = float(np.clip(np.nan_to_num(measurement.probability[LinkState.LOS]), 0.0, 1.0))
     beside = int(_beside(measurement, 0, radio))
     return Bearing(
         source=name,
         bearing_rad=wrap(float(measurement.aoa_rad[0] - measurement.pose[2])),
         sigma_rad=float((_DIRECT_RAD if direct >= 0.5 else _OTHER_RAD)[beside]),
-        range_m=lossless_m * 10 ** (-float(measurement.gain_db[0]) / 20),
+        range_m=_lossless_m(measurement, radio),
         sigma_log_range=float(_LOG_RANGE[beside]),
         direct=direct,
         place_xy=place_xy,
@@ -74,20 +77,17 @@ def _first(
 def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> list[Bearing]:
     """Other strong paths that stand alone, well within the window of delays."""
     most_m = speed_of_light * (radio.sounding.half_window - 1) * radio.sounding.sample_s
-    first_m = (
-        speed_of_light / (4 * math.pi * radio.frequency_hz) * 10 ** (-float(measurement.gain_db[0]) / 20)
-    )
     found = []
     for k in range(1, len(measurement.aoa_rad)):
         beyond_m = speed_of_light * float(measurement.delay_s[k])
-        weak = measurement.snr_db[k] < _LEAST_OTHER_DB
-        if weak or abs(beyond_m) > most_m or _beside(measurement, k, radio):
+        strong = measurement.snr_db[k] >= _LEAST_OTHER_DB and np.isfinite(measurement.aoa_rad[k])
+        if not (strong and abs(beyond_m) <= most_m) or _beside(measurement, k, radio):
             continue
         bearing = Bearing(
             source=name,
             bearing_rad=wrap(float(measurement.aoa_rad[k] - measurement.pose[2])),
             sigma_rad=float(_OTHER_RAD[0]),
-            range_m=max(first_m + beyond_m, 0.1),
+            range_m=max(_lossless_m(measurement, radio) + beyond_m, _NEAREST_M),
             sigma_log_range=1.0,
             direct=0.0,
             beyond_m=beyond_m,
@@ -95,6 +95,12 @@ def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> lis
         )
         found.append(bearing)
     return found
+
+
+def _lossless_m(measurement: Measurement, radio: RadioLinkConfig) -> float:
+    """How far the strongest path came, if nothing but free space made it weak [m]."""
+    one_m = speed_of_light / (4 * math.pi * radio.frequency_hz)
+    return float(np.clip(one_m * 10 ** (-float(measurement.gain_db[0]) / 20), _NEAREST_M, _FARTHEST_M))
 
 
 def _beside(measurement: Measurement, k: int, radio: RadioLinkConfig) -> bool:

@@ -122,19 +122,14 @@ class PoseGraph:
             return 0.0
         before = np.array(self.poses)
         system = self._system()
-        state = system.state
-        weights, convex = system.all_trusted(), 0.0
-        while system.doubtful.any() and convex != 1.0:
-            over = (system.squares(state) / system.trusted)[system.doubtful]
-            convex = max(1.0, convex / _STEP if convex else min(2 * float(over.max()), _MOST_CONVEX))
-            # The weights of Geman and McClure's kernel.
-            weights[system.doubtful] = (convex / (over + convex)) ** 2
-            state = system.minimised(state, weights, _FEW_STEPS)
-        state = system.minimised(state, weights, _MOST_STEPS)
+        state, convex = system.state, min(2 * system.worst(system.state), _MOST_CONVEX)
+        while convex > 1.0:
+            state = system.minimised(state, system.weighed(state, convex), _FEW_STEPS)
+            convex /= _STEP
+        state = system.minimised(state, system.weighed(state), _MOST_STEPS)
         for _ in range(_SETTLING if system.doubtful.any() else 0):
-            weights[system.doubtful] = 1 / (system.squares(state) / system.trusted + 1)[system.doubtful] ** 2
-            state = system.minimised(state, weights, _FEW_STEPS)
-        self.weights = weights[: len(self.constraints)].tolist()
+            state = system.minimised(state, system.weighed(state), _FEW_STEPS)
+        self.weights = system.weighed(state)[: len(self.constraints)].tolist()
         self.poses = list(state.poses)
         self.places = list(state.places)
         return float(np.hypot(*(state.poses - before)[:, :2].T).max())
@@ -142,9 +137,7 @@ class PoseGraph:
     def place_covariance(self, place: int) -> Float[np.ndarray, "2 2"]:
         """How well a place is known in `map` [m^2], all that is believed taken together."""
         system = self._system()
-        over = system.squares(system.state) / system.trusted
-        weights = np.where(system.doubtful, (1 / (over + 1)) ** 2, 1.0)
-        return system.place_covariance(weights, place)
+        return system.place_covariance(system.weighed(system.state), place)
 
     def _system(self) -> "_System":
         poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
@@ -240,8 +233,8 @@ class _System:
         loops, ones = [c.loop for c in constraints], 2 * len(sightings)
         self.doubtful = np.array([*loops, *[True] * ones])
         """Which may be wrong altogether."""
-        self.trusted = np.array([_TRUSTED] * len(loops) + [_TRUSTED_ONE] * ones)
-        """Squared error, in variances, at which each begins to lose its weight."""
+        # Squared error, in variances, at which each begins to lose its weight.
+        self._trusted = np.array([_TRUSTED] * len(loops) + [_TRUSTED_ONE] * ones)
         count = 3 * len(state.poses)
         self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2)])
         blocks = [3 * self._first[:, None] + np.arange(3), 3 * self._second[:, None] + np.arange(3)]
@@ -257,16 +250,19 @@ class _System:
         self._kept = (rows >= 0) & (across >= 0)
         self._at_free = rows[self._kept], across[self._kept]
 
-    def all_trusted(self) -> Float[np.ndarray, " k"]:
-        """Full weight for everything."""
-        return np.ones(len(self.doubtful))
+    def weighed(self, state: _State, convex: float = 1.0) -> Float[np.ndarray, " k"]:
+        """Weight of each measurement under Geman and McClure's kernel, made so much more convex."""
+        return np.where(self.doubtful, (convex / (self._over(state) + convex)) ** 2, 1.0)
 
-    def squares(self, state: _State) -> Float[np.ndarray, " k"]:
-        """Squared error of each measurement, in variances."""
+    def worst(self, state: _State) -> float:
+        """Largest squared error of what may be wrong, over that at which it begins to lose its weight."""
+        return float(self._over(state)[self.doubtful].max(initial=0.0))
+
+    def _over(self, state: _State) -> Float[np.ndarray, " k"]:
         error, _ = _errors(state.poses, self._first, self._second, self._measured)
         held = np.einsum("mi,mij,mj->m", error, self._information, error)
         seen, _ = self._sighted(state)
-        return np.concatenate([held, *(seen**2).T])
+        return np.asarray(np.concatenate([held, *(seen**2).T]) / self._trusted)
 
     def minimised(self, state: _State, weights: Float[np.ndarray, " k"], steps: int) -> _State:
         """Poses and places after Gauss-Newton with fixed weights."""

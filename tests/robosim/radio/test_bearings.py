@@ -1,6 +1,7 @@
 """What a radio tells a mapper, against the geometry of halls and corridors."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -84,6 +85,23 @@ def test_a_place_that_is_known_is_told() -> None:
     building, place, pose = _room(12, 10), np.array([7.0, 6.0]), np.array([3.0, 3.0, 1.0])
     assert np.array_equal(_heard(building, place, pose, here=place)[0].place_xy, place)
     assert _heard(building, place, pose, there=place)[0].place_xy is None
+
+
+def test_what_is_no_number_says_nothing() -> None:
+    """Of anybody's estimators: paths without a direction, power or delay are left out, probabilities over 1 are 1."""
+    building, place, pose = _room(12, 10), np.array([7.0, 8.5]), np.array([4.0, 8.5, 0.5])
+    link = RadioLink(building)
+    link.place(place)
+    interpreter = Interpreter(link, "generated")
+    whole = interpreter.interpret(link.measure(pose, np.random.default_rng(0)), pose)
+    odd = replace(
+        whole, probability=np.array([0.0, 1.0 + 1e-6, 0.0, 0.0]), delay_s=np.full_like(whole.delay_s, np.nan)
+    )
+    assert [one.direct for one in bearings_of({NAME: odd}, link.config, {})] == [1.0]
+    for name in ("aoa_rad", "gain_db"):
+        odd = replace(whole, **{name: np.full_like(whole.aoa_rad, np.nan)})
+        assert bearings_of({NAME: odd}, link.config, {}) == []
+    assert bearings_of({NAME: replace(whole, snr_db=whole.snr_db - 200)}, link.config, {}) == []
 
 
 def test_a_search_ends_knowing_where_the_transmitter_stands() -> None:
