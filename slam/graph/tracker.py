@@ -109,6 +109,8 @@ _SOON, _BESIDE_M = 12, 8.0
 _VAGUE_RAD = math.radians(0.2)
 #: The surfaces around are put together anew when a pose moves by more [m].
 _MOVED_M = 0.002
+#: What a robot that was found again may have been off beyond what it moved [m, rad].
+_OFF_M, _OFF_RAD = 0.1, math.radians(3.0)
 #: Scans before by which a pose that was searched for is judged.
 _RECENT = 4
 #: Submaps farther away are not matched to [m].
@@ -211,10 +213,18 @@ class Tracker:
         return self.landmarks.transmitters(self.graph)
 
     def jump(self, match: Match, scan: ScanPoints) -> None:
-        """Go on where the robot was found again: nothing holds that place to the way before but the match."""
+        """Go on where the robot was found again.
+
+        What odometry told still holds, but for as much as the robot was off; along what the match says nothing of, it
+        alone does: a jump leaves the way open by decimetres, not the building.
+        """
         turn = rotation(self.graph.poses[-1][2])
-        self._spread = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
-        self._blind = self._spread + 1e6 * np.eye(3)
+        away = difference(match.pose, self.pose, 1.0)
+        off_m, off_rad = math.hypot(away[0], away[1]) + _OFF_M, abs(away[2]) + _OFF_RAD
+        off = np.diag([off_m, off_m, off_rad]) ** 2
+        found = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
+        self._blind = self._blind + off
+        self._spread = np.linalg.inv(np.linalg.inv(found) + np.linalg.inv(self._spread + off))
         self._place(match.pose)
         self._begin()
 

@@ -8,7 +8,7 @@ import pytest
 
 from robosim.logs.scores import compared
 from slam.graph.tracker import Tracker, TrackerConfig
-from slam.matching.scan_matching import MatchConfig
+from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose
 from tests.slam.beams import along, ranges, rectangle, seen
 
@@ -95,3 +95,18 @@ def test_nothing_seen_leaves_odometry():
         spread.append(float(np.trace(tracker.covariance)))
     np.testing.assert_allclose(tracker.pose, expected, atol=1e-9)
     assert spread[5] > spread[1]
+
+
+def test_a_jump_leaves_open_what_the_match_does_not_say_by_decimetres_only() -> None:
+    """Found 0.3 m off against a bare wall: along it half a metre is left open, not the building."""
+    tracker = Tracker()
+    wall = np.column_stack([np.full(40, 2.0), np.linspace(-1, 1, 40)])
+    scan = ScanPoints(points=wall, normals=np.tile([-1.0, 0.0], (40, 1)), weights=np.ones(40))
+    tracker.predict(np.array([0.25, 0.0, 0.0]), np.diag([0.003, 0.003, 0.001]) ** 2)
+    across = np.diag([1e6, 0.0, 1e6])
+    found = tracker.pose + np.array([0.3, 0.1, 0.05])
+    tracker.jump(Match(pose=found, information=across, paired=np.ones(40, bool)), scan)
+    np.testing.assert_allclose(tracker.pose, found, atol=1e-12)
+    std = np.sqrt(np.diag(tracker.graph.uncertainty(0)[1]))
+    assert std[0] < 0.05
+    assert 0.2 < std[1] < 0.6
