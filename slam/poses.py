@@ -5,13 +5,16 @@ move, in the robot's frame before it.
 """
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from jaxtyping import Float
 
+Angle = TypeVar("Angle", float, np.ndarray)
 
-def wrap(angle_rad: float) -> float:
-    """The same angle in [-pi, pi)."""
+
+def wrap(angle_rad: Angle) -> Angle:
+    """The same angle, or angles, in [-pi, pi)."""
     return (angle_rad + math.pi) % (2 * math.pi) - math.pi
 
 

@@ -268,13 +268,12 @@ class _Shadow:
             UNBIASED: Track(UnbiasedOdometry(config.noise), task.start),
             LEARNED: MapperTrack(other, task.start),
         }
-        classical = ClassicalMapper(self._learned.classical.config)
+        whole = self._learned.classical.config
         for name, changed in LEFT_OUT.items():
-            self._tracks[name] = MapperTrack(ClassicalMapper(changed(classical.config)), task.start)
+            self._tracks[name] = MapperTrack(ClassicalMapper(changed(whole)), task.start)
         for count in sorted({1, settings.transmitters}) if settings.transmitters else ():
             name = f"with radio, {count} transmitter{'s' if count > 1 else ''}"
-            hearing = ClassicalMapper(classical.config)
-            self._tracks[name] = MapperTrack(hearing, task.start, settings.sources[:count])
+            self._tracks[name] = MapperTrack(ClassicalMapper(whole), task.start, settings.sources[:count])
         self._radio = config.radio
         self._opencv = OpenCVOdometry(config.image, config.noise) if OpenCVOdometry.available() else None
         if self._opencv is not None:

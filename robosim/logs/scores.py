@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from robosim.logs.robot_log import RobotLog
-from slam.poses import to_map
+from slam.poses import to_map, wrap
 
 #: Distances between the two poses of a relation [m].
 NEAR_M, FAR_M = 1.0, 5.0
@@ -126,7 +126,7 @@ def _relative(
     mine, theirs = (_displacements(track, first, second) for track in (poses, reference))
     # The error in the frame of the reference's end; its length is the same in any frame.
     turn = mine[:, 2] - theirs[:, 2]
-    turn = np.abs((turn + math.pi) % (2 * math.pi) - math.pi)
+    turn = np.abs(wrap(turn))
     return np.hypot(*(mine - theirs)[:, :2].T), turn
 
 

@@ -18,10 +18,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
-from scipy.constants import speed_of_light
 
 from robosim.policies.sightlines import Knowledge, bent, in_sight, knowledge
-from robosim.radio.measurement import Measurement
+from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
@@ -187,8 +186,7 @@ class TargetBelief:
 
     def _free_m(self, gain_db: float) -> float:
         """Length of a free wave that lost so much [m] (Friis)."""
-        wavelength = speed_of_light / self.config.frequency_hz
-        return float(np.clip(wavelength / (4 * math.pi) * 10 ** (-gain_db / 20), 0.1, 1e3))
+        return float(np.clip(free_path_m(gain_db, self.config.frequency_hz), 0.1, 1e3))
 
 
 def _normal(density: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "ny nx"]:

@@ -18,7 +18,7 @@ from jaxtyping import Float
 from scipy.constants import speed_of_light
 
 from robosim.radio.link import RadioLinkConfig
-from robosim.radio.measurement import Measurement
+from robosim.radio.measurement import Measurement, free_path_m
 from slam.poses import wrap
 from slam.sensing.bearings import Bearing
 from wireless.paths import LinkState
@@ -99,14 +99,13 @@ def _further(name: str, measurement: Measurement, radio: RadioLinkConfig) -> lis
 
 def _lossless_m(measurement: Measurement, radio: RadioLinkConfig) -> float:
     """How far the strongest path came, if nothing but free space made it weak [m]."""
-    one_m = speed_of_light / (4 * math.pi * radio.frequency_hz)
-    return float(np.clip(one_m * 10 ** (-float(measurement.gain_db[0]) / 20), _NEAREST_M, _FARTHEST_M))
+    free_m = free_path_m(float(measurement.gain_db[0]), radio.frequency_hz)
+    return float(np.clip(free_m, _NEAREST_M, _FARTHEST_M))
 
 
 def _beside(measurement: Measurement, k: int, radio: RadioLinkConfig) -> bool:
     """Whether another strong path lies so near that it can hardly be told apart."""
-    turn = measurement.aoa_rad - measurement.aoa_rad[k]
-    turn = (turn + math.pi) % (2 * math.pi) - math.pi
+    turn = wrap(measurement.aoa_rad - measurement.aoa_rad[k])
     gap = np.abs(measurement.delay_s - measurement.delay_s[k]) / radio.sounding.sample_s
     near = (np.abs(turn) < _BESIDE_RAD) & (gap < _BESIDE_SAMPLES) & (measurement.snr_db >= _LEAST_OTHER_DB)
     near[k] = False

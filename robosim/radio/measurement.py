@@ -5,11 +5,13 @@ its pose becomes one of direction. The link state is a classifier's, as calibrat
 by name, to see what a perfect classifier would bring.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+from scipy.constants import speed_of_light
 
 from robosim.parts import CLASSIFIER
 from robosim.radio.link import RadioLink
@@ -42,6 +44,11 @@ class Measurement:
     def state(self) -> LinkState:
         """The most probable link state."""
         return LinkState(int(np.argmax(self.probability)))
+
+
+def free_path_m(gain_db: float, frequency_hz: float) -> float:
+    """Length of a path through free space that lost so much [m] (Friis): lambda / (4 pi) 10^(-gain / 20 dB)."""
+    return speed_of_light / frequency_hz / (4 * math.pi) * 10 ** (-gain_db / 20)
 
 
 @runtime_checkable

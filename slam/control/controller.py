@@ -203,7 +203,7 @@ class Controller:
         ends = points[:, PARTS::PARTS]
         cost_m, downhill = plan.field.at_and_downhill(ends)
         left = cost_m / config.forward_m
-        off = np.abs((downhill - headings[:, None] + math.pi) % (2 * math.pi) - math.pi)
+        off = np.abs(wrap(downhill - headings[:, None]))
         # The turn that will be needed there fades away at the goal. It is not weighted down: a turn put off must not
         # look cheaper than one made now.
         price = np.arange(1, config.reach_steps + 1) + left
@@ -270,7 +270,7 @@ class Controller:
         extra = np.zeros(len(headings))
         for x, y, yaw, _ in self._bumps:
             if math.hypot(pose[0] - x, pose[1] - y) < 0.15:
-                off = np.abs((headings - yaw + math.pi) % (2 * math.pi) - math.pi)
+                off = np.abs(wrap(headings - yaw))
                 extra += 6.0 * np.maximum(0, 1 - off / (2.5 * self.config.turn_rad))
         if self._last is Action.LEFT:
             extra[self._turns < 0] += 3.0

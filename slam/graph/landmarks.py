@@ -116,9 +116,9 @@ class Landmarks:
             if landmark.place is not None:
                 _hold(graph, landmark, seen)
             elif landmark.place_xy is not None or len(landmark.seen) >= _ENOUGH:
-                known = landmark.place_xy is not None
-                xy = landmark.place_xy if landmark.place_xy is not None else _appears(graph, seen)
-                landmark.place = graph.add_place(xy, known=known)
+                known = landmark.place_xy
+                xy = _appears(graph, seen) if known is None else known
+                landmark.place = graph.add_place(xy, known=known is not None)
                 for each in landmark.seen:
                     _hold(graph, landmark, each)
 
@@ -148,7 +148,7 @@ class Landmarks:
             del unsure[: -2 * _KEPT]
             return None
         source = self._direct[bearing.source] = _Landmark(place_xy=bearing.place_xy)
-        source.seen.extend(unsure[:-1])
+        source.seen.extend(self._unsure.pop(bearing.source)[:-1])
         return source
 
     def _image(self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing) -> _Landmark:
@@ -182,8 +182,7 @@ def _keeps_to_a_place(graph: PoseGraph, unsure: Sequence[_Seen]) -> bool:
     seen_from = np.array([compose(graph.poses[seen.node], seen.at) for seen in last])
     away = np.mean([_appears(graph, seen) for seen in last], axis=0) - seen_from[:, :2]
     azimuth = seen_from[:, 2] + [seen.bearing.bearing_rad for seen in last]
-    turn = np.arctan2(away[:, 1], away[:, 0]) - azimuth
-    turn = (turn + math.pi) % (2 * math.pi) - math.pi
+    turn = wrap(np.arctan2(away[:, 1], away[:, 0]) - azimuth)
     far = np.log(np.hypot(*away.T) / [seen.bearing.range_m for seen in last])
     return bool(np.sqrt(np.mean(turn**2)) < _KEPT_RAD and np.sqrt(np.mean(far**2)) < _KEPT_LOG)
 
@@ -218,7 +217,7 @@ def _hold(graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
     """Let what was seen hold the graph."""
     _, _, node, at, bearing, first = seen
     assert landmark.place is not None
-    compared = first.place if first is not None and bearing.beyond_m is not None else None
+    compared = None if first is None else first.place
     if compared is None or bearing.beyond_m is None:
         range_m, sigma = bearing.range_m, bearing.sigma_log_range
     else:

@@ -25,7 +25,7 @@ from jaxtyping import Bool, Float
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import splu
 
-from slam.poses import between, rotation
+from slam.poses import between, rotation, wrap
 
 #: Squared error, in variances, at which a loop, or a number of a sighting, begins to lose its weight: 99.9 % of right
 #: ones are below (chi square of three degrees of freedom, and of one).
@@ -275,7 +275,7 @@ class _System:
             state = _State(state.poses + shift, state.places + far)
             if max(np.abs(shift).max(), np.abs(far).max(initial=0.0)) < _STILL:
                 break
-        state.poses[:, 2] = (state.poses[:, 2] + math.pi) % (2 * math.pi) - math.pi
+        state.poses[:, 2] = wrap(state.poses[:, 2])
         return state
 
     def place_covariance(self, weights: Float[np.ndarray, " k"], place: int) -> Float[np.ndarray, "2 2"]:
@@ -313,8 +313,7 @@ class _System:
         seen_from = state.poses[self._from, :2] + arm
         away, square, gap = _gaps(state.places[self._place] - seen_from)
         other, _, other_gap = _gaps(state.places[self._other] - seen_from)
-        turn = np.arctan2(away[:, 1], away[:, 0]) - yaw - self._at[:, 2] - self._bearing
-        turn = (turn + math.pi) % (2 * math.pi) - math.pi
+        turn = wrap(np.arctan2(away[:, 1], away[:, 0]) - yaw - self._at[:, 2] - self._bearing)
         beyond = gap - other_gap - self._range
         far = np.where(self._alone, np.log(gap / np.where(self._alone, self._range, 1.0)), beyond)
         across = np.column_stack([-away[:, 1], away[:, 0]]) / square[:, None]
@@ -363,8 +362,7 @@ def _errors(
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = (poses[second, :2] - poses[first, :2]).T
     ahead, left = c * dx + s * dy, c * dy - s * dx
-    turn = poses[second, 2] - yaw - measured[:, 2]
-    turn = (turn + math.pi) % (2 * math.pi) - math.pi
+    turn = wrap(poses[second, 2] - yaw - measured[:, 2])
     error = np.column_stack([ahead - measured[:, 0], left - measured[:, 1], turn])
     derivative = np.zeros((len(first), 3, 6))
     derivative[:, 0, 0], derivative[:, 0, 1], derivative[:, 0, 2] = -c, -s, left

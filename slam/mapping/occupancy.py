@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from slam.grid import GridFrame
 from slam.poses import to_map
 from slam.sensing.laser import LaserScan
-from slam.sensing.projection import Scan
+from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
 from slam.support.checks import check_numbers
 from slam.support.compiled import compiled
 
@@ -232,8 +232,8 @@ def _mark(
     for k in range(len(left) - 1):
         a, b = 1 / float(depth_m[k]), 1 / float(depth_m[k + 1])
         gap = np.hypot(1 / a - 1 / b, left[k] / a - left[k + 1] / b)
-        for between in range(4 if gap < 0.2 else 1):
-            share = between / 4
+        for between in range(BETWEEN if gap < ONE_SURFACE_M else 1):
+            share = between / BETWEEN
             inverse = a * (1 - share) + b * share
             ahead = 1 / inverse
             if not ahead <= range_m:

@@ -20,6 +20,9 @@ from jaxtyping import Bool, Float, Float32
 
 from slam.support.checks import check_numbers
 
+#: Points of a surface for each column of a scan: neighbours are of one if they lie no farther apart than this [m].
+BETWEEN, ONE_SURFACE_M = 4, 0.2
+
 
 @dataclass(frozen=True, kw_only=True)
 class CameraModel:
@@ -197,28 +200,25 @@ def _eye_level(
 def dense_points(
     left: Float32[np.ndarray, " w"],
     depth_m: Float32[np.ndarray, " w"],
-    top_m: Float32[np.ndarray, " w"],
     range_m: float,
-    between: int = 4,
-) -> tuple[Float[np.ndarray, "n 2"], Float32[np.ndarray, " n"]]:
+) -> Float[np.ndarray, "n 2"]:
     """Points of a scan with others in between on each surface, so that far walls have no holes.
 
     The inverse depth of a plane is linear in the column, so the points in between lie exactly on it.
     """
     inverse = 1 / depth_m
     a, b = inverse[:-1], inverse[1:]
-    share = (np.arange(between) / between).astype(np.float32)
+    share = (np.arange(BETWEEN) / BETWEEN).astype(np.float32)
     dense = a[:, None] * (1 - share) + b[:, None] * share
     slope = left[:-1, None] * (1 - share) + left[1:, None] * share
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = np.hypot(1 / a - 1 / b, left[:-1] / a - left[1:] / b)
         z = 1 / dense
-    use = (z <= range_m) & ((share == 0) | (gap < 0.2)[:, None])
-    z, slope, heights = z[use], slope[use], np.broadcast_to(top_m[:-1, None], use.shape)[use]
-    return np.column_stack([z, z * slope]), heights
+    use = (z <= range_m) & ((share == 0) | (gap < ONE_SURFACE_M)[:, None])
+    return np.column_stack([z[use], z[use] * slope[use]])
 
 
 def surface_points(scan: Scan, range_m: float) -> Float[np.ndarray, "n 2"]:
     """Points (x forward, y left) [m] on the surfaces of a scan, near and behind, within a depth."""
-    parts = [dense_points(scan.left, depth, scan.top_m, range_m)[0] for depth in (scan.depth_m, scan.far_m)]
+    parts = [dense_points(scan.left, depth, range_m) for depth in (scan.depth_m, scan.far_m)]
     return np.concatenate(parts)
