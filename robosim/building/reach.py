@@ -23,6 +23,8 @@ from slam.planning.marching import march
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
+#: Space around the hull that lets a robot turn on the spot, which no robot does without swinging aside a little [m].
+TURNING_M = 0.05
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,14 @@ class Reach:
         """Cells where the hull's centre can be within the building; all where it can be nowhere but around it."""
         inside = (self.parts > 0) & ~self.outside
         return inside if inside.any() else self.parts > 0
+
+    @cached_property
+    def roomy(self) -> Bool[np.ndarray, "ny nx"]:
+        """Cells where the hull's centre can be with room to turn; all where it can be if there are none."""
+        wide = np.zeros(self.plan.shape, bool)
+        cells = self.parts > 0
+        wide[cells] = _within(self.free, self.radius_m + TURNING_M, self.plan.centres(cells))
+        return wide if wide.any() else cells
 
     def check_room(self) -> None:
         """Complain if there is no place at all.
@@ -169,10 +179,8 @@ def reach(building: Building, radius_m: float) -> Reach:
     """
     check_number("radius_m", radius_m, *RADIUS_M)
     plan = building.plan
-    places = building.free.buffer(-radius_m)
-    shapely.prepare(places)
     inside = np.zeros(plan.shape, bool)
-    inside[plan.free] = shapely.contains_xy(places, plan.centres(plan.free))
+    inside[plan.free] = _within(building.free, radius_m, plan.centres(plan.free))
     labels, n = ndimage.label(inside)
     outside = outside_of(plan)
     tell_outside(plan, outside)
@@ -180,3 +188,12 @@ def reach(building: Building, radius_m: float) -> Reach:
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
     return Reach(plan, radius_m, rank[labels], building.free, outside)
+
+
+def _within(
+    free: shapely.Geometry, margin_m: float, points: Float[np.ndarray, "n 2"]
+) -> Bool[np.ndarray, " n"]:
+    """Which points lie in free space and farther than a margin from its edge."""
+    places = free.buffer(-margin_m)
+    shapely.prepare(places)
+    return np.asarray(shapely.contains_xy(places, points))

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from robosim.building.reach import Reach
 from robosim.plans.floorplan import MapError
@@ -87,7 +87,8 @@ def make_task(
     """A task with what is given, the rest drawn evenly over the floor.
 
     What is drawn lies at least `min_path_m` of driving from the other end. In a building without two such
-    places the farthest pair found is taken, and a warning logged.
+    places the farthest pair found is taken, and a warning logged. A robot begins where it has room to turn, as far as
+    there is such a place.
 
     Raises:
         MapError: If the hull fits nowhere or not at the start, cannot drive from there to the target, or that is
@@ -99,7 +100,8 @@ def make_task(
     given = target if target is not None else start[:2] if start is not None else None
     if given is not None and start is not None and target is not None:
         return Task(start, target, _shortest_m(reach, start, target))
-    anchor, other, distance = _draw_pair(reach, rng, given, min_path_m)
+    places = reach.indoors if start is not None else reach.roomy
+    anchor, other, distance = _draw_pair(reach, rng, given, min_path_m, places)
     if distance < min_path_m:
         _log.warning(
             "%s: no two places %.1f m of path apart were found; the task is %.1f m long.",
@@ -116,11 +118,15 @@ def make_task(
 
 
 def _draw_pair(
-    reach: Reach, rng: np.random.Generator, given: np.ndarray | None, min_path_m: float
+    reach: Reach,
+    rng: np.random.Generator,
+    given: np.ndarray | None,
+    min_path_m: float,
+    places: Bool[np.ndarray, "ny nx"],
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Two points of one part and the drive between them [m]; the first is the given one, if there is one.
 
-    What is drawn is indoors.
+    What is drawn is indoors, the second point one of `places` unless none is far enough.
     """
     cells = np.argwhere(reach.indoors)
     best: tuple[float, np.ndarray, np.ndarray] | None = None
@@ -129,7 +135,8 @@ def _draw_pair(
         travel = reach.travel_m(anchor)
         indoors = np.where(reach.indoors, travel, np.inf)
         travel = indoors if np.isfinite(indoors).any() else travel
-        far_enough = np.argwhere(np.isfinite(travel) & (travel >= min_path_m))
+        far = np.isfinite(travel) & (travel >= min_path_m)
+        far_enough = np.argwhere(far & places if (far & places).any() else far)
         if len(far_enough):
             cell = far_enough[rng.integers(len(far_enough))]
             return anchor, _centre(reach, cell), float(travel[tuple(cell)])

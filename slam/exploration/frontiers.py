@@ -58,11 +58,49 @@ def find_frontiers(
     tile = cells // max(1, round(piece_m / box.frame.resolution_m))
     key = (run.astype(np.int64) * 4096 + tile[:, 0]) * 4096 + tile[:, 1]
     order = np.argsort(key, kind="stable")
-    starts = np.flatnonzero(np.diff(key[order])) + 1
-    lengths = size[run[order]][[0, *starts]] * box.frame.resolution_m
-    pieces = np.split(cells[order], starts)
-    found = [_frontier(box, way, piece, float(n)) for piece, n in zip(pieces, lengths, strict=True)]
-    return [frontier for frontier in found if frontier is not None]
+    cells, new = cells[order], np.diff(key[order], prepend=-1) > 0
+    lengths_m = size[run[order]][new] * box.frame.resolution_m
+    piece, middle = np.cumsum(new) - 1, _middles(cells, new)
+    cost = way.cost_m[cells[:, 0] // 2, cells[:, 1] // 2]
+    near = cells[_first_least(cost, piece, new)] // 2
+    goals_xy = box.frame.to_points(middle[:, ::-1] + 0.5)
+    found = []
+    for k, length_m in enumerate(lengths_m):
+        least, place = float(way.cost_m[tuple(near[k])]), near[k]
+        if not math.isfinite(least):
+            least, place = _beside(way, middle[k] // 2)
+        if math.isfinite(least):
+            near_xy = way.frame.to_points(place[::-1] + 0.5)
+            found.append(
+                Frontier(goal_xy=goals_xy[k], near_xy=near_xy, cost_m=least, length_m=float(length_m))
+            )
+    return found
+
+
+def _middles(cells: Int[np.ndarray, "n 2"], new: Bool[np.ndarray, " n"]) -> Int[np.ndarray, "k 2"]:
+    """The cell (row, column) of each piece that is nearest to its mean; `new` is where a piece begins."""
+    piece, starts = np.cumsum(new) - 1, np.flatnonzero(new)
+    mean = np.add.reduceat(cells, starts) / np.diff(starts, append=len(cells))[:, None]
+    return cells[_first_least(((cells - mean[piece]) ** 2).sum(axis=1), piece, new)]
+
+
+def _first_least(
+    values: Float[np.ndarray, " n"], piece: Int[np.ndarray, " n"], new: Bool[np.ndarray, " n"]
+) -> Int[np.ndarray, " k"]:
+    """Where each piece has its least value, the first of equals."""
+    return np.asarray(np.lexsort((values, piece))[new])
+
+
+def _beside(way: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple[float, Int[np.ndarray, "2"]]:
+    """Least cost of a way to within half a metre of a cell (row, column), and the cell that it leads to.
+
+    Cells at walls are no place for the hull, but half a metre away one may stand.
+    """
+    n = max(1, round(0.5 / way.frame.resolution_m))
+    y0, x0 = np.maximum(cell - n, 0)
+    part = way.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
+    row, column = divmod(int(np.argmin(part)), part.shape[1])
+    return float(part.min()), np.array([y0 + row, x0 + column])
 
 
 def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny nx"]:
@@ -74,31 +112,6 @@ def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny 
         rows, columns, _ = box.frame.window((x - 0.25, y - 0.25), (x + 0.25, y + 0.25))
         edge[rows, columns] = False
     return edge
-
-
-def _frontier(box: Box, way: TravelTime, piece: Int[np.ndarray, "n 2"], length_m: float) -> Frontier | None:
-    """The piece made of some cells (row, column); None if no way leads near."""
-    coarse = piece // 2
-    cost = way.cost_m[coarse[:, 0], coarse[:, 1]]
-    k = int(np.argmin(cost))
-    near, least = coarse[k], float(cost[k])
-    middle = piece[int(np.argmin(((piece - piece.mean(axis=0)) ** 2).sum(axis=1)))]
-    if not math.isfinite(least):
-        # Cells at walls are no place for the hull, but half a metre away one may stand.
-        n = max(1, round(0.5 / way.frame.resolution_m))
-        y0, x0 = np.maximum(middle // 2 - n, 0)
-        part = way.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
-        row, column = divmod(int(np.argmin(part)), part.shape[1])
-        near = np.array([y0 + row, x0 + column])
-        least = float(part.min())
-        if not math.isfinite(least):
-            return None
-    return Frontier(
-        goal_xy=box.frame.to_points(middle[::-1] + 0.5),
-        near_xy=way.frame.to_points(near[::-1] + 0.5),
-        cost_m=least,
-        length_m=length_m,
-    )
 
 
 def unseen_area(box: Box, frontier: Frontier, range_m: float, depth_m: float) -> float:

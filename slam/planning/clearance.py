@@ -2,10 +2,13 @@
 
 Distances are taken to the surface inside each obstacle cell, where a mapper knows it, or else to its centre: in a
 doorway 5 cm wider than the hull this is the difference between passing and not. A k-d tree answers exactly for
-points; for whole maps a distance transform is near enough but where the hull just fits or just does not.
+points; for whole maps a distance transform is near enough but where the hull just fits or just does not: there the
+obstacles around are gone through.
 Beyond `LIMIT_M` space is open and distances are not told apart.
 Reference: Borgefors, Distance transformations in digital images, CVGIP 34, 1986; Bentley, CACM 18(9), 1975.
 """
+
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -13,6 +16,7 @@ from jaxtyping import Bool, Float, Float32
 from scipy.spatial import KDTree
 
 from slam.grid import GridFrame, MapEstimate
+from slam.support.compiled import compiled
 
 #: Largest distance reported [m]; more than any hull needs.
 LIMIT_M = 0.4
@@ -36,12 +40,13 @@ class Clearance:
         """
         self.frame = frame
         self._obstacle = obstacle
-        iy, ix = np.nonzero(obstacle)
-        points = frame.to_points(np.column_stack([ix, iy]) + 0.5)
-        if offset_m is not None:
-            points = points + offset_m[iy, ix]
-        self._points = points
-        self._tree = KDTree(points, balanced_tree=False, compact_nodes=False) if len(points) else None
+        self._offset_m = np.zeros((*frame.shape, 2), np.float32) if offset_m is None else offset_m
+
+    @cached_property
+    def _tree(self) -> KDTree | None:
+        iy, ix = np.nonzero(self._obstacle)
+        points = self.frame.to_points(np.column_stack([ix, iy]) + 0.5) + self._offset_m[iy, ix]
+        return KDTree(points, balanced_tree=False, compact_nodes=False) if len(points) else None
 
     @classmethod
     def around(cls, estimate: MapEstimate, half_side_m: float, bumps: bool = True) -> "Clearance":
@@ -79,16 +84,47 @@ class Clearance:
             sharp_m: Distance that decides something, the radius of the hull [m].
         """
         cell = self.frame.resolution_m
-        if self._tree is None:
+        if not self._obstacle.any():
             return np.full(self.frame.shape, LIMIT_M, np.float32)
         free = (~self._obstacle).astype(np.uint8)
-        gap = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * np.float32(cell)
-        iy, ix = np.nonzero(np.abs(gap - sharp_m) < 0.8 * cell)
-        centre = self.frame.to_points(np.column_stack([ix, iy]) + 0.5)
-        best = self.at(centre)
-        unsure = np.flatnonzero((best < sharp_m) & (best > sharp_m - 0.36 * cell))
-        for sx, sy in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
-            shifted = self.at(centre[unsure] + np.array([sx, sy]) * 0.25 * cell)
-            best[unsure] = np.maximum(best[unsure], shifted)
-        gap[iy, ix] = best
-        return np.minimum(gap, np.float32(LIMIT_M))
+        gap = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        _sharpen(gap, self._obstacle, self._offset_m / np.float32(cell), sharp_m / cell, LIMIT_M / cell)
+        return np.minimum(gap * np.float32(cell), np.float32(LIMIT_M))
+
+
+#: What a distance between centres of cells leaves open, and how much farther a surface may be than it says [cells]: it
+#: lies up to half a cell from its centre on both axes, as does the place in its own cell.
+_UNSURE, _FARTHER = 0.8, 1.1
+
+
+@compiled
+def _sharpen(gap: np.ndarray, obstacle: np.ndarray, offset: np.ndarray, sharp: float, limit: float) -> None:
+    """Make distances near `sharp` exact, to the best of five points of a cell; all lengths in cells."""
+    for y in range(gap.shape[0]):
+        for x in range(gap.shape[1]):
+            if not abs(gap[y, x] - sharp) < _UNSURE:
+                continue
+            most = min(gap[y, x], limit) + _FARTHER
+            best = _nearest(obstacle, offset, float(y), float(x), most)
+            if sharp - 0.36 < best < sharp:
+                for sy in (-0.25, 0.25):
+                    for sx in (-0.25, 0.25):
+                        best = max(best, _nearest(obstacle, offset, y + sy, x + sx, most))
+            gap[y, x] = min(best, limit)
+
+
+@compiled
+def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, most: float) -> float:
+    """Distance of a point, from centres of cells, to the nearest surface, at most `most`."""
+    ny, nx = obstacle.shape
+    least = most * most
+    for row in range(max(int(y - most - 0.5), 0), min(int(y + most + 1.5), ny)):
+        beside = max(abs(row - y) - 0.5, 0.0)
+        if beside * beside >= least:
+            continue
+        half = np.sqrt(least - beside * beside) + 0.5
+        for column in range(max(int(x - half), 0), min(int(x + half) + 1, nx)):
+            if obstacle[row, column]:
+                dy, dx = row + offset[row, column, 1] - y, column + offset[row, column, 0] - x
+                least = min(least, dy * dy + dx * dx)
+    return np.sqrt(least)

@@ -17,6 +17,9 @@ from slam.grid import GridFrame, MapEstimate
 from slam.planning.clearance import Clearance
 from slam.support.checks import check_numbers
 
+#: Cost per metre of halved cells through which no way leads; more than any other.
+_NO_WAY = np.float32(1e6)
+
 #: How strictly the map is taken: as it is; then without the places where the robot was stopped, which may be passable
 #: with a better aim; then with a hull that may touch, because walls on the map are off by a centimetre or two.
 EASES = (0, 1, 2)
@@ -113,19 +116,17 @@ class CostMap:
         hull may be bridged, though, so what cannot be reached has to be taken out before.
         """
         ny, nx = (n + n % 2 for n in self.frame.shape)
-        pad = ((0, ny - self.frame.shape[0]), (0, nx - self.frame.shape[1]))
-        passable = np.pad(self.passable, pad).reshape(ny // 2, 2, nx // 2, 2)
-        cost = np.pad(self.cost, pad, mode="edge").reshape(ny // 2, 2, nx // 2, 2)
         frame = GridFrame(
             origin_xy=self.frame.origin_xy,
             resolution_m=2 * self.frame.resolution_m,
             shape=(ny // 2, nx // 2),
         )
-        return CostMap(
-            frame=frame,
-            cost=np.where(passable, cost, np.float32(1e3)).min(axis=(1, 3)),
-            passable=np.asarray(passable.any(axis=(1, 3))),
-        )
+        cost = np.full((ny, nx), _NO_WAY, np.float32)
+        np.copyto(cost[: self.frame.shape[0], : self.frame.shape[1]], self.cost, where=self.passable)
+        # Two passes over halves are several times as fast as one over two axes of a block.
+        rows = np.minimum(cost[::2], cost[1::2])
+        best = np.minimum(rows[:, ::2], rows[:, 1::2])
+        return CostMap(frame=frame, cost=best, passable=best < _NO_WAY)
 
     def cell(self, point: Float[np.ndarray, "2"]) -> tuple[int, int]:
         """Row and column of the cell that holds a point (x, y) [m], or of the border cell next to it."""

@@ -12,10 +12,10 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.planning.travel_time import TravelTime
+from slam.support.compiled import compiled
 
 #: Numbers of cells that a straight leg is first tried over.
 _JUMPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 2048])
-_STEPS = [(dx, dy, math.hypot(dx, dy)) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if dx or dy]
 
 
 def downhill(field: TravelTime, start: tuple[int, int]) -> Float[np.ndarray, "n 2"]:
@@ -23,26 +23,31 @@ def downhill(field: TravelTime, start: tuple[int, int]) -> Float[np.ndarray, "n 
 
     Empty if no way leads there.
     """
-    cost = field.cost_m
+    cells = _descent(np.ascontiguousarray(field.cost_m), *start)
+    return field.frame.to_points(cells + 0.5) if len(cells) else np.empty((0, 2))
+
+
+@compiled
+def _descent(cost: np.ndarray, iy: int, ix: int) -> np.ndarray:
+    """Cells (column, row) of steepest descent from one."""
     ny, nx = cost.shape
-    iy, ix = start
-    if not math.isfinite(cost[iy, ix]):
-        return np.empty((0, 2))
     cells = [(ix, iy)]
+    if not np.isfinite(cost[iy, ix]):
+        return np.empty((0, 2), np.int64)
     for _ in range(ny * nx):
-        value = cost[iy, ix]
-        best, step = 0.0, None
-        for dx, dy, length in _STEPS:
-            jx, jy = ix + dx, iy + dy
-            if 0 <= jx < nx and 0 <= jy < ny:
-                fall = (value - cost[jy, jx]) / length
-                if fall > best:
-                    best, step = fall, (jx, jy)
-        if step is None:
+        best, jx, jy = 0.0, ix, iy
+        for dx in range(-1, 2):
+            for dy in range(-1, 2):
+                x, y = ix + dx, iy + dy
+                if (dx or dy) and 0 <= x < nx and 0 <= y < ny:
+                    fall = (cost[iy, ix] - cost[y, x]) / np.sqrt(float(dx * dx + dy * dy))
+                    if fall > best:
+                        best, jx, jy = fall, x, y
+        if best == 0.0:
             break
-        ix, iy = step
-        cells.append(step)
-    return field.frame.to_points(np.array(cells) + 0.5)
+        ix, iy = jx, jy
+        cells.append((ix, iy))
+    return np.array(cells)
 
 
 def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarray, "m 2"]:

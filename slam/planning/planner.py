@@ -26,6 +26,9 @@ from slam.planning.paths import along, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
 from slam.support.checks import check_numbers
 
+#: A goal that moves by more is another one, to which the coarse cells may know a way again [m].
+_SAME_GOAL_M = 0.5
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlannerConfig:
@@ -114,6 +117,8 @@ class Planner:
         self._space_m = 0.0
         self._ease = 0
         self._far_age = self._near_age = 0
+        self._closely = False
+        """Whether coarse cells have led this way through a neck that is too narrow."""
 
     def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"]) -> Plan:
         """The way from the robot to a goal.
@@ -135,11 +140,9 @@ class Planner:
         self._near_age += 1
         clearance = self._around(estimate)
         old = self._plan
-        if (
-            old is None
-            or math.hypot(*(asked - old.asked_xy)) > 0.02
-            or self._in_the_way(old, clearance, estimate)
-        ):
+        gone_m = math.inf if old is None else math.hypot(*(asked - old.asked_xy))
+        self._closely &= gone_m < _SAME_GOAL_M
+        if old is None or gone_m > 0.02 or self._in_the_way(old, clearance, estimate):
             plan = self._anew(estimate, asked)
         elif self._near_age < self.config.near_every and not self._near_hand_over(estimate):
             plan = replace(old, path=onward(old.path, estimate.pose[:2]), clearance=clearance)
@@ -216,7 +219,7 @@ class Planner:
             _, goal, gap_m = costs.nearest(aim)
             if gap_m < 0.3:
                 break
-        window = costs.halved()
+        window = costs if self._closely else costs.halved()
         return _Far(asked=asked, aim=aim, goal=goal, window=window, field=ways_to(window, window.cell(goal)))
 
     def _solve_near(self, estimate: MapEstimate, far: _Far) -> Plan:
@@ -233,6 +236,10 @@ class Planner:
         cell, goal, _ = window.nearest(aim)
         if math.hypot(*(goal - target)) > 0.2 and len(way):
             # The coarse cells have seen a way where the hull does not fit: look at everything closely.
+            if not self._closely:
+                self._closely = True
+                self._far = self._solve_far(estimate, far.asked)
+                return self._solve_near(estimate, self._far)
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
             window, whole = self._costs(estimate, low, high), True
             cell, goal, _ = window.nearest(far.aim)

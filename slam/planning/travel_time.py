@@ -13,6 +13,7 @@ from jaxtyping import Bool, Float
 
 from slam.grid import GridFrame
 from slam.planning.marching import march
+from slam.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -54,10 +55,8 @@ class TravelTime:
         legs = ends - start
         length = np.hypot(*legs.T)
         n = max(1, math.ceil(float(length.max()) / self.frame.resolution_m))
-        share = (np.arange(n) + 0.5) / n
-        iy, ix, inside = self._cell(start + legs[:, None, :] * share[:, None])
-        per_m = np.where(inside, self.cost_per_m[iy, ix], np.inf)
-        return per_m.mean(axis=1) * length
+        first, last = self.frame.to_cells(start), self.frame.to_cells(ends)
+        return np.asarray(_mean_along(self.cost_per_m, first, last, n) * length)
 
     def _cell(self, points: Float[np.ndarray, "*batch 2"]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         iy, ix = self.frame.index(points)
@@ -106,3 +105,22 @@ def travel_time(
     speed[source] = 1.0 / float(cost[source])
     time = march(speed, source, frame.resolution_m)
     return TravelTime(frame=frame, cost_m=time, cost_per_m=np.where(passable, cost, np.inf))
+
+
+@compiled
+def _mean_along(per_m: np.ndarray, first: np.ndarray, last: np.ndarray, n: int) -> np.ndarray:
+    """Mean of what n points along each straight leg cost, from one point (column, row) to others; inf off the grid."""
+    ny, nx = per_m.shape
+    mean = np.empty(len(last))
+    for k in range(len(last)):
+        total = 0.0
+        for j in range(n):
+            share = (j + 0.5) / n
+            x = int(np.floor(first[0] + share * (last[k, 0] - first[0])))
+            y = int(np.floor(first[1] + share * (last[k, 1] - first[1])))
+            if not (0 <= x < nx and 0 <= y < ny):
+                total = np.inf
+                break
+            total += per_m[y, x]
+        mean[k] = total / n
+    return mean

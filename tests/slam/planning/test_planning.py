@@ -162,3 +162,30 @@ def test_the_same_map_gives_the_same_plan():
     goal = np.array([1.5, 0.1])
     first, second = planner.plan(divided(6), goal), Planner().plan(divided(6), goal)
     np.testing.assert_array_equal(first.path, second.path)
+
+
+def _driven(estimate: MapEstimate, goal: np.ndarray, decisions: int) -> np.ndarray:
+    """Places of a robot that moves by a quarter metre along each plan."""
+    planner, places = Planner(), [estimate.pose[:2]]
+    for _ in range(decisions):
+        plan = planner.plan(at_pose(estimate, (*places[-1], 0.0)), goal)
+        step = plan.path[1] - plan.path[0]
+        gap = float(np.hypot(*step))
+        places.append(places[-1] + step * min(1.0, 0.25 / max(gap, 1e-9)))
+        if np.hypot(*(places[-1] - goal)) < 0.1:
+            break
+    return np.array(places)
+
+
+def test_a_neck_that_only_coarse_cells_pass_is_not_tried_again_and_again():
+    """On the straight way stands a wall with a gap of 0.2 m, which the hull fills; a door is 12 m beside it.
+
+    From far off, on cells twice as large, the gap looks open; before it, it is not. The robot goes there once at most:
+    7 m to the gap, 12 m to the door, 14 m from there.
+    """
+    wall = [(0.0, -10.0, 0.05, -4.1), (0.0, -3.95, 0.05, 8.0)]
+    estimate = floor((-7.0, -4.0, 0.0), low_xy=(-10.0, -10.0), size_m=(20.0, 20.0), walls=wall)
+    goal = np.array([7.0, -4.0])
+    places = _driven(estimate, goal, 400)
+    assert np.hypot(*(places[-1] - goal)) < 0.1
+    assert _length(places) < 35
