@@ -19,7 +19,7 @@ def _strewn(density: float) -> tuple[Clearance, np.ndarray]:
     return Clearance(frame, obstacle, offset_m), frame.centres(obstacle) + offset_m[obstacle]
 
 
-@pytest.mark.parametrize("density", [0.003, 0.03, 0.1])
+@pytest.mark.parametrize("density", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("sharp_m", [0.1, 0.18, 0.3])
 def test_cells_are_exact_where_it_decides(density, sharp_m):
     """The best of five points where their centres leave it open, to a micrometre; elsewhere to 0.71 of a cell."""
