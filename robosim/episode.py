@@ -7,7 +7,7 @@ mapper never sees the true pose, and only the oracle sees the target; `shortest`
 
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from signal import SIGINT, SIGTERM
 from typing import Annotated
 
@@ -271,10 +271,12 @@ def run_episode(
         for name, link in simulator.anchors.items():
             anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
             log.add_link(anchors[name], link, name)
+        situation = Situation(estimate, measurement, anchors, known_places, view.target)
         if isinstance(navigator.mapper, Listener):
             heard = {"target": measurement, **anchors}
             navigator.mapper.listen(bearings_of(heard, radio.config, known_places))
-        return Situation(estimate, measurement, anchors, known_places, view.target)
+            situation = replace(situation, located=navigator.mapper.transmitters)
+        return situation
 
     def look(decision: Decision) -> None:
         on_decision(log, decision)

@@ -5,6 +5,7 @@ They go by names of their own wherever goal policies do, so that they search the
     fused-no-vision    the target is not looked for in pictures; the camera still maps
     fused-no-aod       directions of departure are not known, neither to the belief nor to the link state's classifier
     fused-no-memory    the belief is that of the last measurement alone
+    fused-no-graph     the mapper is not asked where the target stands
     fused-true-states  link states are the true ones
     fused-true-pose    odometry tells true motions, and the mapper relies on it: pose and map are true to the frame
 """
@@ -44,8 +45,12 @@ def _no_aod(config: EpisodeConfig) -> EpisodeConfig:
     return replace(_believing(config, departures=False), link_states="generated-no-aod")
 
 
+def _no_graph(config: EpisodeConfig) -> EpisodeConfig:
+    return replace(config, fused=replace(config.fused, uses_graph=False))
+
+
 def _no_memory(config: EpisodeConfig) -> EpisodeConfig:
-    return _believing(config, remembers=False)
+    return _believing(_no_graph(config), remembers=False)
 
 
 def _true_states(config: EpisodeConfig) -> EpisodeConfig:
@@ -66,6 +71,7 @@ _CHANGES: dict[str, Callable[[EpisodeConfig], EpisodeConfig]] = {
     "fused-no-vision": _no_vision,
     "fused-no-aod": _no_aod,
     "fused-no-memory": _no_memory,
+    "fused-no-graph": _no_graph,
     "fused-true-states": _true_states,
     "fused-true-pose": _true_pose,
 }

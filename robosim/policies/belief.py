@@ -22,11 +22,14 @@ from jaxtyping import Bool, Float, Float32
 from robosim.policies.sightlines import Knowledge, bent, in_sight, knowledge
 from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, check_numbers
+from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
 #: Cells along the side of a grid; more would not fit into memory.
 MOST_CELLS = 4000
+#: Squared errors of places that a graph tells, over their variances.
+_TOLD = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,11 +95,26 @@ class TargetBelief:
         self._log = np.zeros((n, n), np.float32)
         self._centres = self.frame.to_points(np.stack(np.meshgrid(np.arange(n), np.arange(n)), -1) + 0.5)
         self._last: np.ndarray | None = None
+        self._located = np.zeros((n, n), np.float32)
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Of each cell to hold the target; they add up to 1."""
-        p = np.exp(self._log - self._log.max())
+        log = self._log + self._located
+        p = np.exp(log - log.max())
         return p / p.sum()
+
+    def locate(self, found: Transmitter) -> None:
+        """Take in where the mapper's graph puts the target, in place of what was taken in before.
+
+        Its directions from many poses, weighed together with the poses' own errors, say more than each of them does.
+        """
+        c = self.config
+        covariance = _TOLD * found.covariance + c.cell_m**2 / 12 * np.eye(2)
+        off = self._centres - found.xy
+        square = np.einsum("yxi,ij,yxj->yx", off, np.linalg.inv(covariance), off, optimize=True)
+        density = _normal(np.exp(-0.5 * square))
+        flat = np.float32(c.doubt / density.size)
+        self._located = np.log(flat + np.float32(1 - c.doubt) * density)
 
     def add(self, measurement: Measurement, estimate: MapEstimate) -> bool:
         """Take in a measurement; says whether it counted, being far enough from the last one that did."""

@@ -2,6 +2,7 @@
 
 A target seen by the camera is gone to at once. In line of sight the robot follows the arrival: its direction is known
 to a degree, where the belief knows the distance to a third only. Else, where the belief has gathered, it goes there;
+what the mapper's graph makes of all directions in line of sight, a place with a covariance, is part of the belief;
 and where it has not, it goes where it will learn most in the least time: of all frontiers, to the one from which most
 of the belief may come in sight for each decision that the way takes.
 """
@@ -35,6 +36,8 @@ class FusedConfig:
     """How the belief is formed."""
     uses_camera: bool = True
     """Whether the target is looked for in pictures."""
+    uses_graph: bool = True
+    """Whether the mapper is asked where the target stands, by its directions from all poses together."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
     in_sight: FollowConfig = field(default_factory=lambda: FollowConfig(every=5))
@@ -106,6 +109,8 @@ class Fused:
             self._give_up()
         reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
         if self._goal is None or reached or self._age >= self.config.every:
+            if self.config.uses_graph and (found := situation.located().get("target")) is not None:
+                self.belief.locate(found)
             self._goal, self._age = self._choose(estimate, self.belief), 0
         return self._goal
 

@@ -1,12 +1,13 @@
 """What a robot knows when it chooses a goal."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.radio.measurement import Measurement
+from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
 
 
@@ -24,6 +25,9 @@ class Situation:
     """Where those of them stand, in `map` [m], of which that is known."""
     target: Float[np.ndarray, "2"] | None = None
     """Where its camera sees the target now: x ahead, y left [m]; None if it does not."""
+    located: Callable[[], Mapping[str, Transmitter]] = dict
+    """Where the mapper takes transmitters to stand, by name ("target" is one), if it listens to them. To be asked only
+    where it is needed: covariances take milliseconds."""
 
     def measured(self) -> Measurement:
         """What the radio measured, for policies that cannot do without.

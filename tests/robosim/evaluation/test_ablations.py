@@ -25,7 +25,8 @@ from tests.plans import two_rooms
 CHANGED = {
     "fused-no-vision": {"fused.uses_camera": False},
     "fused-no-aod": {"fused.belief.departures": False, "link_states": "generated-no-aod"},
-    "fused-no-memory": {"fused.belief.remembers": False},
+    "fused-no-memory": {"fused.belief.remembers": False, "fused.uses_graph": False},
+    "fused-no-graph": {"fused.uses_graph": False},
     "fused-true-states": {"link_states": "true"},
     "fused-true-pose": {"simulator.noise.exact_odometry": True},
 }
@@ -93,9 +94,9 @@ def test_variants_run_only_if_asked_for():
     assert check_policies([]) == tuple(name for name in GOAL.names if name != "explore")
     assert check_policies(["fused-no-aod", "oracle"]) == ("oracle", "fused-no-aod")
     with pytest.raises(
-        ValueError, match=r"policies is 'fused-no-legs'\. Did you mean 'fused-no-aod'\? Known: oracle"
+        ValueError, match=r"policies is 'fused-no-aot'\. Did you mean 'fused-no-aod'\? Known: oracle"
     ):
-        check_policies(["fused-no-legs"])
+        check_policies(["fused-no-aot"])
 
 
 def test_a_variant_is_evaluated(tmp_path):

@@ -1,5 +1,7 @@
 """The fused policy: what is trusted first, and that it lets go of what leads nowhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from robosim.policies.fused import Fused
 from robosim.policies.situation import Situation
 from robosim.radio.measurement import Measurement
 from robosim.simulator import SimulatorConfig
+from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
 from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
 from wireless.paths import LinkState
@@ -62,6 +65,22 @@ def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
     for _ in range(7):
         goal = fused.goal(hidden)
     assert goal == pytest.approx(TARGET, abs=0.4)
+
+
+def test_out_of_sight_it_goes_where_the_graph_has_found_the_target(fused):
+    """To 0.1 m of where the directions of all poses meet, which one measurement of higher order says nothing of."""
+    hidden = at((-1.0, 1.5), LinkState.HIGHER_ORDER, loss_db=30.0)
+    found = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
+    assert fused.goal(replace(hidden, located=lambda: {"target": found})) == pytest.approx(TARGET, abs=0.1)
+
+
+def test_a_place_of_the_graph_that_turns_out_empty_is_let_go(fused):
+    """The robot stands there: its goal is 1 m away or more before it has decided 60 times."""
+    hidden = at((0.0, 0.0), LinkState.HIGHER_ORDER, loss_db=30.0)
+    found = Transmitter(xy=np.zeros(2), covariance=0.01 * np.eye(2), sightings=9)
+    situation = replace(hidden, located=lambda: {"target": found})
+    goals = np.array([fused.goal(situation) for _ in range(60)])
+    assert np.hypot(*goals[-1]) > 1.0
 
 
 def test_a_free_wave_of_a_metre_has_the_power_that_these_tests_take_it_to_have():
