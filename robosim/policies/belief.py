@@ -28,6 +28,8 @@ from wireless.paths import LinkState
 
 #: Cells along the side of a grid; more would not fit into memory.
 MOST_CELLS = 4000
+#: Transmitters in line of sight are looked for up to here [m].
+_FARTHEST_M = 200.0
 #: Squared errors of places that a graph tells, over their variances.
 _TOLD = 2.0
 
@@ -41,7 +43,8 @@ class BeliefConfig:
     cell_m: float = 0.2
     """Side of a cell [m]."""
     half_side_m: float = 30.0
-    """Half the side of the grid around the robot's start [m]."""
+    """Half the side of the grid around the robot's start [m]; it grows where the robot goes, and where a transmitter in
+    line of sight may stand."""
     arrival_deg: float = 2.5
     """Standard deviation of directions of arrival, with that of the heading [deg]."""
     departure_deg: float = 2.5
@@ -93,9 +96,9 @@ class TargetBelief:
             origin_xy=(float(corner[0]), float(corner[1])), resolution_m=c.cell_m, shape=(n, n)
         )
         self._log = np.zeros((n, n), np.float32)
-        self._centres = self.frame.to_points(np.stack(np.meshgrid(np.arange(n), np.arange(n)), -1) + 0.5)
-        self._last: np.ndarray | None = None
         self._located = np.zeros((n, n), np.float32)
+        self._centres = _centres(self.frame)
+        self._last: np.ndarray | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Of each cell to hold the target; they add up to 1."""
@@ -122,6 +125,7 @@ class TargetBelief:
         if self._last is not None and math.hypot(*(place - self._last)) < self.config.apart_m:
             return False
         self._last = place.copy()
+        self._make_room(_ends(measurement, self.config))
         known = knowledge(estimate, beside_m=0.2)
         density = self._density(measurement, known)
         flat = np.float32(self.config.doubt / density.size)
@@ -133,6 +137,21 @@ class TargetBelief:
         # Nothing is ruled out for good.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
+
+    def _make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
+        """Let the grid grow where points (x, y) [m] come near its edge: as likely there as at the edge."""
+        c, (ny, nx) = self.config, self.frame.shape
+        cells, ahead = self.frame.to_cells(points), 0.5 * c.half_side_m / c.cell_m
+        (column, row), (far_column, far_row) = cells.min(axis=0), cells.max(axis=0)
+        pads = [math.ceil(max(0.0, ahead - left)) for left in (column, nx - far_column, row, ny - far_row)]
+        if not any(pads) or max(nx + sum(pads[:2]), ny + sum(pads[2:])) > MOST_CELLS:
+            return
+        # More at once, so that this is seldom done.
+        left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
+        self.frame = self.frame.padded(left, right, below, above)
+        sides = ((below, above), (left, right))
+        self._log, self._located = (np.pad(log, sides, mode="edge") for log in (self._log, self._located))
+        self._centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
         """The target was looked for at a place, and not found."""
@@ -205,6 +224,22 @@ class TargetBelief:
     def _free_m(self, gain_db: float) -> float:
         """Length of a free wave that lost so much [m] (Friis)."""
         return float(np.clip(free_path_m(gain_db, self.config.frequency_hz), 0.1, 1e3))
+
+
+def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "n 2"]:
+    """The robot's place (x, y) [m], and where a transmitter stands that is in line of sight for all that is known."""
+    place = measurement.pose[:2]
+    if not len(measurement.aoa_rad) or measurement.probability[LinkState.LOS] < 0.5:
+        return place[None]
+    far_m = min(free_path_m(float(measurement.gain_db[0]), config.frequency_hz), _FARTHEST_M)
+    aoa = float(measurement.aoa_rad[0])
+    return np.array([place, place + far_m * np.array([math.cos(aoa), math.sin(aoa)])])
+
+
+def _centres(frame: GridFrame) -> Float[np.ndarray, "ny nx 2"]:
+    """Centres of the cells (x, y) [m]."""
+    ny, nx = frame.shape
+    return frame.to_points(np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), -1) + 0.5)
 
 
 def _normal(density: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "ny nx"]:

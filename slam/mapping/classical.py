@@ -4,7 +4,7 @@ At every decision: odometry without its bias predicts the pose, the scan is fitt
 entered at the pose found. Occupancy (where may the robot go), surfaces (where exactly are the walls) and collision
 marks share one grid that grows with the building.
 
-Memory: 55 bytes a cell (23 MB for 32 m x 32 m), at most `max_side_m` squared; what lies outside is dropped.
+Memory: 55 bytes a cell (23 MB for 32 m x 32 m), of a rectangle of at most `max_area_m2`; what lies outside is dropped.
 A pose whose scan contradicts the map is doubted: the robot is looked for farther away, and as long as it is not found,
 what it sees is not entered (`relocalization`).
 Where loops close, poses of the past move, and the map is put together anew from all scans (`slam.graph`).
@@ -52,8 +52,8 @@ class MapperConfig:
 
     resolution_m: float = 0.05
     """Side of a map cell [m]."""
-    max_side_m: float = 120.0
-    """Longest side to which the map may grow [m]; bounds the memory."""
+    max_area_m2: float = 40_000.0
+    """Area to which the map may grow [m^2]; bounds the memory."""
     radius_m: float = 0.10
     """Radius of the robot's hull [m]."""
     camera: CameraModel = field(default_factory=CameraModel)
@@ -75,7 +75,7 @@ class MapperConfig:
         check_numbers(
             self,
             resolution_m=(0.005, 0.5, "m"),
-            max_side_m=(20, 1000, "m: the camera sees 10 m far"),
+            max_area_m2=(400, 1e6, "m2: the camera sees 10 m far"),
             radius_m=(0.01, 5, "m"),
         )
 
@@ -239,8 +239,9 @@ class ClassicalMapper:
             self._enter(frame, self.tracker.pose)
         self.pose = self.tracker.pose
         if action is not None:
-            obstacle = self.occupancy.log_odds > 0
-            self.collided = self.marks.update(self._step, action, moved, self.pose, obstacle)
+            self.collided = self.marks.update(
+                self._step, action, moved, self.pose, self.occupancy.probability
+            )
         self._stand(self.pose)
         self.marks.stand(self.pose)
         return self.estimate()
@@ -329,12 +330,13 @@ class ClassicalMapper:
         over = (-cells[0, 0], cells[1, 0] - nx, -cells[0, 1], cells[1, 1] - ny)
         if max(over) <= 0:
             return
-        room = int(self.config.max_side_m / self.config.resolution_m)
+        room = self.config.max_area_m2 / self.config.resolution_m**2
         pads = [max(0, math.ceil(o / GROWTH_CELLS)) * GROWTH_CELLS for o in over]
-        for first, size in ((0, nx), (2, ny)):
-            if size + pads[first] + pads[first + 1] > room:
+        for first in (0, 2):
+            size, across = (nx, ny) if first == 0 else (ny, nx + pads[0] + pads[1])
+            if (size + pads[first] + pads[first + 1]) * across > room:
                 logger.warning(
-                    "The map has reached max_side_m = %g m and stops growing.", self.config.max_side_m
+                    "The map has reached max_area_m2 = %g m2 and stops growing.", self.config.max_area_m2
                 )
                 pads[first] = pads[first + 1] = 0
         left, right, below, above = pads

@@ -12,7 +12,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float, Float32
 
 from slam.actions import FORWARD_M, Action
 from slam.grid import GridFrame
@@ -81,7 +81,7 @@ class CollisionMarks:
         action: Action,
         moved: Float[np.ndarray, "3"],
         pose: Float[np.ndarray, "3"],
-        obstacle: Bool[np.ndarray, "ny nx"],
+        probability: Float32[np.ndarray, "ny nx"],
     ) -> bool:
         """Judge one action by the displacement measured, mark what it tells, and forget old marks.
 
@@ -90,7 +90,7 @@ class CollisionMarks:
             action: What was carried out.
             moved: Displacement measured, its bias taken off: x, y [m], yaw [rad].
             pose: Where the robot is now.
-            obstacle: Obstacles on the map.
+            probability: The map's belief in obstacles.
 
         Returns:
             Whether the robot was stopped.
@@ -104,18 +104,18 @@ class CollisionMarks:
             return False
         stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
         self._stops = self._stops + 1 if stuck else 1
-        if self._stops >= self.config.patience or not self._explained(pose, obstacle):
+        if self._stops >= self.config.patience or not self._explained(pose, probability):
             cell = self.frame.resolution_m
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell
             self._mark(step, pose)
         return True
 
-    def _explained(self, pose: Float[np.ndarray, "3"], obstacle: Bool[np.ndarray, "ny nx"]) -> bool:
+    def _explained(self, pose: Float[np.ndarray, "3"], probability: Float32[np.ndarray, "ny nx"]) -> bool:
         """Whether an obstacle of the map touches the front half of the hull."""
         reach = self.config.radius_m + self.config.touch_m + 0.5 * self.frame.resolution_m
         x, y, yaw = pose
         rows, columns, frame = self.frame.window((x - reach, y - reach), (x + reach, y + reach))
-        offset = frame.centres(obstacle[rows, columns]) - pose[:2]
+        offset = frame.centres(probability[rows, columns] > 0.5) - pose[:2]
         ahead = offset @ np.array([math.cos(yaw), math.sin(yaw)])
         return bool(((ahead > 0) & (np.hypot(*offset.T) < reach)).any())
 

@@ -61,6 +61,26 @@ def test_one_measurement_in_sight_tells_direction_and_distance():
     assert mass > 0.01
 
 
+def test_in_a_large_building_the_grid_grows_with_the_way():
+    """A target 57 m from the start, beyond the first grid of 30 m: within 1 m of it after a way of 50 m towards it.
+
+    Cells keep their places, and what was ruled out keeps to its own.
+    """
+    target, belief, first = np.array([57.0, 3.0]), TargetBelief(np.zeros(2)), TargetBelief(np.zeros(2)).frame
+    for x in np.linspace(0, 50, 40):
+        aoa, away_m = to((x, 0), target), np.hypot(target[0] - x, target[1])
+        map_ = MapEstimate(**{**vars(estimate(known=False)), "pose": np.array([x, 0.0, 0.0])})
+        belief.add(measurement((x, 0), aoa, aoa + np.pi, away_m, LinkState.LOS), map_)
+    place, mass = belief.peak()
+    assert np.hypot(*(place - target)) < 1.0
+    assert mass > 0.3
+    assert belief.probability().shape == belief.frame.shape
+    moved = first.to_cells(np.array(belief.frame.origin_xy))
+    assert moved == pytest.approx(np.round(moved), abs=1e-6)
+    belief.rule_out(place, 0.5, strength=9.0)
+    assert np.hypot(*(belief.peak()[0] - place)) > 0.5
+
+
 def test_measurements_on_the_way_gather_the_belief():
     """Eight of them over 2 m: within 0.2 m, with more than 0.6 of the probability."""
     target, belief = np.array([1.0, 4.0]), TargetBelief(np.zeros(2))

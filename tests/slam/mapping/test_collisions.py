@@ -11,7 +11,7 @@ from slam.mapping.collisions import CollisionConfig, CollisionMarks
 from slam.poses import to_map
 
 FRAME = GridFrame(origin_xy=(-2.0, -2.0), resolution_m=0.05, shape=(80, 80))
-OPEN = np.zeros(FRAME.shape, bool)
+OPEN = np.zeros(FRAME.shape, np.float32)
 POSES = [(0.013, 0.021, 0.0), (0.3, -0.4, math.pi / 2), (-0.2, 0.6, 2.1), (0.0, 0.0, -0.7)]
 
 
@@ -133,7 +133,7 @@ def test_marks_stay_in_their_place_when_the_map_grows():
     grown = FRAME.padded(80, 0, 160, 80)
     marks.grow(grown, 80, 160)
     np.testing.assert_allclose(grown.centres(marks.blocked), before, atol=1e-9)
-    marks.update(151, Action.LEFT, np.zeros(3), np.array(pose), np.zeros(grown.shape, bool))
+    marks.update(151, Action.LEFT, np.zeros(3), np.array(pose), np.zeros(grown.shape, np.float32))
     assert not marks.blocked.any()
 
 

@@ -159,16 +159,32 @@ def test_three_hundred_blind_frames_do_no_harm(wild):
 
 
 def test_the_map_does_not_outgrow_its_bound():
-    """Driven 22 m down a hall with a bound of 20 m, it stops growing at 400 cells and goes on giving poses."""
+    """Driven 22 m down a hall with a bound of 400 m2, it stops growing and goes on giving poses."""
     hall = Room(low_xy=(-45.0, -3.0), high_xy=(45.0, 3.0))
-    mapper = ClassicalMapper(MapperConfig(max_side_m=20.0))
+    mapper = ClassicalMapper(MapperConfig(max_area_m2=400.0))
     pose = np.zeros(3)
     mapper.update(hall.depth(pose, size=32))
     for _ in range(90):
         pose = compose(pose, MOTION[F])
         estimate = mapper.update(hall.depth(pose, size=32), F, MOTION[F])
-        assert max(estimate.frame.shape) <= 400
+        assert estimate.obstacle_probability.size * 0.05**2 <= 400.0
     assert _finite(estimate)
+    assert np.hypot(*(estimate.pose - pose)[:2]) < 0.2
+
+
+def test_a_hall_of_a_quarter_kilometre_is_mapped_to_its_end():
+    """By itself the map grows to 250 m x 16 m, a tenth of what it may; both long walls stand in its last metre."""
+    hall = Room(low_xy=(-2.0, -3.0), high_xy=(252.0, 3.0))
+    mapper, stride = ClassicalMapper(), np.array([1.0, 0.0, 0.0])
+    pose = np.zeros(3)
+    mapper.update(hall.depth(pose, size=32))
+    for _ in range(249):
+        pose = compose(pose, stride)
+        estimate = mapper.update(hall.depth(pose, size=32), F, stride)
+    for y in (-3.0, 3.0):
+        x = pose[0] + 2.7
+        rows, columns, _ = estimate.frame.window((x - 0.3, y - 0.2), (x + 0.3, y + 0.2))
+        assert estimate.obstacle[rows, columns].any()
     assert np.hypot(*(estimate.pose - pose)[:2]) < 0.2
 
 
