@@ -24,7 +24,7 @@ from slam.planning.marching import march
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
 #: Space around the hull that lets a robot turn on the spot, which no robot does without swinging aside a little [m].
-TURNING_M = 0.05
+TURNING_M = 0.1
 
 
 @dataclass(frozen=True)

@@ -38,9 +38,9 @@ class ControlConfig:
 
     radius_m: float = 0.10
     """Radius of the hull [m]."""
-    slacks_m: tuple[float, ...] = (-0.025, -0.01, 0.005, 0.03, 0.06)
+    slacks_m: tuple[float, ...] = (-0.02, 0.01, 0.03, 0.06, 0.1)
     """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
-    slack_prices: tuple[float, ...] = (12.0, 6.0, 3.0, 1.0, 0.0)
+    slack_prices: tuple[float, ...] = (20.0, 12.0, 6.0, 2.0, 0.0)
     """... and what such a run costs extra [decisions], for the risk of a bump."""
     reach_steps: int = 10
     """Longest run looked at [steps forward]."""

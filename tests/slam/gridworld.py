@@ -101,7 +101,7 @@ class GridWorld:
             self.pose[2] = (self.pose[2] + math.pi) % (2 * math.pi) - math.pi
         self._steps += 1
         moved = np.array([gone, 0.0, 0.0])
-        self.bumps += self.marks.update(self._steps, action, moved, self.pose, self.probability > 0.5)
+        self.bumps += self.marks.update(self._steps, action, moved, self.pose, self.probability)
         self.marks.stand(self.pose)
         self.look()
         return gone
