@@ -275,6 +275,7 @@ class Tracker:
                 strict=True,
             )
         ]
+        told = [(pose, points.points) for pose, _, points in recent if len(points.points)]
 
         def rated(match: Match) -> float:
             away = difference(match.pose, self.pose, 1.0)
@@ -282,9 +283,9 @@ class Tracker:
                 ((pose, before) for pose, before, _ in recent), to_map(match.pose, scan.points)
             )
             against = float((through & ~same).mean())
-            for pose, _, points in recent:
-                same, through = seen_by([(match.pose, view)], to_map(pose, points.points))
-                against += float((through & ~same).mean()) / len(recent)
+            for pose, points in told:
+                same, through = seen_by([(match.pose, view)], to_map(pose, points))
+                against += float((through & ~same).mean()) / len(told)
             return float(match.paired.mean()) - against - 0.01 * float(away @ information @ away)
 
         return max(found, key=rated)
