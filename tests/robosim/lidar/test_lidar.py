@@ -181,7 +181,7 @@ def test_a_robot_without_a_camera_explores(tmp_path):
     """A home, by a lidar alone."""
     main(
         "episode flat --goal explore --explorer gain --camera none --lidar rplidar-a1 --mapper classical --physics "
-        f"kinematic --noise.level 1 --max-steps 120 --seed 1 --no-video --out {tmp_path}".split()
+        f"kinematic --noise.level 1 --max-steps 240 --seed 1 --no-video --out {tmp_path}".split()
     )
     result = json.loads((tmp_path / "result.json").read_text())
     assert result["coverage"] > 0.6
