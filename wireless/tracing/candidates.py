@@ -5,18 +5,32 @@ traced with it), so that receivers shoot a fixed share of what transmitters do. 
 on nothing but the point and the number of rays.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int
+from numba.typed import List
 
 from wireless.geometry.images import Space
-from wireless.geometry.shooting import Shooter, Sightings
-from wireless.tracing.ray_search import Sights, sights
-from wireless.tracing.table import Setting
+from wireless.geometry.occlusion import make_boxes
+from wireless.geometry.shooting import Shooter
+from wireless.tracing.ray_search import (
+    Sights,
+    bend,
+    by_edge,
+    make_lists,
+    pairs_of_patches,
+    reflect,
+    sights,
+    tabled,
+)
+from wireless.tracing.table import Setting, Table
 
 #: A receiver shoots one ray where a transmitter shoots so many.
 RX_SHARE = 16
+#: A patch's cone takes as long as so many rays.
+FEWER = 4
 #: Rays that are shot at once: some 400 bytes each.
 _AT_ONCE = 100_000
 
@@ -32,7 +46,7 @@ class Near:
 
 
 class Candidates:
-    """Finds what may be seen from points of a space.
+    """Finds what may be seen from points of a space, and traces links among that.
 
     Args:
         space: Surfaces.
@@ -44,38 +58,58 @@ class Candidates:
         self._space, self._setting, self._rays = space, setting, rays
         self._side = setting.side_reflections if len(space.surfaces.edge) else -1
         self._shooter = Shooter(space)
+        # Where rays would take longer than the cones of all patches, these are complete besides.
+        self._few = FEWER * len(space.patch_boxes.number) <= rays // RX_SHARE
 
     def of_transmitter(self, tx: Float[np.ndarray, "3"]) -> Near:
         """Chains from a transmitter, and edges that it sees."""
-        most, shining = (
-            self._setting.max_reflections,
-            np.flatnonzero(self._space.mirrors[self._space.patch_facet]),
-        )
-        seen = self._shooter.shoot(tx[None], self._rays, most, self._side)
-        parts = [np.empty((1, 0), np.int64), shining[:, None], *seen.chains][: most + 1]
+        space, most = self._space, self._setting.max_reflections
+        # Where patches are few, rays are left what is longer.
+        rays = self._rays if max(most - 1, self._side) > self._few else 0
+        seen = self._shooter.shoot(tx[None], rays, most, self._side)
+        alone = np.sort(space.patch_boxes.number)[:, None]
+        parts = [np.empty((1, 0), np.int64), alone, *seen.chains][: most + 1]
+        if self._few and most > 1:
+            pairs = pairs_of_patches(space, tx)
+            parts[2] = pairs[np.lexsort(pairs.T[::-1])]
         chains = np.full((sum(map(len, parts)), most), -1, np.int64)
         row = 0
         for part in parts:
             chains[row : row + len(part), : part.shape[1]] = part
             row += len(part)
-        return Near(chains, self._sights(tx[None], seen, self._side >= 0))
+        found = sights(space, tx[None], seen.start, seen.edge, seen.over, self._side >= 0, self._few)
+        return Near(chains, by_edge(found) if self._setting.edge_reflections > 1 else found)
 
-    def of_receivers(self, rx: Float[np.ndarray, "r 3"]) -> Sights:
-        """Edges that receivers see over patches."""
+    def trace(
+        self, near: list[Near], tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]
+    ) -> Iterator[Table]:
+        """Strongest paths from transmitters, of which is known what they see, to receivers."""
+        space, setting = self._space, self._setting
+        lists, boxes = make_lists(setting, len(tx), len(rx)), make_boxes(rx, rx)
+        for t, (one, seen) in enumerate(zip(tx, near, strict=True)):
+            reflect(space, setting, one, rx, boxes, seen.chains, lists, t)
+        if self._side >= 0:
+            sights_of_tx = List([seen.edges for seen in near])
+            bend(space, setting, tx, rx, sights_of_tx, *self._over_patches(rx), self._few, lists)
+        for t, one in enumerate(tx):
+            yield tabled(space, setting, one, rx, lists, t)
+
+    def _over_patches(
+        self, rx: Float[np.ndarray, "r 3"]
+    ) -> tuple[Int[np.ndarray, " r1"], Int[np.ndarray, " q"], Int[np.ndarray, "q m"]]:
+        """Edges that receivers' rays find over patches; where each receiver's begin, edges and patches."""
+        if self._side < (2 if self._few else 1):
+            return (
+                np.zeros(len(rx) + 1, np.int64),
+                np.empty(0, np.int64),
+                np.empty((0, max(self._side, 1)), np.int64),
+            )
         rays = max(1, self._rays // RX_SHARE)
-        if self._side < 1:
-            nothing = np.zeros(len(rx) + 1, np.int64), np.empty(0, np.int64), np.empty((0, 1), np.int64)
-            return sights(self._space, rx, *nothing, False)
         step = max(1, _AT_ONCE // rays)
-        parts = []
-        for i in range(0, len(rx), step):
-            some = rx[i : i + step]
-            parts.append(self._sights(some, self._shooter.shoot(some, rays, 0, self._side), False))
-        count = np.concatenate([np.diff(p.start) for p in parts])
-        return Sights(
+        parts = [self._shooter.shoot(rx[i : i + step], rays, 0, self._side) for i in range(0, len(rx), step)]
+        count = np.concatenate([np.diff(part.start) for part in parts])
+        return (
             np.append(0, np.cumsum(count)),
-            *(np.concatenate([getattr(p, name) for p in parts]) for name in Sights._fields[1:]),
+            np.concatenate([part.edge for part in parts]),
+            np.concatenate([part.over for part in parts]),
         )
-
-    def _sights(self, points: Float[np.ndarray, "s 3"], seen: Sightings, alone: bool) -> Sights:
-        return sights(self._space, points, seen.start, seen.edge, seen.over, alone)

@@ -1,10 +1,11 @@
 """The strongest paths of links among very many triangles: chains found by rays, paths computed and checked exactly.
 
 All patches and all edges are tried alone, as by exhaustive search. Chains of two patches and more come from rays
-that the transmitter shoots (`wireless.geometry.shooting`), and edges over patches from rays of both ends: what the
-transmitter sees over a chain is joined with the receiver, and what the receiver sees over one with the
-transmitter. Every candidate is laid out and looked at as in exhaustive search (`wireless.tracing.space_paths`), so that
-each path is one that exhaustive search finds; what no ray has found is missed. More rays find the same and more.
+that the transmitter shoots (`wireless.geometry.shooting`), and edges over patches from rays of both ends. Where
+patches are few, the cones of all of them give all pairs, and all edges over one. What the transmitter sees over a
+chain is joined with the receiver, and what the receiver sees over one with the transmitter. Every candidate is laid
+out and looked at as in exhaustive search (`wireless.tracing.space_paths`), so that each path is one that exhaustive
+search finds; what no ray has found is missed. More rays find the same and more.
 
 Left out: walls that are passed, as rays end there.
 """
@@ -14,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.em.diffraction import edge_bound
+from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
-from wireless.geometry.cones import MAX_CORNERS
+from wireless.geometry.cones import MAX_CORNERS, SLACK_M, meeting
 from wireless.geometry.images import Space, cone_of, new_views, opens
-from wireless.geometry.occlusion import NEAR_M, Boxes
+from wireless.geometry.occlusion import HIDDEN, NEAR_M, Boxes, sight
 from wireless.support.compiled import compiled
 from wireless.tracing.space_engine import Room, enter_view, make_room, write_lists
-from wireless.tracing.space_paths import edge_sight, images_over, is_open, lay, try_path
+from wireless.tracing.space_paths import images_over, is_open, lay, try_path
 from wireless.tracing.table import Setting, Table, make_table, most_interactions
 
 
@@ -40,6 +41,64 @@ class Sights(NamedTuple):
     """Where the point's image is, as seen from the edge (`wireless.tracing.space_paths.edge_sight`)."""
 
 
+class Lists(NamedTuple):
+    """Strongest paths so far of links, see `wireless.tracing.table.enter`."""
+
+    rank: Float[np.ndarray, "t r k 5"]
+    best: Int[np.ndarray, "t r k w"]
+    length: Int[np.ndarray, "t r"]
+
+
+def make_lists(setting: Setting, n_tx: int, n_rx: int) -> Lists:
+    """Lists of so many links, with no path in them."""
+    most = int(most_interactions(setting))
+    return Lists(
+        np.empty((n_tx, n_rx, setting.keep, 5)),
+        np.zeros((n_tx, n_rx, setting.keep, 3 + most), np.int64),
+        np.zeros((n_tx, n_rx), np.int64),
+    )
+
+
+# Inner loops below take the few arrays that they need: to hand all of a space on costs more than such a loop.
+@compiled
+def _place_edges(
+    surfaces: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
+    which: Int[np.ndarray, " n"],
+    image: Float[np.ndarray, "3"],
+    plane: Float[np.ndarray, "p 4"],
+    edge: Int[np.ndarray, " q"],
+    place: Float[np.ndarray, "q 3"],
+    count: int,
+) -> int:
+    """Append the edges of some that reach into a cone and are open to its image, and where it is; new count."""
+    ends, wedge, gap = surfaces
+    for j in range(len(which)):
+        e = which[j]
+        outside = False
+        for k in range(len(plane)):
+            a, b = SLACK_M - plane[k, 3], SLACK_M - plane[k, 3]
+            for i in range(3):
+                a += plane[k, i] * ends[e, 0, i]
+                b += plane[k, i] * ends[e, 1, i]
+            if a < 0 and b < 0:
+                outside = True
+                break
+        if outside:
+            continue
+        z, x, y = 0.0, 0.0, 0.0
+        for i in range(3):
+            d = image[i] - ends[e, 0, i]
+            z += d * wedge[e, 0, i]
+            x += d * wedge[e, 1, i]
+            y += d * wedge[e, 2, i]
+        distance, angle = np.sqrt(x * x + y * y), np.arctan2(y, x) % (2 * np.pi)
+        if distance >= NEAR_M and is_open(gap[e], distance, angle):
+            edge[count] = e
+            place[count, 0], place[count, 1], place[count, 2] = z, distance, angle
+            count += 1
+    return count
+
+
 @compiled
 def sights(
     space: Space,
@@ -48,55 +107,80 @@ def sights(
     edge: Int[np.ndarray, " q"],
     over: Int[np.ndarray, "q m"],
     alone: bool,
+    every: bool,
 ) -> Sights:
-    """Edges that are open to the images of points.
+    """Edges that are open to points and to their images.
 
     Args:
         space: Surfaces.
         points: Positions around the space's origin [m].
         start: Where each point's edges begin in edge, and an end.
-        edge: Edges over patches, rising for each point.
-        over: Patches that they are seen over.
-        alone: Whether all edges are tried without patches too.
+        edge: Edges that rays found over patches.
+        over: Patches that they were found over; -1 beyond the last.
+        alone: Whether all edges are tried without patches.
+        every: Whether all edges in the cones of all single patches are tried.
     """
-    n_edges, gap = len(space.surfaces.edge), space.surfaces.edge_gap_rad
-    room = len(edge) + (n_edges * len(points) if alone else 0)
-    found = Sights(
-        np.zeros(len(points) + 1, np.int64),
-        np.empty(room, np.int64),
-        np.empty(room, np.int64),
-        np.full((room, over.shape[1]), -1, np.int64),
-        np.empty((room, 3)),
-    )
-    count = 0
+    n_edges, most, count = len(space.surfaces.edge), over.shape[1], 0
+    surfaces = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
+    begin, room = np.zeros(len(points) + 1, np.int64), 2 * n_edges + 256
+    found, place = np.empty(room, np.int64), np.empty((room, 3))
+    order, chain = np.zeros(room, np.int64), np.full((room, most), -1, np.int64)
+    views, plane = new_views(2, 1), np.empty((MAX_CORNERS + 1, 4))
+    spare, here, everything = np.empty((MAX_CORNERS, 3)), np.empty(n_edges, np.int64), np.arange(n_edges)
     for s in range(len(points)):
-        j = start[s]
-        for e in range(n_edges):
-            if alone:
-                z, distance, angle = edge_sight(space, e, points[s])
-                if distance >= NEAR_M and is_open(gap[e], distance, angle):
-                    found.edge[count], found.order[count] = e, 0
-                    found.place[count, 0], found.place[count, 1], found.place[count, 2] = z, distance, angle
-                    count += 1
-            while j < start[s + 1] and edge[j] == e:
-                order = 0
-                while order < over.shape[1] and over[j, order] >= 0:
-                    order += 1
-                image = images_over(space, points[s], over[j, :order])
-                z, distance, angle = edge_sight(space, e, image[order])
-                if distance >= NEAR_M and is_open(gap[e], distance, angle):
-                    found.edge[count], found.order[count], found.over[count] = e, order, over[j]
-                    found.place[count, 0], found.place[count, 1], found.place[count, 2] = z, distance, angle
-                    count += 1
-                j += 1
-        found.start[s + 1] = count
+        if alone:
+            count = _place_edges(surfaces, everything, points[s], plane[:0], found, place, count)
+        views.image[0, 0] = points[s]
+        for h in range(len(space.patch_boxes.number) if every else 0):
+            if not opens(space, views, 0, space.patch_boxes.number[h], views, 1, plane, 0, spare):
+                continue
+            n_planes = cone_of(space, views, 1, plane)
+            n = meeting(space.edge_boxes, plane, n_planes, here)
+            if count + n_edges > len(found):
+                found, place = np.concatenate((found, found)), np.concatenate((place, place))
+                order, chain = np.concatenate((order, order)), np.concatenate((chain, chain))
+            first = count
+            count = _place_edges(surfaces, here[:n], views.image[1, 1], plane[:n_planes], found, place, count)
+            for j in range(first, count):
+                order[j], chain[j, 0] = 1, views.chain[1, 0]
+        for j in range(start[s], start[s + 1]):
+            k = 0
+            while k < most and over[j, k] >= 0:
+                k += 1
+            if k == 1 and every:
+                continue
+            if count + n_edges > len(found):
+                found, place = np.concatenate((found, found)), np.concatenate((place, place))
+                order, chain = np.concatenate((order, order)), np.concatenate((chain, chain))
+            image = images_over(space, points[s], over[j, :k])
+            first = count
+            count = _place_edges(surfaces, edge[j : j + 1], image[k], plane[:0], found, place, count)
+            if count > first:
+                order[first], chain[first] = k, over[j]
+        begin[s + 1] = count
     return Sights(
-        found.start,
-        found.edge[:count].copy(),
-        found.order[:count].copy(),
-        found.over[:count].copy(),
-        found.place[:count].copy(),
+        begin, found[:count].copy(), order[:count].copy(), chain[:count].copy(), place[:count].copy()
     )
+
+
+@compiled
+def pairs_of_patches(space: Space, source: Float[np.ndarray, "3"]) -> Int[np.ndarray, "c 2"]:
+    """All chains of two patches whose cones meet, whatever hides them; in no order."""
+    views, n_patches = new_views(3, 2), len(space.patch_facet)
+    views.image[0, 0] = source
+    plane, spare = np.empty((MAX_CORNERS + 1, 4)), np.empty((MAX_CORNERS, 3))
+    here, chain, count = np.empty(n_patches, np.int64), np.empty((256, 2), np.int64), 0
+    for h in range(len(space.patch_boxes.number)):
+        if not opens(space, views, 0, space.patch_boxes.number[h], views, 1, plane, 0, spare):
+            continue
+        n_planes = cone_of(space, views, 1, plane)
+        for j in range(meeting(space.patch_boxes, plane, n_planes, here)):
+            if opens(space, views, 1, here[j], views, 2, plane, n_planes, spare):
+                if count == len(chain):
+                    chain = np.concatenate((chain, chain))
+                chain[count] = views.chain[2]
+                count += 1
+    return chain[:count]
 
 
 @compiled
@@ -155,6 +239,10 @@ def _join(
     m = lay(space, tx, rx, ways[0], edge, ways[1], room.points, room.scratch)
     if m < 0:
         return count
+    # Most candidates are hidden: that is found out sooner than how strong they would be.
+    for leg in range(m + 1):
+        if sight(space.tree, room.scratch.point[leg], room.scratch.point[leg + 1]) == HIDDEN:
+            return count
     who[0], who[1], who[2] = edge, before, after
     who[3 : 3 + before], who[3 + before : 3 + before + after] = near, far
     return try_path(
@@ -175,13 +263,61 @@ def _join(
 
 
 @compiled
+def _unfold(
+    surfaces: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
+    edge: Int[np.ndarray, " q"],
+    place: Float[np.ndarray, "q 3"],
+    other: Float[np.ndarray, "3"],
+    wavenumber: float,
+    least: float,
+    which: Int[np.ndarray, " q"],
+    bound: Float[np.ndarray, " q"],
+) -> int:
+    """Sights whose edge is met where the ray leaves it for the other end as it came, and bounds of their power.
+
+    Returns:
+        How many are in `which`: those whose power may exceed the least.
+    """
+    ends, wedge, gap = surfaces
+    n = 0
+    for j in range(len(edge)):
+        e = edge[j]
+        z, x, y, end = 0.0, 0.0, 0.0, 0.0
+        for i in range(3):
+            d = other[i] - ends[e, 0, i]
+            z += d * wedge[e, 0, i]
+            x += d * wedge[e, 1, i]
+            y += d * wedge[e, 2, i]
+            end += wedge[e, 0, i] * (ends[e, 1, i] - ends[e, 0, i])
+        distance = np.sqrt(x * x + y * y)
+        if distance < NOWHERE_M:
+            continue
+        at = (place[j, 0] * distance + z * place[j, 1]) / (place[j, 1] + distance)
+        if at < -NEAR_M or at > end + NEAR_M:
+            continue
+        angle = np.arctan2(y, x) % (2 * np.pi)
+        if not is_open(gap[e], distance, angle):
+            continue
+        most = edge_bound(angle, place[j, 2], gap[e], wavenumber, place[j, 1], distance)
+        if most < least:
+            continue
+        before, after = np.hypot(place[j, 0] - at, place[j, 1]), np.hypot(z - at, distance)
+        slant = distance / after
+        most = min(most, close_edge_bound(angle, place[j, 2], gap[e], wavenumber, before, after, slant))
+        if most < least:
+            continue
+        which[n], bound[n] = j, most
+        n += 1
+    return n
+
+
+@compiled
 def _bend(
     space: Space,
     setting: Setting,
     ends: Float[np.ndarray, "2 3"],
     swapped: bool,
     sights: Sights,
-    s: int,
     room: Room,
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k w"],
@@ -189,39 +325,24 @@ def _bend(
 ) -> int:
     """Enter the ways over edges that one end sees (over patches, or not) and the other end directly.
 
-    Ends are the one that sees, number s of the sights, and the other; swapped if the first is the receiver.
+    Ends are the one that sees, and the other; swapped if the first is the receiver. What may be strongest comes
+    first, so that a full list spares the rest.
     """
-    keep, nobody, other = len(rank), np.empty(0, np.int64), ends[1]
-    edges, wedges = space.surfaces.edge, space.surfaces.edge_wedge
-    for j in range(sights.start[s], sights.start[s + 1]):
-        e = sights.edge[j]
-        z, x, y, end = 0.0, 0.0, 0.0, 0.0
-        for i in range(3):
-            d = other[i] - edges[e, 0, i]
-            z += d * wedges[e, 0, i]
-            x += d * wedges[e, 1, i]
-            y += d * wedges[e, 2, i]
-            end += wedges[e, 0, i] * (edges[e, 1, i] - edges[e, 0, i])
-        distance = np.sqrt(x * x + y * y)
-        if distance < NOWHERE_M:
-            continue
-        at = (sights.place[j, 0] * distance + z * sights.place[j, 1]) / (sights.place[j, 1] + distance)
-        if at < -NEAR_M or at > end + NEAR_M:
-            continue
-        gap, angle = space.surfaces.edge_gap_rad[e], np.arctan2(y, x) % (2 * np.pi)
-        if not is_open(gap, distance, angle):
-            continue
-        if count == keep:
-            bound = edge_bound(
-                angle, sights.place[j, 2], gap, setting.wavenumber, sights.place[j, 1], distance
-            )
-            if bound < rank[keep - 1, 0]:
-                continue
-        over = sights.over[j, : sights.order[j]]
+    keep, nobody = len(rank), np.empty(0, np.int64)
+    surfaces = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
+    which, bound = np.empty(len(sights.edge), np.int64), np.empty(len(sights.edge))
+    least = rank[keep - 1, 0] if count == keep else 0.0
+    n = _unfold(surfaces, sights.edge, sights.place, ends[1], setting.wavenumber, least, which, bound)
+    order = np.argsort(-bound[:n], kind="mergesort")
+    for k in range(n):
+        j = which[order[k]]
+        if count == keep and bound[order[k]] < rank[keep - 1, 0]:
+            break
+        e, over = sights.edge[j], sights.over[j, : sights.order[j]]
         if swapped:
-            count = _join(space, setting, other, ends[0], e, nobody, over, room, rank, best, count)
+            count = _join(space, setting, ends[1], ends[0], e, nobody, over, room, rank, best, count)
         else:
-            count = _join(space, setting, ends[0], other, e, over, nobody, room, rank, best, count)
+            count = _join(space, setting, ends[0], ends[1], e, over, nobody, room, rank, best, count)
     return count
 
 
@@ -232,15 +353,14 @@ def _bend_over_both(
     ends: Float[np.ndarray, "2 3"],
     near: Sights,
     far: Sights,
-    r: int,
     room: Room,
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k w"],
     count: int,
 ) -> int:
-    """Enter the ways over edges that both ends see over patches; r is the receiver's number."""
-    i, last = 0, near.start[1]
-    for j in range(far.start[r], far.start[r + 1]):
+    """Enter the ways over edges that both ends see over patches; both sights by edge."""
+    i, last = 0, len(near.edge)
+    for j in range(len(far.edge)):
         e = far.edge[j]
         while i < last and near.edge[i] < e:
             i += 1
@@ -262,17 +382,26 @@ def _bend_over_both(
 
 
 @compiled
-def trace_candidates(
+def by_edge(sights: Sights) -> Sights:
+    """The sights of one point by rising edge."""
+    order = np.argsort(sights.edge, kind="mergesort")
+    return Sights(
+        sights.start, sights.edge[order], sights.order[order], sights.over[order], sights.place[order]
+    )
+
+
+@compiled
+def reflect(
     space: Space,
     setting: Setting,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     rx_boxes: Boxes,
     chain: Int[np.ndarray, "c m"],
-    near: Sights,
-    far: Sights,
-) -> Table:
-    """Strongest paths from one transmitter to many receivers, among candidates.
+    lists: Lists,
+    t: int,
+) -> None:
+    """Enter the ways from transmitter number t over chains of patches into the lists of its links.
 
     Args:
         space: Surfaces.
@@ -281,22 +410,70 @@ def trace_candidates(
         rx: Positions of receivers.
         rx_boxes: Receivers, sorted into boxes.
         chain: Patches from the transmitter on, by length and in rising order; -1 beyond the last.
-        near: Edges that the transmitter may see.
-        far: Edges that each receiver may see over patches.
+        lists: Strongest paths so far.
+        t: Which of the lists are meant.
     """
-    keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
-    rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
-    room, count = make_room(setting, len(rx)), table.found
-    _try_chains(space, setting, tx, rx, rx_boxes, chain, room, rank, best, count)
-    ends = np.empty((2, 3))
+    room = make_room(setting, len(rx))
+    _try_chains(space, setting, tx, rx, rx_boxes, chain, room, lists.rank[t], lists.best[t], lists.length[t])
+
+
+@compiled
+def bend(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "t 3"],
+    rx: Float[np.ndarray, "r 3"],
+    near: list[Sights],
+    start: Int[np.ndarray, " r1"],
+    edge: Int[np.ndarray, " q"],
+    over: Int[np.ndarray, "q m"],
+    every: bool,
+    lists: Lists,
+) -> None:
+    """Enter the ways over edges into the lists of all links.
+
+    Args:
+        space: Surfaces.
+        setting: Physics and limits; permittivities are those of facets.
+        tx: Positions of transmitters, around the space's origin [m].
+        rx: Positions of receivers.
+        near: What each transmitter may see.
+        start: Where each receiver's edges begin in edge, and an end.
+        edge: Edges that the receivers' rays found over patches.
+        over: Patches that they were found over; -1 beyond the last.
+        every: Whether receivers try all edges in the cones of all single patches.
+        lists: Strongest paths so far.
+    """
+    room, ends = make_room(setting, len(rx)), np.empty((2, 3))
+    rank, best, count = lists.rank, lists.best, lists.length
     for r in range(len(rx)):
-        if setting.edge_reflections < 0:
-            break
-        ends[0], ends[1] = tx, rx[r]
-        count[r] = _bend(space, setting, ends, False, near, 0, room, rank[r], best[r], count[r])
+        far = sights(space, rx[r : r + 1], start[r : r + 2], edge, over, False, every)
         if setting.edge_reflections > 1:
-            count[r] = _bend_over_both(space, setting, ends, near, far, r, room, rank[r], best[r], count[r])
-        ends[0], ends[1] = rx[r], tx
-        count[r] = _bend(space, setting, ends, True, far, r, room, rank[r], best[r], count[r])
-    write_lists(space, setting, tx, rx, room, best, table)
+            far = by_edge(far)
+        for t in range(len(tx)):
+            ends[0], ends[1] = tx[t], rx[r]
+            count[t, r] = _bend(
+                space, setting, ends, False, near[t], room, rank[t, r], best[t, r], count[t, r]
+            )
+            if setting.edge_reflections > 1:
+                count[t, r] = _bend_over_both(
+                    space, setting, ends, near[t], far, room, rank[t, r], best[t, r], count[t, r]
+                )
+            ends[0], ends[1] = rx[r], tx[t]
+            count[t, r] = _bend(space, setting, ends, True, far, room, rank[t, r], best[t, r], count[t, r])
+
+
+@compiled
+def tabled(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    lists: Lists,
+    t: int,
+) -> Table:
+    """The table of transmitter number t, from the lists of its links."""
+    table = make_table(setting, len(rx))
+    table.found[:] = lists.length[t]
+    write_lists(space, setting, tx, rx, make_room(setting, len(rx)), lists.best[t], table)
     return table

@@ -31,7 +31,6 @@ from wireless.paths import Paths
 from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
-from wireless.tracing.ray_search import trace_candidates
 from wireless.tracing.space_engine import trace_space
 from wireless.tracing.table import Setting, Table
 
@@ -279,12 +278,7 @@ class _SpaceScene:
         near = [candidates.of_transmitter(one) for one in tx]
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some = rx[rxs]
-            boxes, far = make_boxes(some, some), candidates.of_receivers(some)
-            for one, seen in zip(tx[txs], near[txs], strict=True):
-                yield trace_candidates(
-                    self.space, self._setting, one, some, boxes, seen.chains, seen.edges, far
-                )
+            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 
