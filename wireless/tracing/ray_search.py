@@ -19,7 +19,7 @@ from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.geometry.cones import MAX_CORNERS, SLACK_M, meeting
 from wireless.geometry.images import Space, cone_of, new_views, opens
-from wireless.geometry.occlusion import HIDDEN, NEAR_M, Boxes, sight
+from wireless.geometry.occlusion import NEAR_M, Boxes
 from wireless.support.compiled import compiled
 from wireless.tracing.space_engine import Room, enter_view, make_room, write_lists
 from wireless.tracing.space_paths import images_over, is_open, lay, try_path
@@ -239,10 +239,6 @@ def _join(
     m = lay(space, tx, rx, ways[0], edge, ways[1], room.points, room.scratch)
     if m < 0:
         return count
-    # Most candidates are hidden: that is found out sooner than how strong they would be.
-    for leg in range(m + 1):
-        if sight(space.tree, room.scratch.point[leg], room.scratch.point[leg + 1]) == HIDDEN:
-            return count
     who[0], who[1], who[2] = edge, before, after
     who[3 : 3 + before], who[3 + before : 3 + before + after] = near, far
     return try_path(
