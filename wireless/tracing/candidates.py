@@ -25,7 +25,7 @@ from wireless.tracing.ray_search import (
     sights,
     tabled,
 )
-from wireless.tracing.table import Setting, Table
+from wireless.tracing.table import Setting, Table, most_interactions
 
 #: A receiver shoots one ray where a transmitter shoots so many.
 RX_SHARE = 16
@@ -33,6 +33,8 @@ RX_SHARE = 16
 FEWER = 4
 #: Rays that are shot at once: some 400 bytes each.
 _AT_ONCE = 100_000
+#: Numbers in the lists of all links that are traced at once.
+_IN_LISTS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +86,15 @@ class Candidates:
         self, near: list[Near], tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]
     ) -> Iterator[Table]:
         """Strongest paths from transmitters, of which is known what they see, to receivers."""
+        a_list = self._setting.keep * (8 + int(most_interactions(self._setting)))
+        step = max(1, _IN_LISTS // (a_list * max(1, len(rx))))
+        for i in range(0, len(tx), step):
+            yield from self._traced(near[i : i + step], tx[i : i + step], rx)
+
+    def _traced(
+        self, near: list[Near], tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]
+    ) -> Iterator[Table]:
+        """The same of so many transmitters that their lists fit into memory."""
         space, setting = self._space, self._setting
         lists, boxes = make_lists(setting, len(tx), len(rx)), make_boxes(rx, rx)
         for t, (one, seen) in enumerate(zip(tx, near, strict=True)):
