@@ -9,7 +9,6 @@ T-junctions nor walls that stand on a larger floor make edges that are none.
 Left out: triangles that cross each other between their sides.
 """
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +26,21 @@ FLAT_RAD = 1e-4
 LEVEL = 1e-6
 #: How closely unit vectors agree that are one.
 ALIKE = 1e-7
-#: A piece of a line: ends, direction, and facet and inward direction of each triangle there.
-_Piece = tuple[Float[np.ndarray, "2 3"], Float[np.ndarray, "3"], list[tuple[int, Float[np.ndarray, "3"]]]]
+
+
+class _Pieces(NamedTuple):
+    """Pieces of lines that triangle sides lie on, and the sides on each."""
+
+    ends: Float[np.ndarray, "p 2 3"]
+    """Ends of each piece [m]."""
+    along: Float[np.ndarray, "p 3"]
+    """Direction of its line."""
+    piece: Int[np.ndarray, " s"]
+    """Piece of each side, rising; a side over several pieces is on each of them."""
+    facet: Int[np.ndarray, " s"]
+    """Facet of the side's triangle."""
+    inward: Float[np.ndarray, "s 3"]
+    """Direction into that triangle, at right angles to the line."""
 
 
 class Surfaces(NamedTuple):
@@ -143,77 +155,97 @@ def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 def _pieces_of_lines(
     triangle: Float[np.ndarray, "t 3 3"], facet: Int[np.ndarray, " t"], snap_m: float
-) -> list[_Piece]:
-    """Pieces of triangle sides: ends, direction, and facet and inward direction of each triangle there."""
+) -> _Pieces:
+    """Pieces of triangle sides, from end to end along each line."""
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
     tip = np.roll(triangle, -2, axis=1).reshape(-1, 3)
     length = np.linalg.norm(stop - start, axis=1)
     way = _one_way((stop - start) / length[:, None])
     foot = start - np.einsum("ij,ij->i", start, way)[:, None] * way
-    group = np.zeros(len(way), int)
+    line = np.zeros(len(way), int)
     for axis in range(3):
-        group = clusters(way[:, axis], ALIKE, group)
+        line = clusters(way[:, axis], ALIKE, line)
     for axis in range(3):
-        group = clusters(foot[:, axis], snap_m, group)
+        line = clusters(foot[:, axis], snap_m, line)
     inward = tip - start
     inward = inward - np.einsum("ij,ij->i", inward, way)[:, None] * way
     inward = inward / np.linalg.norm(inward, axis=1)[:, None]
-    pieces = []
-    for members in np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1]):
-        along, base = way[members[0]], foot[members[0]]
-        ends = np.sort(np.column_stack([start[members] @ along, stop[members] @ along]), axis=1)
-        cuts = np.sort(ends.ravel())
-        cuts = cuts[np.append(True, np.diff(cuts) > snap_m)]
-        for low, high in pairwise(cuts):
-            here = members[(ends[:, 0] < (low + high) / 2) & (ends[:, 1] > (low + high) / 2)]
-            if len(here):
-                around = [(int(facet[i // 3]), inward[i]) for i in here]
-                pieces.append((base + np.array([[low], [high]]) * along, along, around))
-    return pieces
+    _, model = np.unique(line, return_index=True)
+    along, base = way[model], foot[model]
+    ends = np.sort(np.column_stack([np.einsum("ij,ij->i", p, along[line]) for p in (start, stop)]), axis=1)
+    # Cuts along each line, where a side ends; each end is at one, and each side goes from one to another.
+    place, of = ends.ravel(), np.repeat(line, 2)
+    order = np.lexsort((place, of))
+    new = np.append(True, (np.diff(of[order]) > 0) | (np.diff(place[order]) > snap_m))
+    cut = np.empty(len(place), np.int64)
+    cut[order] = np.cumsum(new) - 1
+    at, on = place[order][new], of[order][new]
+    first, last = cut.reshape(-1, 2).T
+    side = np.repeat(np.arange(len(line)), last - first)
+    piece = np.repeat(first, last - first) + _counted(last - first)
+    order = np.argsort(piece, kind="stable")
+    side, piece = side[order], piece[order]
+    some, number = np.unique(piece, return_inverse=True)
+    return _Pieces(
+        ends=base[on[some]][:, None]
+        + np.stack([at[some], at[some + 1]], axis=1)[..., None] * along[on[some]][:, None],
+        along=along[on[some]],
+        piece=number,
+        facet=facet[side // 3],
+        inward=inward[side],
+    )
+
+
+def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+    """From 0 up to each count, one after the other."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
 
 def _edges(
-    pieces: list[_Piece],
+    pieces: _Pieces,
     triangle: Float[np.ndarray, "t 3 3"],
     facet: Int[np.ndarray, " t"],
     facet_normal: Float[np.ndarray, "f 3"],
     snap_m: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends, wedge vectors, open angles and facets of all edges; pieces in a row that agree become one."""
-    found: list[tuple[np.ndarray, np.ndarray, float, tuple[int, int]]] = []
-    middle = np.array([ends.mean(axis=0) for ends, _, _ in pieces]).reshape(-1, 3)
-    start, holding = _holding(make_tree(triangle), middle, snap_m)
-    for i, (ends, along, faces) in enumerate(pieces):
-        around = list(faces)
-        for f in np.unique(facet[holding[start[i] : start[i + 1]]]):
-            side = np.cross(along, facet_normal[f])
-            size = np.linalg.norm(side)
-            if size > 1 - 1e-6:  # the piece lies in the facet's plane
-                around += [(int(f), side / size), (int(f), -side / size)]
-        zero = around[0][1]
-        across = np.cross(along, zero)
-        angles = np.array([np.arctan2(out @ across, out @ zero) for _, out in around])
-        order = np.argsort(angles)
-        gaps = np.diff(np.append(angles[order], angles[order[0]] + 2 * np.pi))
-        widest = int(np.argmax(gaps))
-        if gaps[widest] <= np.pi + FLAT_RAD:
-            continue
-        first, last = around[order[widest]], around[order[(widest + 1) % len(order)]]
-        wedge = np.array([along, first[1], np.cross(along, first[1])])
-        if found:
-            end, before, gap, facets = found[-1]
-            joins = np.linalg.norm(end[1] - ends[0]) < snap_m and facets == (first[0], last[0])
-            if joins and abs(gap - gaps[widest]) < ALIKE and np.abs(before - wedge).max() < ALIKE:
-                found[-1] = (np.array([end[0], ends[1]]), before, gap, facets)
-                continue
-        found.append((ends, wedge, float(gaps[widest]), (first[0], last[0])))
-    n = len(found)
-    return (
-        np.array([f[0] for f in found]).reshape(n, 2, 3),
-        np.array([f[1] for f in found]).reshape(n, 3, 3),
-        np.array([f[2] for f in found]).reshape(n),
-        np.array([f[3] for f in found], np.int64).reshape(n, 2),
-    )
+    n = len(pieces.ends)
+    start, holding = _holding(make_tree(triangle), pieces.ends.mean(axis=1), snap_m)
+    held = np.unique(np.column_stack([np.repeat(np.arange(n), np.diff(start)), facet[holding]]), axis=0)
+    side = np.cross(pieces.along[held[:, 0]], facet_normal[held[:, 1]])
+    size = np.linalg.norm(side, axis=1)
+    flat = size > 1 - 1e-6  # the piece lies in the facet's plane
+    held, side = held[flat], side[flat] / size[flat, None]
+    piece = np.concatenate([pieces.piece, held[:, 0], held[:, 0]])
+    face = np.concatenate([pieces.facet, held[:, 1], held[:, 1]])
+    out = np.concatenate([pieces.inward, side, -side])
+    order = np.argsort(piece, kind="stable")
+    piece, face, out = piece[order], face[order], out[order]
+    first = np.searchsorted(piece, np.arange(n))
+    zero = out[first][piece]
+    across = np.cross(pieces.along[piece], zero)
+    angle = np.arctan2(np.einsum("ij,ij->i", out, across), np.einsum("ij,ij->i", out, zero))
+    order = np.lexsort((angle, piece))
+    face, out, angle = face[order], out[order], angle[order]
+    # The face after each, counter-clockwise; after the last of a piece comes its first, a turn later.
+    after = np.arange(1, len(piece) + 1)
+    last = np.append(first[1:], len(piece)) - 1
+    after[last] = first
+    gap = angle[after] - angle
+    gap[last] += 2 * np.pi
+    widest = np.lexsort((np.arange(len(gap)), -gap, piece))[first]
+    widest = widest[gap[widest] > np.pi + FLAT_RAD]
+    of = piece[widest]
+    facets, gap = np.column_stack([face[widest], face[after[widest]]]), gap[widest]
+    ends, along, out = pieces.ends[of], pieces.along[of], out[widest]
+    wedge = np.stack([along, out, np.cross(along, out)], axis=1)
+    joins = np.linalg.norm(ends[:-1, 1] - ends[1:, 0], axis=1) < snap_m
+    joins &= (facets[:-1] == facets[1:]).all(axis=1) & (np.abs(np.diff(gap)) < ALIKE)
+    joins &= np.abs(np.diff(wedge, axis=0)).max(axis=(1, 2), initial=0) < ALIKE
+    begin = np.flatnonzero(np.append(True, ~joins)[: len(ends)])
+    end = np.append(begin[1:], len(ends))[: len(begin)] - 1
+    ends = np.stack([ends[begin, 0], ends[end, 1]], axis=1)
+    return ends, wedge[begin], gap[begin], facets[begin].astype(np.int64)
 
 
 @compiled

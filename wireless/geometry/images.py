@@ -181,6 +181,53 @@ def cone_of(space: Space, views: Views, v: int, plane: Float[np.ndarray, "p 4"])
 
 
 @compiled
+def opens(
+    space: Space,
+    views: Views,
+    v: int,
+    patch: int,
+    opened: Views,
+    w: int,
+    plane: Float[np.ndarray, "p 4"],
+    n_planes: int,
+    spare: Float[np.ndarray, "k 3"],
+) -> bool:
+    """Whether a patch is in the cone of view v, whose planes are given; if so, view w of others is what it opens."""
+    order, facet = views.order[v], space.patch_facet[patch]
+    off, reach = 0.0, -np.inf
+    for i in range(3):
+        off += space.surfaces.facet_normal[facet, i] * (
+            views.image[v, order, i] - space.surfaces.facet_point[facet, i]
+        )
+    if abs(off) < NEAR_M or (order > 0 and facet == space.patch_facet[views.chain[v, order - 1]]):
+        return False
+    n = space.corners[patch]
+    if order > 0:
+        for k in range(n):
+            depth = -plane[n_planes - 1, 3]
+            for i in range(3):
+                depth += plane[n_planes - 1, i] * space.window[patch, k, i]
+            reach = max(reach, depth)
+        if reach <= NEAR_M:
+            return False
+    n = clipped(space.window[patch], n, plane, n_planes, opened.window[w], spare)
+    if n == 0:
+        return False
+    opened.order[w], opened.corners[w] = order + 1, n
+    for k in range(order):
+        opened.chain[w, k] = views.chain[v, k]
+    for k in range(order + 1):
+        for i in range(3):
+            opened.image[w, k, i] = views.image[v, k, i]
+    opened.chain[w, order] = patch
+    for i in range(3):
+        opened.image[w, order + 1, i] = (
+            views.image[v, order, i] - 2 * off * space.surfaces.facet_normal[facet, i]
+        )
+    return True
+
+
+@compiled
 def spread(
     space: Space,
     views: Views,
@@ -206,35 +253,15 @@ def spread(
     order = views.order[v]
     n_planes = cone_of(space, views, v, plane)
     apex, behind = views.image[v, order].copy(), np.zeros(4)
-    last = -1
+    # A view of its own: what it opens may take its place.
+    own = new_views(1, views.chain.shape[1])
+    own.order[0], own.chain[0], own.image[0] = order, views.chain[v], views.image[v]
     if order > 0:
         behind[:] = plane[n_planes - 1]
-        last = space.patch_facet[views.chain[v, order - 1]]
-    chain, image = views.chain[v].copy(), views.image[v].copy()
     for h in range(meeting(space.patch_boxes, plane, n_planes, found)):
-        patch = found[h]
-        facet = space.patch_facet[patch]
-        off, reach = 0.0, -1.0
-        for i in range(3):
-            off += space.surfaces.facet_normal[facet, i] * (apex[i] - space.surfaces.facet_point[facet, i])
-        if facet == last or abs(off) < NEAR_M:
-            continue
-        n = space.corners[patch]
-        for k in range(n):
-            reach = max(
-                reach,
-                behind[0] * space.window[patch, k, 0]
-                + behind[1] * space.window[patch, k, 1]
-                + behind[2] * space.window[patch, k, 2]
-                - behind[3],
-            )
-        if order > 0 and reach <= NEAR_M:
-            continue
         if count == len(views.order):
             views = _twice(views)
-        window = views.window[count]
-        n = clipped(space.window[patch], n, plane, n_planes, window, piece[0])
-        if n == 0:
+        if not opens(space, own, 0, found[h], views, count, plane, n_planes, piece[0]):
             continue
         if occluding and not sees(
             space.tree,
@@ -243,16 +270,11 @@ def spread(
             space.wall_corners,
             apex,
             behind,
-            window,
-            n,
+            views.window[count],
+            views.corners[count],
             piece,
         ):
             continue
-        views.order[count], views.corners[count] = order + 1, n
-        views.chain[count], views.image[count] = chain, image
-        views.chain[count, order] = patch
-        for i in range(3):
-            views.image[count, order + 1, i] = apex[i] - 2 * off * space.surfaces.facet_normal[facet, i]
         count += 1
     return views, count
 

@@ -74,34 +74,48 @@ def make_boxes(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) ->
     """Sort things, by their bounds, into boxes that are halved along the longest side of their centres."""
     if not len(low):
         return Boxes(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[-1, 0]]), np.empty(0, np.int64))
-    centre = (low + high) / 2
-    order: list[int] = []
-    boxes: list[tuple[np.ndarray, np.ndarray]] = []
-    children: list[tuple[int, int]] = []
-    waiting = [(np.arange(len(low)), -1, 0)]
-    while waiting:
-        members, parent, which = waiting.pop()
-        me = len(boxes)
-        boxes.append((low[members].min(axis=0), high[members].max(axis=0)))
+    return _halved(np.ascontiguousarray(low, float), np.ascontiguousarray(high, float))
+
+
+@compiled
+def _halved(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
+    """Boxes of one or more things, those of the second half numbered first."""
+    n = len(low)
+    centre, number = (low + high) / 2, np.arange(n)
+    box_low, box_high = np.empty((2 * n, 3)), np.empty((2 * n, 3))
+    child = np.zeros((2 * n, 2), np.int64)
+    # First and last of what a box holds, its parent, and which half of it.
+    waiting = np.empty((128, 4), np.int64)
+    waiting[0, 0], waiting[0, 1], waiting[0, 2], waiting[0, 3], depth, count = 0, n, -1, 0, 1, 0
+    while depth > 0:
+        depth -= 1
+        first, last, parent, which = waiting[depth]
+        me, axis, widest = count, 0, -1.0
+        count += 1
+        for i in range(3):
+            box_low[me, i], box_high[me, i], least, most = np.inf, -np.inf, np.inf, -np.inf
+            for j in range(first, last):
+                t = number[j]
+                box_low[me, i], box_high[me, i] = (
+                    min(box_low[me, i], low[t, i]),
+                    max(box_high[me, i], high[t, i]),
+                )
+                least, most = min(least, centre[t, i]), max(most, centre[t, i])
+            if most - least > widest:
+                axis, widest = i, most - least
         if parent >= 0:
-            pair = list(children[parent])
-            pair[which] = me
-            children[parent] = (pair[0], pair[1])
-        if len(members) <= LEAF:
-            children.append((-1 - len(order), len(members)))
-            order += members.tolist()
+            child[parent, which] = me
+        if last - first <= LEAF:
+            child[me, 0], child[me, 1] = -1 - first, last - first
             continue
-        children.append((0, 0))
-        axis = int(np.argmax(np.ptp(centre[members], axis=0)))
-        members = members[np.argsort(centre[members, axis], kind="stable")]
-        half = len(members) // 2
-        waiting += [(members[:half], me, 0), (members[half:], me, 1)]
-    return Boxes(
-        low=np.array([box[0] for box in boxes]),
-        high=np.array([box[1] for box in boxes]),
-        child=np.array(children, np.int64),
-        number=np.array(order, np.int64),
-    )
+        members = number[first:last].copy()
+        number[first:last] = members[np.argsort(centre[members, axis], kind="mergesort")]
+        half = first + (last - first) // 2
+        waiting[depth, 0], waiting[depth, 1], waiting[depth, 2], waiting[depth, 3] = first, half, me, 0
+        waiting[depth + 1, 0], waiting[depth + 1, 1] = half, last
+        waiting[depth + 1, 2], waiting[depth + 1, 3] = me, 1
+        depth += 2
+    return Boxes(box_low[:count].copy(), box_high[:count].copy(), child[:count].copy(), number)
 
 
 def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:

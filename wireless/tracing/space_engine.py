@@ -10,6 +10,8 @@ Nothing is sampled. What cannot enter a link's list is not computed, by the boun
 (`wireless.tracing.plan_engine`), which are faster and find the same paths.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -43,6 +45,90 @@ from wireless.tracing.table import (
 _FEW = 32
 
 
+class Room(NamedTuple):
+    """Arrays to work in, for one transmitter and some receivers."""
+
+    scratch: Scratch
+    points: Float[np.ndarray, "m 3"]
+    who: Int[np.ndarray, " w"]
+    where: Float[np.ndarray, " k"]
+    which: Int[np.ndarray, " k"]
+    receivers: Int[np.ndarray, " r"]
+    plane: Float[np.ndarray, "p 4"]
+    piece: Float[np.ndarray, "s k 3"]
+
+
+@compiled
+def make_room(setting: Setting, n_rx: int) -> Room:
+    """Arrays to work in."""
+    most = most_interactions(setting)
+    return Room(
+        make_scratch(setting),
+        np.empty((most, 3)),
+        np.zeros(3 + most, np.int64),
+        np.empty(setting.max_through),
+        np.empty(setting.max_through, np.int64),
+        np.empty(n_rx, np.int64),
+        np.empty((MAX_CORNERS + 1, 4)),
+        np.empty((PIECES, MAX_CORNERS, 3)),
+    )
+
+
+@compiled
+def enter_view(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    rx_boxes: Boxes,
+    views: Views,
+    v: int,
+    room: Room,
+    rank: Float[np.ndarray, "r k 5"],
+    best: Int[np.ndarray, "r k w"],
+    count: Int[np.ndarray, " r"],
+) -> None:
+    """Enter the ways over the chain of one view into the lists of the receivers in its cone."""
+    keep, k2 = rank.shape[1], 2 * setting.wavenumber
+    order, plane, who = views.order[v], room.plane, room.who
+    n_planes = cone_of(space, views, v, plane)
+    image, chain = views.image[v], views.chain[v]
+    who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
+    for h in range(meeting(rx_boxes, plane, n_planes, room.receivers)):
+        r = room.receivers[h]
+        inside = True
+        for k in range(n_planes):
+            depth = SLACK_M - plane[k, 3]
+            for i in range(3):
+                depth += plane[k, i] * rx[r, i]
+            inside = inside and depth >= 0
+        if not inside:
+            continue
+        if count[r] == keep:
+            length2 = 0.0
+            for i in range(3):
+                length2 += (image[order, i] - rx[r, i]) ** 2
+            if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
+                continue
+        m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), room.points, room.scratch)
+        if m >= 0:
+            count[r] = try_path(
+                space,
+                setting,
+                tx,
+                rx[r],
+                room.points,
+                m,
+                who,
+                room.scratch,
+                room.where,
+                room.which,
+                rank[r],
+                best[r],
+                count[r],
+            )
+
+
 @compiled
 def _reflect(
     space: Space,
@@ -50,62 +136,23 @@ def _reflect(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     rx_boxes: Boxes,
-    scratch: Scratch,
+    room: Room,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
     count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways without diffraction into the lists of their links; chains are walked depth first."""
-    most, keep, k2 = most_interactions(setting), rank.shape[1], 2 * setting.wavenumber
     views, n = new_views(64, setting.max_reflections), 1
     views.image[0, 0] = tx
-    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.patch_facet), np.int64)
-    piece, points, who = np.empty((PIECES, MAX_CORNERS, 3)), np.empty((most, 3)), np.zeros(3 + most, np.int64)
-    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
-    here = np.empty(len(rx), np.int64)
+    found = np.empty(len(space.patch_facet), np.int64)
     while n > 0:
         n -= 1
         order = views.order[n]
-        n_planes = cone_of(space, views, n, plane)
-        image, chain = views.image[n], views.chain[n]
-        who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
-        for h in range(meeting(rx_boxes, plane, n_planes, here)):
-            r = here[h]
-            inside = True
-            for k in range(n_planes):
-                depth = SLACK_M - plane[k, 3]
-                for i in range(3):
-                    depth += plane[k, i] * rx[r, i]
-                inside = inside and depth >= 0
-            if not inside:
-                continue
-            if count[r] == keep:
-                length2 = 0.0
-                for i in range(3):
-                    length2 += (image[order, i] - rx[r, i]) ** 2
-                if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
-                    continue
-            m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), points, scratch)
-            if m >= 0:
-                count[r] = try_path(
-                    space,
-                    setting,
-                    tx,
-                    rx[r],
-                    points,
-                    m,
-                    who,
-                    scratch,
-                    where,
-                    which,
-                    rank[r],
-                    best[r],
-                    count[r],
-                )
+        enter_view(space, setting, tx, rx, rx_boxes, views, n, room, rank, best, count)
         if order < setting.max_reflections:
             worth = order + 1 < setting.max_reflections or len(rx) > _FEW
             occluding = worth and setting.max_through == 0
-            views, n = spread(space, views, n, n, occluding, plane, found, piece)
+            views, n = spread(space, views, n, n, occluding, room.plane, found, room.piece)
 
 
 @compiled
@@ -173,21 +220,19 @@ def _bend(
     setting: Setting,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
-    scratch: Scratch,
+    room: Room,
     rank: Float[np.ndarray, "r k 5"],
     best: Int[np.ndarray, "r k w"],
     count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways over an edge into the lists of their links."""
-    most, keep, orders = most_interactions(setting), rank.shape[1], setting.edge_reflections
+    keep, orders, plane, who = rank.shape[1], setting.edge_reflections, room.plane, room.who
     occluding = setting.max_through == 0
     side = setting.side_reflections
     near, n_near = all_views(space, tx, side, occluding)
     pair, sight = _lit_edges(space, near, n_near, occluding)
     start = np.searchsorted(pair[:, 0], np.arange(len(space.surfaces.edge) + 1))
-    plane, found = np.empty((MAX_CORNERS + 1, 4)), np.empty(len(space.surfaces.edge), np.int64)
-    points, who = np.empty((most, 3)), np.zeros(3 + most, np.int64)
-    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
+    found = np.empty(len(space.surfaces.edge), np.int64)
     for r in range(len(rx)):
         far, n_far = all_views(space, rx[r], side, occluding)
         for v in range(n_far):
@@ -227,8 +272,8 @@ def _bend(
                         (near.image[w], near.chain[w], before),
                         edge,
                         (far.image[v], far.chain[v], after),
-                        points,
-                        scratch,
+                        room.points,
+                        room.scratch,
                     )
                     if m < 0:
                         continue
@@ -240,12 +285,12 @@ def _bend(
                         setting,
                         tx,
                         rx[r],
-                        points,
+                        room.points,
                         m,
                         who,
-                        scratch,
-                        where,
-                        which,
+                        room.scratch,
+                        room.where,
+                        room.which,
                         rank[r],
                         best[r],
                         count[r],
@@ -271,20 +316,34 @@ def trace_space(
     """
     keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
     rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
-    scratch, points, count = make_scratch(setting), np.empty((most, 3)), table.found
-    where, which = np.empty(setting.max_through), np.empty(setting.max_through, np.int64)
-    _reflect(space, setting, tx, rx, rx_boxes, scratch, rank, best, count)
+    room = make_room(setting, len(rx))
+    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, table.found)
     if setting.edge_reflections >= 0 and len(space.surfaces.edge):
-        _bend(space, setting, tx, rx, scratch, rank, best, count)
+        _bend(space, setting, tx, rx, room, rank, best, table.found)
+    write_lists(space, setting, tx, rx, room, best, table)
+    return table
+
+
+@compiled
+def write_lists(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "r 3"],
+    room: Room,
+    best: Int[np.ndarray, "r k w"],
+    table: Table,
+) -> None:
+    """Lay out and weigh the paths of each link's list once more, for the table."""
+    scratch = room.scratch
     for r in range(len(rx)):
-        for j in range(count[r]):
+        for j in range(table.found[r]):
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
             near = best[r, j, 3 : 3 + before]
             far = best[r, j, 3 + before : 3 + before + after]
             ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
-            m = lay(space, tx, rx[r], ways[0], edge, ways[1], points, scratch)
+            m = lay(space, tx, rx[r], ways[0], edge, ways[1], room.points, scratch)
             if setting.max_through > 0:
-                m = pass_walls(space, setting, m, scratch, where, which)
+                m = pass_walls(space, setting, m, scratch, room.where, room.which)
             length, power = weigh_path(space, setting, m, scratch)
-            write_row(table, r * keep + j, length, power, m, scratch)
-    return table
+            write_row(table, r * setting.keep + j, length, power, m, scratch)

@@ -174,6 +174,8 @@ def _look(space: Space, m: int, scratch: Scratch) -> int:
     found = FREE
     for leg in range(m + 1):
         found = max(found, sight(space.tree, scratch.point[leg], scratch.point[leg + 1]))
+        if found == HIDDEN:
+            return found
     for j in range(m):
         if found == FREE and scratch.kind[j] == REFLECTION:
             found = _turn(space, scratch.point[j], scratch.point[j + 1], scratch.point[j + 2])
@@ -251,15 +253,16 @@ def try_path(
     count: int,
 ) -> int:
     """Enter the path in `scratch` into a link's list, unless it is hidden; new length of the list."""
+    # Most ways are hidden, which is found out sooner than how strong they would be.
+    bare, seen = m, _look(space, m, scratch) if setting.max_through == 0 else FREE
+    if seen == HIDDEN:
+        return count
     length, power = weigh_path(space, setting, m, scratch)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
-    bare, seen = m, FREE
     if setting.max_through > 0:
         m = pass_walls(space, setting, m, scratch, where, which)
-    else:
-        seen = _look(space, m, scratch)
-    if m < 0 or m > setting.max_interactions or seen == HIDDEN:
+    if m < 0 or m > setting.max_interactions:
         return count
     if m > bare:
         length, power = weigh_path(space, setting, m, scratch)

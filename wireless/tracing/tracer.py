@@ -28,7 +28,8 @@ from wireless.geometry.images import make_space
 from wireless.geometry.occlusion import make_boxes
 from wireless.geometry.plan import REACH_M, Locator, make_plan
 from wireless.paths import Paths
-from wireless.tracing.blocks import Rows, trace_blocks
+from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
+from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
 from wireless.tracing.space_engine import trace_space
 from wireless.tracing.table import Setting, Table
@@ -43,6 +44,8 @@ MOST_IN_A_ROW, MOST_PATHS = 12, 5000
 THICKEST_M = 100.0
 #: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
 MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
+#: From so many facets on, chains of them are found by rays.
+MANY_FACETS = 500
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
 
@@ -96,13 +99,20 @@ class TracerConfig:
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
     scene: Literal["auto", "plan", "space"] = "auto"
     """Trace as floor plan, in space, or as floor plan if it is one."""
+    search: Literal["auto", "exhaustive", "rays"] = "auto"
+    """How chains of facets are found in space: all that there are, by rays, or by rays if there are many facets."""
+    rays: int = 100_000
+    """Rays that each transmitter shoots in a search by rays, 10 to 10,000,000; a receiver shoots a sixteenth."""
     snap_m: float = 1e-6
     """Ends of walls closer than this are one [m]."""
 
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "space"):
             raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        if self.search not in ("auto", "exhaustive", "rays"):
+            raise ValueError(f"search is {self.search!r}, expected auto, exhaustive or rays.")
         for name, low, high in (
+            ("rays", 10, 10_000_000),
             ("max_reflections", 0, MOST_IN_A_ROW),
             ("diffraction_reflections", 0, MOST_IN_A_ROW),
             ("max_transmissions", 0, MOST_IN_A_ROW),
@@ -135,6 +145,11 @@ class TracerConfig:
             raise ValueError(
                 f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
                 "Give wall_thickness_m, such as 0.1."
+            )
+        if self.max_transmissions and self.search == "rays":
+            raise ValueError(
+                f"max_transmissions is {self.max_transmissions}, but rays of a search end at walls. "
+                "Use search='exhaustive', or 'auto'."
             )
         if self.polarisation not in POLARISATIONS:
             raise ValueError(
@@ -229,6 +244,10 @@ class _SpaceScene:
         self.space = make_space(surfaces, mirrors)
         self._setting = setting(face_wall[surfaces.facet_face])
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+        self._candidates: Candidates | None = None
+        few = len(mirrors) < MANY_FACETS or config.max_transmissions > 0
+        if config.search == "rays" or (config.search == "auto" and not few):
+            self._candidates = Candidates(self.space, self._setting, config.rays)
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
@@ -240,6 +259,26 @@ class _SpaceScene:
             boxes = make_boxes(some, some)
             for one in tx[txs]:
                 yield trace_space(self.space, self._setting, one, some, boxes)
+
+        if self._candidates is None:
+            return trace_blocks(len(tx), len(rx), trace, workers)
+        rows: Rows = []
+        for i in range(0, len(tx), BLOCK_TX):
+            rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
+        return rows
+
+    def _searched(
+        self,
+        candidates: Candidates,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        workers: int | None,
+    ) -> Rows:
+        """The same among candidates, for a block of transmitters: each receiver's are found once for all of them."""
+        near = [candidates.of_transmitter(one) for one in tx]
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 

@@ -1,0 +1,244 @@
+"""Paths among many triangles: those that rays find candidates for, judged by exhaustive search and closed forms."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.constants import speed_of_light
+from scipy.spatial import cKDTree
+
+from wireless.geometry.facets import find_surfaces
+from wireless.geometry.images import make_space
+from wireless.geometry.shooting import Shooter, directions
+from wireless.paths import Interaction
+from wireless.tracing import candidates
+from wireless.tracing.tracer import Tracer, TracerConfig
+
+#: Rows of two searches closer than this in length [m] and angles are one path.
+SAME = 1e-6
+#: Paths weaker than the strongest of their link by more than this do not count for recall [dB].
+RANGE_DB = 40.0
+BOUNDS = np.array([(0.0, 0.0, 0.0), (7.0, 5.0, 3.0)])
+
+
+def config(search, rays=100_000, **options):
+    """Two reflections, or an edge and one; all paths are kept."""
+    usual = {"max_reflections": 2, "floor_ceiling": True, "max_paths": 5000}
+    return TracerConfig(scene="space", search=search, rays=rays, **usual | options)
+
+
+def turned_boxes(count, rng):
+    """Boxes in a room, none of which is parallel to another."""
+    parts = []
+    for _ in range(count):
+        box = trimesh.creation.box(rng.uniform(0.3, 0.9, 3))
+        box.apply_transform(trimesh.transformations.rotation_matrix(rng.uniform(0, 3), (0.1, 0.2, 1)))
+        box.apply_translation(rng.uniform((1, 1, 0.5), (6, 4, 1.2)))
+        parts.append(box)
+    return parts
+
+
+def scenes():
+    """Small meshes with flat furniture, with a corner to look round, and with a curved thing."""
+    rng = np.random.default_rng(7)
+    room = trimesh.creation.box(bounds=BOUNDS)
+    corner = trimesh.creation.box(bounds=[(2.5, 2.0, 0.0), (7.0, 5.0, 3.0)])
+    drum = trimesh.creation.cylinder(0.4, 1.1, sections=16)
+    drum.apply_translation((3.4, 2.6, 0.9))
+    return {
+        "furnished": trimesh.util.concatenate([room, *turned_boxes(5, rng)]),
+        "bent": trimesh.util.concatenate([room, corner, *turned_boxes(1, rng)]),
+        "drum": trimesh.util.concatenate([room, drum]),
+    }
+
+
+SCENES = scenes()
+
+
+def places(count, seed):
+    """Points on the near side of a room, above most furniture."""
+    return np.random.default_rng(seed).uniform((0.2, 0.2, 1.3), (6.8, 1.8, 2.8), (count, 3))
+
+
+def rows(paths):
+    """Link, order, edge, length, directions and powers of each path."""
+    bent = (paths.interaction == Interaction.DIFFRACTION).any(axis=1)
+    angles = paths.aod_az, paths.aoa_az, paths.aod_el, paths.aoa_el
+    return np.column_stack([10 * paths.link, paths.order, bent, paths.delay_s * speed_of_light, *angles])
+
+
+def found(some, others):
+    """For each path of some, the same path's number among others, or -1."""
+    far, which = cKDTree(rows(others)).query(rows(some))
+    return np.where(far < SAME, which, -1)
+
+
+def strong(paths):
+    """Paths that count for recall."""
+    most = np.zeros(len(paths.tx_position) * len(paths.rx_position))
+    np.maximum.at(most, paths.link, paths.power)
+    return paths.power > most[paths.link] * 10 ** (-RANGE_DB / 10)
+
+
+@pytest.fixture(scope="module", params=SCENES)
+def judged(request):
+    """A mesh, ends of links, and all paths of exhaustive search."""
+    mesh, tx, rx = SCENES[request.param], places(2, 1), places(15, 2)
+    return mesh, tx, rx, Tracer(mesh, config=config("exhaustive")).trace(tx, rx)
+
+
+@pytest.mark.parametrize("few", [True, False])
+def test_rays_find_the_strong_paths_and_no_false_one(judged, few, monkeypatch):
+    """Of the paths within 40 dB of the strongest at least 99.9 % at the default number of rays; gains to 1e-9.
+
+    With few patches pairs and edges come from the cones of all, and none is missed; else (the second case) from rays,
+    here as many from receivers. A path that exhaustive search does not have would be a false one.
+    """
+    mesh, tx, rx, every = judged
+    if not few:
+        monkeypatch.setattr(candidates, "RX_SHARE", 1)
+        monkeypatch.setattr(candidates, "FEWER", 10**9)
+    rays = Tracer(mesh, config=config("rays")).trace(tx, rx)
+    same = found(rays, every)
+    assert (same >= 0).all()
+    np.testing.assert_allclose(rays.gain, every.gain[same], rtol=1e-9, atol=1e-15)
+    wanted = every.select(strong(every))
+    assert len(wanted) > 200
+    assert (found(wanted, rays) >= 0).mean() >= (1 if few else 0.999)
+
+
+def test_more_rays_find_the_same_paths_and_more():
+    """Each number of rays finds what a smaller one did, up to where all is tried: directions are of one sequence."""
+    np.testing.assert_array_equal(directions(300)[:100], directions(100))
+    tx, rx = places(1, 3), places(10, 4)
+    before = None
+    counts = []
+    for rays in (30, 300, 3000, 30_000):
+        paths = Tracer(SCENES["furnished"], config=config("rays", rays)).trace(tx, rx)
+        assert before is None or (found(before, paths) >= 0).all()
+        before = paths
+        counts.append(len(paths))
+    assert counts[0] < counts[1] < counts[-1]
+
+
+def test_directions_fill_the_sphere_evenly():
+    """Caps of any direction get their share of 10,000 directions within 0.3 %, a fifth of what chance gives."""
+    ways = directions(10_000)
+    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1, atol=1e-12)
+    axes = np.random.default_rng(0).normal(size=(200, 3))
+    axes /= np.linalg.norm(axes, axis=1)[:, None]
+    share = (ways @ axes.T > 0.6).mean(axis=0)
+    assert np.abs(share - 0.2).max() < 0.003
+
+
+def test_paths_do_not_depend_on_workers_or_on_other_links(monkeypatch):
+    """One worker or three, receivers all together or each alone: the same bits."""
+    monkeypatch.setattr("wireless.tracing.blocks.BLOCK_RX", 4)
+    tx, rx = places(3, 5), places(9, 6)
+    tracer = Tracer(SCENES["drum"], config=config("rays", 2000, diffraction_reflections=2, max_paths=40))
+    one, three = (tracer.trace(tx, rx, workers=n) for n in (1, 3))
+    np.testing.assert_array_equal(one.gain, three.gain)
+    np.testing.assert_array_equal(one.point, three.point)
+    alone = tracer.trace(tx[1:2], rx[7:8])
+    np.testing.assert_array_equal(alone.gain, one.between(1, 7).gain)
+
+
+def test_two_reflections_about_an_edge_are_found_on_either_side(judged):
+    """Chains of two before or behind an edge, and one on each side: all are among exhaustive search's paths."""
+    mesh, tx, rx, _ = judged
+    options = {"max_reflections": 0, "diffraction_reflections": 2, "max_paths": 5000}
+    every, rays = (
+        Tracer(mesh, config=config(search, **options)).trace(tx[:1], rx[:2])
+        for search in ("exhaustive", "rays")
+    )
+    assert (found(rays, every) >= 0).all()
+    edge = (rays.interaction == Interaction.DIFFRACTION).argmax(axis=1)
+    two = rays.order == 3
+    assert {0, 1, 2} <= set(edge[two])
+    assert (found(every.select(strong(every)), rays) >= 0).mean() > 0.95
+
+
+def test_a_room_with_a_finely_divided_ball_has_its_own_images():
+    """20,480 triangles hang in a box: line of sight and all single and double images of the box, by hand.
+
+    Exhaustive search would take minutes. An image's way is free if it stays out of the ball; ways that come nearer to
+    its faces than these to the ball (1 mm) are left out.
+    """
+    centre, radius = np.array([3.0, 2.5, 1.4]), 0.6
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    ball.apply_translation(centre)
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=BOUNDS), ball])
+    tx, rx = places(1, 8), np.random.default_rng(9).uniform((0.2, 3.3, 0.2), (6.8, 4.8, 2.8), (20, 3))
+    tracer = Tracer(mesh, config=config("auto", diffraction=False, max_paths=200))
+    paths = tracer.trace(tx, rx)
+    length = paths.delay_s * speed_of_light
+    checked = 0
+    for r, one in enumerate(rx):
+        mine = length[paths.rx == r]
+        for walls in box_chains():
+            points = box_path(tx[0], one, walls)
+            gap = min(distance(p, q, centre) for p, q in pairwise(points)) - radius
+            if abs(gap) < 1e-3:
+                continue
+            far = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+            there = bool((np.abs(mine - far) < 1e-9).any())
+            assert there == (gap > 0)
+            checked += gap > 0
+    assert checked > 200
+
+
+def box_chains():
+    """No wall, each of six (axis and side), and each two of different axes."""
+    walls = [(axis, side) for axis in range(3) for side in range(2)]
+    return [(), *((w,) for w in walls), *((v, w) for v in walls for w in walls if v[0] < w[0])]
+
+
+def box_path(tx, rx, walls):
+    """Points of the way over walls of a box that are at right angles to each other; their order does not matter."""
+    image = np.array(tx)
+    for axis, side in walls:
+        image[axis] = 2 * BOUNDS[side, axis] - image[axis]
+    shares = [(BOUNDS[side, axis] - image[axis]) / (rx[axis] - image[axis]) for axis, side in walls]
+    points, bounced = [rx], []
+    for share, (axis, side) in sorted(zip(shares, walls, strict=True), reverse=True):
+        point = image + share * (rx - image)
+        for a, s in bounced:
+            point[a] = 2 * BOUNDS[s, a] - point[a]
+        points.append(point)
+        bounced.append((axis, side))
+    return np.array([*points, tx])
+
+
+def distance(p, q, centre):
+    """Least distance of a way from a point."""
+    share = np.clip((centre - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
+    return np.linalg.norm(p + share * (q - p) - centre)
+
+
+def test_rays_name_the_walls_that_they_bounce_off():
+    """In an empty box rays find each chain of two walls, opposite ones too; none names one wall twice running."""
+    mesh = trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0))
+    surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
+    space = make_space(surfaces, np.ones(6, bool))
+    (pairs,) = Shooter(space).shoot(np.zeros((1, 3)), 20_000, 2, 0).chains
+    assert len(pairs) == 30
+    assert (pairs[:, 0] != pairs[:, 1]).all()
+
+
+@pytest.mark.parametrize(
+    ("options", "word"),
+    [({"rays": 5}, "rays"), ({"rays": 10**8}, "rays")],
+)
+def test_a_search_that_there_is_not_is_refused(options, word):
+    """The message names the option and what is expected."""
+    with pytest.raises(ValueError, match=f"^{word} is .*expected"):
+        TracerConfig(**options)
+
+
+def test_rays_do_not_pass_walls():
+    """Asked to, a search by rays is refused; auto then tries all chains."""
+    through = {"max_transmissions": 1, "wall_thickness_m": 0.1}
+    with pytest.raises(ValueError, match="search='exhaustive'"):
+        TracerConfig(search="rays", **through)
+    assert TracerConfig(search="auto", **through).search == "auto"
