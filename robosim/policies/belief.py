@@ -238,8 +238,7 @@ def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "
 
 def _centres(frame: GridFrame) -> Float[np.ndarray, "ny nx 2"]:
     """Centres of the cells (x, y) [m]."""
-    ny, nx = frame.shape
-    return frame.to_points(np.stack(np.meshgrid(np.arange(nx), np.arange(ny)), -1) + 0.5)
+    return frame.centres(np.ones(frame.shape, bool)).reshape(*frame.shape, 2)
 
 
 def _normal(density: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "ny nx"]:

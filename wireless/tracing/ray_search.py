@@ -21,8 +21,8 @@ from wireless.geometry.cones import MAX_CORNERS, SLACK_M, meeting
 from wireless.geometry.images import Space, cone_of, new_views, opens
 from wireless.geometry.occlusion import NEAR_M, Boxes
 from wireless.support.compiled import compiled
-from wireless.tracing.space_engine import Room, enter_view, make_room, write_lists
-from wireless.tracing.space_paths import images_over, is_open, lay, try_path
+from wireless.tracing.space_engine import Room, enter_bend, enter_view, make_room, write_lists
+from wireless.tracing.space_paths import images_over, is_open
 from wireless.tracing.table import Setting, Table, make_table, most_interactions
 
 
@@ -234,28 +234,8 @@ def _join(
     count: int,
 ) -> int:
     """Enter the way over an edge and the chains of both ends into a link's list; the list's new length."""
-    before, after, who = len(near), len(far), room.who
-    ways = (images_over(space, tx, near), near, before), (images_over(space, rx, far), far, after)
-    m = lay(space, tx, rx, ways[0], edge, ways[1], room.points, room.scratch)
-    if m < 0:
-        return count
-    who[0], who[1], who[2] = edge, before, after
-    who[3 : 3 + before], who[3 + before : 3 + before + after] = near, far
-    return try_path(
-        space,
-        setting,
-        tx,
-        rx,
-        room.points,
-        m,
-        who,
-        room.scratch,
-        room.where,
-        room.which,
-        rank,
-        best,
-        count,
-    )
+    sides = (images_over(space, tx, near), near, len(near)), (images_over(space, rx, far), far, len(far))
+    return enter_bend(space, setting, tx, rx, edge, sides[0], sides[1], room, rank, best, count)
 
 
 @compiled

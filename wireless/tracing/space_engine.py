@@ -130,6 +130,47 @@ def enter_view(
 
 
 @compiled
+def enter_bend(
+    space: Space,
+    setting: Setting,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    edge: int,
+    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
+    far: tuple[Float[np.ndarray, "n1 3"], Int[np.ndarray, " n"], int],
+    room: Room,
+    rank: Float[np.ndarray, "k 5"],
+    best: Int[np.ndarray, "k w"],
+    count: int,
+) -> int:
+    """Enter the way over an edge and patches of both ends into a link's list; the list's new length.
+
+    Near and far as in `wireless.tracing.space_paths.lay`.
+    """
+    m = lay(space, tx, rx, near, edge, far, room.points, room.scratch)
+    if m < 0:
+        return count
+    who, before, after = room.who, near[2], far[2]
+    who[0], who[1], who[2] = edge, before, after
+    who[3 : 3 + before], who[3 + before : 3 + before + after] = near[1][:before], far[1][:after]
+    return try_path(
+        space,
+        setting,
+        tx,
+        rx,
+        room.points,
+        m,
+        who,
+        room.scratch,
+        room.where,
+        room.which,
+        rank,
+        best,
+        count,
+    )
+
+
+@compiled
 def _reflect(
     space: Space,
     setting: Setting,
@@ -226,7 +267,7 @@ def _bend(
     count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways over an edge into the lists of their links."""
-    keep, orders, plane, who = rank.shape[1], setting.edge_reflections, room.plane, room.who
+    keep, orders, plane = rank.shape[1], setting.edge_reflections, room.plane
     occluding = setting.max_through == 0
     side = setting.side_reflections
     near, n_near = all_views(space, tx, side, occluding)
@@ -265,32 +306,15 @@ def _bend(
                         most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
                         if most_power < rank[r, keep - 1, 0]:
                             continue
-                    m = lay(
-                        space,
-                        tx,
-                        rx[r],
-                        (near.image[w], near.chain[w], before),
-                        edge,
-                        (far.image[v], far.chain[v], after),
-                        room.points,
-                        room.scratch,
-                    )
-                    if m < 0:
-                        continue
-                    who[0], who[1], who[2] = edge, before, after
-                    who[3 : 3 + before] = near.chain[w, :before]
-                    who[3 + before : 3 + before + after] = far.chain[v, :after]
-                    count[r] = try_path(
+                    count[r] = enter_bend(
                         space,
                         setting,
                         tx,
                         rx[r],
-                        room.points,
-                        m,
-                        who,
-                        room.scratch,
-                        room.where,
-                        room.which,
+                        edge,
+                        (near.image[w], near.chain[w], before),
+                        (far.image[v], far.chain[v], after),
+                        room,
                         rank[r],
                         best[r],
                         count[r],
