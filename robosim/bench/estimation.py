@@ -61,7 +61,7 @@ def run(
     *,
     out: Path,
     links: int = 2000,
-    tolerance_m: float = 0.0,
+    tolerance_m: float | None = None,
     workers: int | None = None,
     seed: int = 0,
     console: Console | None = None,
@@ -72,7 +72,8 @@ def run(
         plans: Floor plans.
         out: Folder for the files.
         links: Links in each plan, and a quarter as many lone paths at each SNR.
-        tolerance_m: How far walls may be moved to straighten them [m].
+        tolerance_m: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         workers: Most threads; None for one on each available core. Errors do not depend on it.
         seed: Seed of places, phases and noise.
         console: Where progress is shown; None for nowhere.

@@ -37,8 +37,8 @@ from wireless.paths import Paths
 from wireless.tracing.blocks import available_cores
 from wireless.tracing.tracer import Tracer, TracerConfig
 
-#: Outline tolerances [m], the fullest first.
-TOLERANCES_M = (0.0, 0.02, 0.05, 0.1)
+#: Outline tolerances [m], the fullest first; None for straight walls under staircases.
+TOLERANCES_M = (0.0, None, 0.02, 0.05, 0.1)
 #: Most reflections on a path without diffraction.
 ORDERS = (0, 1, 2, 3, 4)
 #: Kinds of diffracted paths, by the most reflections on them; -1 for no diffraction.
@@ -157,7 +157,7 @@ def _inside(building: Building, places: Float[np.ndarray, "n 3"]) -> Float[np.nd
 
 
 def _sweep(
-    name: str, buildings: dict[float, Building], places: Float[np.ndarray, "n 3"]
+    name: str, buildings: dict[float | None, Building], places: Float[np.ndarray, "n 3"]
 ) -> list[dict[str, Any]]:
     """A row for each setting, errors against the fullest one."""
     tx, rx = places[:_TX_PER_PLAN], places[_TX_PER_PLAN:]
@@ -287,6 +287,11 @@ def _peak_memory_gb() -> float:
     return peak / (1e9 if sys.platform == "darwin" else 1e6)
 
 
+def _outline(tolerance_m: float | None) -> str:
+    """What tables call an outline."""
+    return "straight" if tolerance_m is None else f"within {tolerance_m:g} m" if tolerance_m else "exact"
+
+
 def _error_table(rows: list[dict[str, Any]]) -> Table:
     caption = (
         "Links per second on one worker · links with the link state of the fullest setting · strongest paths "
@@ -296,7 +301,7 @@ def _error_table(rows: list[dict[str, Any]]) -> Table:
     table.add_column("diffraction")
     table.add_column("order", justify="right")
     for tolerance_m in TOLERANCES_M:
-        table.add_column(f"tolerance {tolerance_m:g} m", justify="right")
+        table.add_column(_outline(tolerance_m), justify="right")
     of = {(row["tolerance_m"], row["order"], row["edges"]): row for row in rows}
     for edges, order in itertools.product(sorted(EDGES), ORDERS):
         cells = [of[tolerance_m, order, edges] for tolerance_m in TOLERANCES_M]
@@ -322,13 +327,13 @@ def _speed_table(rows: list[dict[str, Any]], about: dict[str, Any]) -> Table:
     told = Text(caption, "table.caption")  # has names of plans in it
     table = Table(title="Rates and latency, warm", caption=told, box=None, pad_edge=False)
     table.add_column("plan")
-    columns = ("tolerance", "walls", "prepare", "receivers", "links/s, 1 worker")
+    columns = ("outline", "walls", "prepare", "receivers", "links/s, 1 worker")
     for column in (*columns, f"{about['workers']} workers", "growth with receivers", "one link", "95 %"):
         table.add_column(column, justify="right")
     for row in rows:
         table.add_row(
             Text(row["plan"]),
-            f"{row['tolerance_m']:g} m",
+            _outline(row["tolerance_m"]),
             str(row["walls"]),
             f"{row['prepare_s']:.2f} s",
             str(row["receivers"]),
@@ -390,7 +395,7 @@ def _plot(rows: list[dict[str, Any]], speeds: list[dict[str, Any]], path: Path) 
     for edges, marker in markers.items():
         axes[0].plot([], [], marker, color="0.4", label=EDGES[edges])
     for i, tolerance_m in enumerate(TOLERANCES_M):
-        axes[0].plot([], [], "-", color=f"C{i}", label=f"tolerance {tolerance_m:g} m")
+        axes[0].plot([], [], "-", color=f"C{i}", label=f"outline: {_outline(tolerance_m)}")
     figure.legend(
         *axes[0].get_legend_handles_labels(),
         title="numbers: most reflections",

@@ -44,8 +44,9 @@ KINDS = ("wall", "floor", "ceiling", "furniture")
 class BuildingConfig:
     """How a floor plan becomes a building."""
 
-    tolerance_m: float = 0.0
-    """How far walls may be moved to save corners [m]; 0 keeps the exact outline of the cells."""
+    tolerance_m: float | None = None
+    """How far walls may be moved to save corners [m]; 0 keeps the exact outline of the cells. None for straight walls
+    under the staircases of a raster, and the exact outline of published grids."""
     height_m: float = 2.5
     """Height of the ceiling above the floor [m]."""
     ceiling: bool = True
@@ -198,14 +199,14 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
     cells = free_cells(plan, config.tolerance_m)
     islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
     solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
-    if config.tolerance_m == 0:
+    if not config.tolerance_m:
         solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
     vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: placed(plan, points))
     of_kind = [config.material(kind) for kind in KINDS]
     materials = tuple(dict.fromkeys(of_kind[kind] for kind in np.unique(solid.kind)))
     index = np.array([materials.index(name) if name in materials else 0 for name in of_kind], np.uint8)
-    made_from = {
+    made_from: dict[str, object] = {
         "plan": plan.name,
         "wall_line": plan.wall_line,
         "tolerance_m": config.tolerance_m,

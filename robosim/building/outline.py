@@ -10,7 +10,9 @@ different components stay apart and that every ring is simple, as the OGC rules 
 its two walls on one line: it is closed, has no area and is missing in `free_polygons`, but `wall_lines` has
 both its walls, since a traced radio path knows them.
 
-A tolerance above zero straightens staircases by the Douglas-Peucker rule, never moving a wall by more than
+By default staircases of ``"cell_edge"`` plans become straight walls (`robosim.building.straight`); walls through
+centres stay as they are, as what was published with them was made with each of their steps. A tolerance of zero
+keeps each corner. One above zero straightens staircases by the Douglas-Peucker rule, never moving a wall by more than
 the tolerance and never letting walls cross. Left out: walls with a thickness.
 """
 
@@ -22,6 +24,7 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
+from robosim.building.straight import straightened
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import check_number
 
@@ -29,7 +32,7 @@ from robosim.support.checks import check_number
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
-def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
+def free_polygons(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.MultiPolygon:
     """Free space of a plan as polygons [m] in `map`, one for each room that no free way leads out of.
 
     The polygons are valid and share at most single points. Vertices lie where walls turn or meet.
@@ -37,8 +40,9 @@ def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPol
     Args:
         plan: Where the free cells are, and where walls stand between them and the others. Outside of the
             array nothing is free.
-        tolerance_m: How far a wall may be moved to save corners. 0 keeps each one. One cell takes most steps
-            out of slanted walls, 1.4 cells all, since the corners of steps lie in a band that wide.
+        tolerance_m: How far a wall may be moved to save corners; None for straight walls under staircases. 0 keeps
+            each corner. One cell takes most steps out of slanted walls, 1.4 cells all, since the corners of steps
+            lie in a band that wide.
 
     Raises:
         ValueError: If the tolerance is negative or not finite.
@@ -48,12 +52,12 @@ def free_polygons(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPol
     return shapely.transform(cells, lambda points: placed(plan, points))
 
 
-def free_cells(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygon:
-    """The same as `free_polygons` in cell coordinates (column, row), where all vertices are halves exactly.
+def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.MultiPolygon:
+    """The same as `free_polygons` in cell coordinates (column, row), where vertices along the grid are halves.
 
     Args:
         plan: Where the free cells are.
-        tolerance_m: How far a wall may be moved to save corners [m].
+        tolerance_m: How far a wall may be moved to save corners [m]; None for straight walls under staircases.
 
     Raises:
         ValueError: If the tolerance is negative or not finite.
@@ -66,10 +70,12 @@ def free_cells(plan: FloorPlan, tolerance_m: float = 0.0) -> shapely.MultiPolygo
             f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave "
             'no space between them. Use wall_line="cell_edge", or a finer plan.'
         )
+    if tolerance_m is None:
+        return straightened(free) if plan.wall_line == "cell_edge" else free
     return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m > 0 else free
 
 
-def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarray, "_ 2"]]:
+def wall_lines(plan: FloorPlan, tolerance_m: float | None = None) -> list[Float[np.ndarray, "_ 2"]]:
     """Walls of a plan as closed lines [m] in `map`; the last point repeats the first.
 
     With walls through cell centres and no tolerance these are the lines of
@@ -80,14 +86,15 @@ def wall_lines(plan: FloorPlan, tolerance_m: float = 0.0) -> list[Float[np.ndarr
 
     Args:
         plan: Where the free cells are.
-        tolerance_m: How far a wall may be moved to save corners; above 0, zero-width passages are dropped.
+        tolerance_m: How far a wall may be moved to save corners; above 0, zero-width passages are dropped. None for
+            straight walls under staircases.
 
     Raises:
         ValueError: If the tolerance is negative or not finite.
         MapError: If there is no free area.
     """
     check_tolerance(tolerance_m)
-    if plan.wall_line == "cell_centre" and tolerance_m == 0:
+    if plan.wall_line == "cell_centre" and not tolerance_m:
         rings = [ring for ring, _ in _contours(plan.free) if len(ring) > 2]
         return [plan.to_map(ring) for ring in rings]
     free = shapely.get_rings(shapely.get_parts(free_polygons(plan, tolerance_m)))
@@ -159,10 +166,11 @@ def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
     return [turned[start : end + 1] for start, end in pairwise(ends)]
 
 
-def check_tolerance(tolerance_m: float) -> None:
+def check_tolerance(tolerance_m: float | None) -> None:
     """Complain of a tolerance that would do without walls, or is none."""
-    hint = "m. Use 0 for the exact outline, 1.4 cells to straighten the steps of slanted walls"
-    check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
+    hint = "m. Leave it out for straight walls under staircases; 0 is the exact outline"
+    if tolerance_m is not None:
+        check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
 
 
 def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:

@@ -345,7 +345,7 @@ def estimation(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,
     links: int = 2000,
-    tolerance: float = 0.0,
+    tolerance: float | None = None,
     workers: int | None = None,
     seed: int = 0,
     out: Path | None = None,
@@ -359,7 +359,8 @@ def estimation(
     Args:
         plans: Floor plans, or folders of them, that links are traced in.
         links: Links of each plan, and a quarter as many lone paths at each SNR.
-        tolerance: How far walls may be moved to straighten them [m].
+        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         workers: Most threads; one on each available core if not given. Errors do not depend on it.
         seed: Seed of places, phases and noise.
         out: Folder for the tables and the plot; a new one under runs/ if not given.

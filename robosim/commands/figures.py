@@ -66,7 +66,7 @@ def wireless(
     *,
     links: int = 2000,
     grid: float = 0.15,
-    tolerance: float = 0.0,
+    tolerance: float | None = None,
     classifier: str | None = None,
     training: tuple[Path, ...] = (),
     seed: int = 0,
@@ -82,7 +82,8 @@ def wireless(
         plans: Floor plans, or folders of them; links and maps are of the first.
         links: Links of each plan for errors of angles.
         grid: Step between receivers of the map of link states [m].
-        tolerance: How far walls may be moved to straighten them [m].
+        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         classifier: What tells link states: a shipped one by name, or a file of `robosim train link-state`; if not
             given, a shipped one that goes by our own estimates.
         training: Folders of `robosim train link-state`, for curves and confusion matrices; those of the shipped

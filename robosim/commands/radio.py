@@ -41,12 +41,13 @@ class RadioOptions:
     """Paths received with less do not count for the link state [dBm]."""
 
     def config(
-        self, tolerance: float, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
+        self, tolerance: float | None, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     ) -> "RadioConfig":
         """The same as the simulator takes it.
 
         Args:
-            tolerance: How far walls may be moved to straighten them [m].
+            tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+                straight, but for published grids; 0 keeps every cell.
             polarisation: Of all antennas.
         """
         from robosim.building.building import BuildingConfig

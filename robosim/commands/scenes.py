@@ -16,7 +16,7 @@ def plan(
     plan: Positional[str],
     *,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
-    tolerance: float = 0.0,
+    tolerance: float | None = None,
     radius: float = 0.10,
     out: Path | None = None,
 ) -> None:
@@ -30,7 +30,8 @@ def plan(
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
         reading: How to read the plan, where it does not say.
-        tolerance: How far walls may be moved to straighten them [m]; 0 keeps every cell.
+        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         radius: Radius of the robot's hull [m].
         out: Folder for the files; a new one under runs/ if not given.
     """

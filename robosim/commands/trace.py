@@ -31,7 +31,7 @@ def trace(
     grid: float | None = None,
     rx: Place = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
-    tolerance: float = 0.0,
+    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     plots: bool = True,
@@ -53,7 +53,8 @@ def trace(
         grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
         rx: The receiver whose rays are drawn; without --grid also the only one.
         polarisation: Of all antennas; both takes the mean.
-        tolerance: How far walls may be moved to straighten them [m], faster; 0 keeps every cell.
+        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plan, where it does not say.
         plots: Whether to draw pictures.

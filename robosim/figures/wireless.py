@@ -56,7 +56,7 @@ class FiguresConfig:
     """Links of each plan for errors of angles."""
     grid_m: float = 0.15
     """Step between receivers of the map of states [m]."""
-    tolerance_m: float = 0.0
+    tolerance_m: float | None = None
     """How far walls may be moved to straighten them [m]."""
     classifier: str | None = None
     """What tells link states (`robosim.radio.link_state`); None for a shipped one that goes by what is estimated."""

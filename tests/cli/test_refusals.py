@@ -16,7 +16,7 @@ REFUSED = [
     ("episode flat --max-steps 1000001", "max_steps is 1000001"),
     (
         "episode flat --building.tolerance-m 100",
-        "tolerance_m is 100.0, expected 0 to 0.5 m. Use 0 for the exact outline",
+        "tolerance_m is 100.0, expected 0 to 0.5 m. Leave it out for straight walls",
     ),
     ("episode flat --building.tolerance-m -0.1", "tolerance_m is -0.1"),
     ("episode flat --seed -1", "seed is -1, expected a whole number from 0 to 9223372036854775807"),

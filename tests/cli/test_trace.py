@@ -61,7 +61,7 @@ def test_another_command_does_not_touch_the_folder(traced, plan_file, fails):
     again = ["trace", plan_file, "--tx", "0.7,1.5", "--tx", "5.5,2.5,2.0", "--grid", "0.4", "--out", traced]
     message = fails(*again, "--max-reflections", "1")
     assert "max_reflections 3 there, 1 now" in message
-    assert "tolerance_m 0.0 there, 0.1 now" in fails(*again, "--tolerance", "0.1")
+    assert "tolerance_m None there, 0.1 now" in fails(*again, "--tolerance", "0.1")
     assert "which holds the results of `robosim trace`" in fails(
         "trace", plan_file, "--tx", "1,1", "--rx", "2,2", "--out", traced
     )

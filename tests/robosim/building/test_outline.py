@@ -55,7 +55,7 @@ def unit_steps(ring_cells):
 
 def test_cell_edges_enclose_exactly_the_free_cells():
     """An L of five cells around an obstacle: corners written down by hand, hole included."""
-    free = free_polygons(plan_of(["....", ".#..", "...#"], resolution_m=0.5, origin=(1.0, 2.0, 0.0)))
+    free = free_polygons(plan_of(["....", ".#..", "...#"], resolution_m=0.5, origin=(1.0, 2.0, 0.0)), 0)
     cells = shapely.Polygon(
         [(0, 0), (3, 0), (3, 1), (4, 1), (4, 3), (0, 3)], [[(1, 1), (1, 2), (2, 2), (2, 1)]]
     )
@@ -70,7 +70,7 @@ def test_outline_of_noise_is_valid_and_has_the_area_and_components_of_its_cells(
     Catches wrong turns at corners where cells touch, and holes given to the wrong polygon.
     """
     cells, origin = noise(seed)
-    free = free_polygons(plan_from(cells, "cell_edge", 0.05, origin))
+    free = free_polygons(plan_from(cells, "cell_edge", 0.05, origin), 0)
     assert free.is_valid, shapely.is_valid_reason(free)
     assert free.area == pytest.approx(cells.sum() * 0.05**2, abs=1e-9)
     assert len(free.geoms) == cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)[0] - 1
@@ -81,13 +81,13 @@ def test_outline_covers_free_cells_and_no_others(seed):
     """The centre of a cell lies inside exactly when the cell is free, under any yaw of the plan."""
     cells, origin = noise(seed)
     plan = plan_from(cells, "cell_edge", 0.05, origin)
-    inside = shapely.contains_xy(free_polygons(plan), plan.centres(np.ones_like(cells)))
+    inside = shapely.contains_xy(free_polygons(plan, 0), plan.centres(np.ones_like(cells)))
     assert (inside == cells.ravel()).all()
 
 
 def test_cells_that_touch_by_a_corner_are_not_connected():
     """No way leads through a corner: two polygons that share one point, which OGC allows."""
-    free = free_polygons(plan_of(["#.", ".#"]))
+    free = free_polygons(plan_of(["#.", ".#"]), 0)
     assert len(free.geoms) == 2 and free.is_valid
     assert shapely.intersection(*free.geoms).equals(shapely.Point(1, 1))
 
@@ -95,7 +95,7 @@ def test_cells_that_touch_by_a_corner_are_not_connected():
 @pytest.mark.parametrize("rows", [["....", ".#..", "..#.", "...."], ["...", ".#.", "..#"]])
 def test_obstacles_that_touch_by_a_corner_leave_simple_rings(rows):
     """Rings that pass the shared corner twice would be invalid; one component stays one polygon."""
-    free = free_polygons(plan_of(rows))
+    free = free_polygons(plan_of(rows), 0)
     assert len(free.geoms) == 1 and free.is_valid
     assert all(ring.is_simple for ring in shapely.get_rings(free.geoms))
     assert free.area == sum(row.count(".") for row in rows)
@@ -103,13 +103,13 @@ def test_obstacles_that_touch_by_a_corner_leave_simple_rings(rows):
 
 def test_outline_has_corners_only():
     """A straight wall over 30 cells has two ends: 4 corners around a rectangle, whatever its length."""
-    assert shapely.get_num_coordinates(free_polygons(plan_from(np.ones((7, 30), bool)))) == 5
+    assert shapely.get_num_coordinates(free_polygons(plan_from(np.ones((7, 30), bool)), 0)) == 5
 
 
 @pytest.mark.parametrize("wall_line", WALL_LINES)
 def test_free_space_lies_on_the_left_of_walls(wall_line):
     """Outer rings counter-clockwise, holes clockwise; extruded walls get their normals from it."""
-    free = free_polygons(plan_of([".....", ".....", "..#..", ".....", "....."], wall_line))
+    free = free_polygons(plan_of([".....", ".....", "..#..", ".....", "....."], wall_line), 0)
     assert free.geoms[0].exterior.is_ccw
     assert not free.geoms[0].interiors[0].is_ccw
 
@@ -122,7 +122,7 @@ def test_centre_lines_are_opencvs_contours(seed):
     which shows that flipping the image changes nothing.
     """
     cells, _ = noise(seed)
-    got = unit_steps([line - 0.5 for line in wall_lines(plan_from(cells, "cell_centre"))])
+    got = unit_steps([line - 0.5 for line in wall_lines(plan_from(cells, "cell_centre"), 0)])
     image = np.pad(cells[::-1], 1).astype(np.uint8)
     lines, _ = cv2.findContours(image, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     lines = [np.vstack([line[:, 0], line[:1, 0]]) for line in lines if len(line) > 1]
@@ -138,7 +138,7 @@ def test_area_between_centre_lines_is_that_of_the_contours(seed):
     want = sum(
         cv2.contourArea(line) * (1 if up < 0 else -1) for line, up in zip(lines, tree[0, :, 3], strict=True)
     )
-    free = free_polygons(plan_from(cells, "cell_centre", 0.05, origin))
+    free = free_polygons(plan_from(cells, "cell_centre", 0.05, origin), 0)
     assert free.is_valid, shapely.is_valid_reason(free)
     assert free.area == pytest.approx(want * 0.05**2, abs=1e-9)
 
@@ -149,16 +149,16 @@ def test_passage_one_cell_wide_is_closed_but_keeps_its_walls():
     Each room is 2 x 2 m2 and a triangle of 1 m2 that tapers into the passage.
     """
     plan = plan_of(["...##...", "........", "...##..."], "cell_centre")
-    free = free_polygons(plan)
+    free = free_polygons(plan, 0)
     assert sorted(round(p.area, 12) for p in free.geoms) == [5.0, 5.0]
-    (line,) = wall_lines(plan)
+    (line,) = wall_lines(plan, 0)
     assert shapely.LineString(line).length == pytest.approx(2 * (6 + 2 * 2**0.5 + 1))
 
 
 def test_plan_of_lines_only_is_refused():
     """One cell wide everywhere: no area between such walls; the message says what to change."""
     with pytest.raises(MapError, match="cell_edge"):
-        free_polygons(plan_of(["#####", "#...#", "#####"], "cell_centre"))
+        free_polygons(plan_of(["#####", "#...#", "#####"], "cell_centre"), 0)
 
 
 @pytest.mark.parametrize("wall_line", WALL_LINES)
@@ -171,7 +171,7 @@ def test_simpler_walls_stay_within_the_tolerance_and_keep_the_topology(seed, tol
     """
     cells, origin = noise(seed)
     plan = plan_from(cells, wall_line, 0.05, origin)
-    exact = free_polygons(plan)
+    exact = free_polygons(plan, 0)
     simple = free_polygons(plan, tolerance_m)
     assert simple.is_valid, shapely.is_valid_reason(simple)
     old, new = (shapely.get_rings(shapely.get_parts(free)) for free in (exact, simple))
@@ -195,7 +195,7 @@ def test_staircase_becomes_a_slanted_wall():
     y, x = np.mgrid[0:240, 0:240] * 0.05 + 0.025
     plan = plan_from(shapely.contains_xy(room, x, y), "cell_edge", 0.05)
     free = free_polygons(plan, tolerance_m=0.07)
-    assert shapely.get_num_coordinates(free_polygons(plan)) > 500
+    assert shapely.get_num_coordinates(free_polygons(plan, 0)) > 500
     assert shapely.get_num_coordinates(free) <= 8
     assert abs(free.area - room.area) < 0.025 * room.length
 
@@ -204,7 +204,7 @@ def test_staircase_becomes_a_slanted_wall():
 def test_impossible_tolerance_is_refused(tolerance_m):
     """The message names the value and what to use instead."""
     for outline in (free_polygons, wall_lines):
-        with pytest.raises(ValueError, match=r"tolerance_m is .* Use 0"):
+        with pytest.raises(ValueError, match=r"tolerance_m is .* 0 is the exact"):
             outline(plan_of(["..", ".."]), tolerance_m)
 
 
@@ -214,7 +214,7 @@ def test_real_outlines_are_valid(shared):
         cells = np.loadtxt(path, delimiter=",", dtype=int)[::-1] > 0
         for wall_line in WALL_LINES:
             plan = plan_from(cells, wall_line, 0.05)
-            exact, simple = free_polygons(plan), free_polygons(plan, 0.05)
+            exact, simple = free_polygons(plan, 0), free_polygons(plan, 0.05)
             assert exact.is_valid and simple.is_valid
             assert len(exact.geoms) == len(simple.geoms)
             assert shapely.get_num_coordinates(simple) < 0.6 * shapely.get_num_coordinates(exact)

@@ -7,7 +7,7 @@ import pytest
 import shapely
 import trimesh
 
-from robosim.building.building import make_building
+from robosim.building.building import BuildingConfig, make_building
 from robosim.building.export import export_mesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
@@ -105,7 +105,8 @@ def test_real_plans_come_back_cell_by_cell(shared, tmp_path):
     for name in ("maps/ros/small_house.yaml", "maps/gibson/train/Colebrook.glb_topdownmap.out"):
         original = read_plan(shared / name)
         edges = FloorPlan(occupancy=original.occupancy, resolution_m=0.05, origin=original.origin)
-        sliced = read_plan(export_mesh(make_building(edges), tmp_path / "building.ply"))
+        building = make_building(edges, config=BuildingConfig(tolerance_m=0))
+        sliced = read_plan(export_mesh(building, tmp_path / "building.ply"))
         np.testing.assert_array_equal(free_at(original, sliced), original.free)
 
 
