@@ -25,7 +25,7 @@ from typing import Annotated
 
 from robosim.support.assets import shipped_weights
 from robosim.support.parts import Kind, Part
-from wireless.em.materials import MATERIALS
+from wireless.em.materials import MATERIALS, WALLS
 
 GOAL = Kind(
     "goal policy",
@@ -149,7 +149,7 @@ CLASSIFIER = Kind(
 )
 MATERIAL = Kind(
     "material",
-    dict.fromkeys(MATERIALS, ""),  # told to the tracer by their names, as they are
+    dict.fromkeys((*MATERIALS, *WALLS), ""),  # told to the tracer by their names, as they are
     has=("name", "layers"),
     made_from="nothing",
 )

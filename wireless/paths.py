@@ -151,15 +151,20 @@ class Paths:
     def link_state(self, threshold_db: float = -np.inf) -> UInt8[np.ndarray, "n_tx n_rx"]:
         """`LinkState` of each link.
 
+        Line of sight: the strongest path is the direct one; as in the published data also if it passes walls, when it
+        tells the direction of the transmitter and not the way there. First order: a path with a single reflection or
+        diffraction that passes no wall. Higher order: whatever else arrives.
+
         Args:
             threshold_db: Paths of less power gain do not count.
         """
         heard = self.select(self.power_db >= threshold_db)
         shape = len(self.tx_position), len(self.rx_position)
+        direct = heard.order == (heard.interaction == Interaction.TRANSMISSION).sum(axis=1)
         state = np.zeros(shape[0] * shape[1], np.uint8)
         state[heard.link] = LinkState.HIGHER_ORDER
-        state[heard.link[heard.order == 1]] = LinkState.FIRST_ORDER
-        state[heard.link[(heard.rank == 0) & (heard.order == 0)]] = LinkState.LOS
+        state[heard.link[(heard.order == 1) & ~direct]] = LinkState.FIRST_ORDER
+        state[heard.link[direct & (heard.rank == 0)]] = LinkState.LOS
         return state.reshape(shape)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":

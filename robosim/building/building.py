@@ -55,13 +55,13 @@ class BuildingConfig:
     """Islands in free space of at most this area are furniture [m2]; 0 for none."""
     furniture_height_m: float | None = None
     """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
-    wall_material: MaterialPart = "drywall"
+    wall_material: MaterialPart = "partition"
     """Radio material of walls."""
     floor_material: MaterialPart = "concrete"
     """Radio material of the floor."""
     ceiling_material: MaterialPart = "ceiling_board"
     """Radio material of the ceiling."""
-    furniture_material: MaterialPart = "drywall"
+    furniture_material: MaterialPart = "partition"
     """Radio material of furniture."""
 
     def __post_init__(self) -> None:

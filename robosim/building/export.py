@@ -4,9 +4,10 @@ Mesh files are in the `map` frame, metres, z up. GLB is y-up by its standard (gl
 point (x, y, z) of `map` becomes (x, z, -y), as viewers expect.
 
 A Mitsuba scene is an XML file with one PLY file per radio material (z up, as in Sionna RT's own scenes) and a
-BSDF ``mat-itu_NAME`` of the plugin `itu-radio-material` for each material of Recommendation ITU-R P.2040,
-which Sionna RT registers with Mitsuba and DiffeRT reads by itself. Drywall becomes plasterboard, whose newer
-fit is 2.73 instead of 2.94. Both programs take walls for slabs of the given thickness.
+BSDF of the plugin `itu-radio-material` for each, of Recommendation ITU-R P.2040, which Sionna RT registers with
+Mitsuba and DiffeRT reads by itself. Both programs know slabs of these materials only: a half-space becomes a slab too
+thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
+becomes plasterboard, whose newer fit is 2.73 instead of 2.94. `itu_slab` tells what that changes.
 
 Left out: textures; coordinates are stored with 32 bits, as these formats do.
 """
@@ -14,12 +15,17 @@ Left out: textures; coordinates are stored with 32 bits, as these formats do.
 import difflib
 import xml.etree.ElementTree as ET
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
+from jaxtyping import Complex, Float
+from scipy.constants import speed_of_light
 
 from robosim.building.building import KINDS, Building
 from robosim.support.files import whole_file
+from wireless.em.fields import fresnel
+from wireless.em.materials import WALLS, Material, wall_row
 
 #: Colour of each kind of face (red, green, blue, opacity), in the order of `KINDS`.
 KIND_COLOURS = np.array(
@@ -30,6 +36,11 @@ SUFFIXES = (".glb", ".ply", ".obj", ".stl")
 
 #: What our materials are called in Recommendation ITU-R P.2040, where they have another name.
 ITU_TYPES = {"drywall": "plasterboard"}
+#: Thickness of a slab that stands for a half-space [m], and those that layers are compared with.
+THICK_M = 1.0
+SLABS_M = np.arange(2, 301) / 1000
+#: Angles of incidence at which walls are compared [rad].
+INCIDENCE_RAD = np.radians(np.arange(0, 86, 5))
 
 #: From `map` (z up) to glTF (y up).
 T_GLTF_MAP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
@@ -73,7 +84,51 @@ def export_mesh(building: Building, path: Path) -> Path:
     return path
 
 
-def export_mitsuba(building: Building, path: Path, *, thickness_m: float = 0.1) -> Path:
+class ItuSlab(NamedTuple):
+    """A slab of a material of Recommendation ITU-R P.2040 that stands for one of ours."""
+
+    itu_type: str
+    thickness_m: float
+    off_db: float
+    """Root mean square of what its reflections differ by, for both polarisations and incidence to 85 degrees [dB]."""
+
+
+def itu_slab(material: str | Material, frequency_hz: float) -> ItuSlab:
+    """The slab that reflects most like a wall.
+
+    Args:
+        material: Of the wall, a half-space if it has no layers.
+        frequency_hz: Carrier frequency.
+
+    Raises:
+        ValueError: If its outer layer is of no material of the table, or none that was measured at this frequency.
+    """
+    layers = WALLS.get(material) if isinstance(material, str) else material
+    outer = material if layers is None else layers.layers[0].material
+    if not isinstance(outer, str):
+        raise ValueError(
+            f"the outer layer of {str(material)!r} has a permittivity of its own, which a Mitsuba scene of ITU "
+            "materials has no form for. Export a building of materials by name."
+        )
+    itu_type = ITU_TYPES.get(outer, outer)
+    wanted = _reflected_db(wall_row(material, frequency_hz), frequency_hz)
+    best = ItuSlab(itu_type, THICK_M, np.inf)
+    for thickness_m in SLABS_M if layers is not None else (THICK_M,):
+        row = wall_row(itu_type, frequency_hz, float(thickness_m))
+        off_db = float(np.sqrt(np.mean((_reflected_db(row, frequency_hz) - wanted) ** 2)))
+        if off_db < best.off_db:
+            best = ItuSlab(itu_type, float(thickness_m), off_db)
+    return best
+
+
+def _reflected_db(row: Complex[np.ndarray, " l"], frequency_hz: float) -> Float[np.ndarray, "n 2"]:
+    """Power that a wall reflects at each incidence, TE and TM, of which less than -40 dB counts as that."""
+    wavenumber = 2 * np.pi * frequency_hz / speed_of_light
+    ratios = np.array([fresnel(np.cos(angle), row, wavenumber)[:2] for angle in INCIDENCE_RAD])
+    return 20 * np.log10(np.maximum(np.abs(ratios), 0.01))
+
+
+def export_mitsuba(building: Building, path: Path, *, frequency_hz: float = 28e9) -> Path:
     """Write a building as a Mitsuba 3 scene with ITU radio materials, and its meshes in `meshes` beside it.
 
     Each file appears whole or not at all, the XML last: where there is one, all its meshes are there.
@@ -81,41 +136,31 @@ def export_mitsuba(building: Building, path: Path, *, thickness_m: float = 0.1) 
     Args:
         building: What to write.
         path: XML file, or folder in which to write `scene.xml`.
-        thickness_m: Thickness of all walls, floors and ceilings, for the slab model of the programs that
-            read the scene.
+        frequency_hz: Where the walls reflect as ours.
 
     Returns:
         The XML file.
 
     Raises:
-        ValueError: If the thickness is not positive.
+        ValueError: If the building has a material that no ITU material can stand for.
     """
-    if not (np.isfinite(thickness_m) and thickness_m > 0):
-        raise ValueError(f"thickness_m is {thickness_m}, expected a positive number of metres, such as 0.1.")
+    slabs = {str(material): itu_slab(material, frequency_hz) for material in building.materials}
     path = Path(path)
     xml = path if path.suffix.lower() == ".xml" else path / "scene.xml"
     xml.unlink(missing_ok=True)
     root = ET.Element("scene", version="2.1.0")
-    itu_types = {}
-    for material in building.materials:
-        if not isinstance(material, str):
-            raise ValueError(
-                f"the material {material.name!r} is made of layers, which a Mitsuba scene has no form for. Export a "
-                "building of materials by name."
-            )
-        itu_types[material] = ITU_TYPES.get(material, material)
-    for itu_type in dict.fromkeys(itu_types.values()):
-        bsdf = ET.SubElement(root, "bsdf", type="itu-radio-material", id=f"mat-itu_{itu_type}")
-        ET.SubElement(bsdf, "string", name="type", value=itu_type)
-        ET.SubElement(bsdf, "float", name="thickness", value=f"{thickness_m:g}")
-    for name, itu_type in itu_types.items():
+    for name, slab in slabs.items():
+        bsdf = ET.SubElement(root, "bsdf", type="itu-radio-material", id=f"mat-{name}")
+        ET.SubElement(bsdf, "string", name="type", value=slab.itu_type)
+        ET.SubElement(bsdf, "float", name="thickness", value=f"{slab.thickness_m:g}")
+    for name in slabs:
         mesh_name = f"meshes/{name}.ply"
         with whole_file(xml.parent / mesh_name) as partial:
             building.of_material(name).export(partial, file_type="ply")
         shape = ET.SubElement(root, "shape", type="ply", id=f"mesh-{name}")
         ET.SubElement(shape, "string", name="filename", value=mesh_name)
         ET.SubElement(shape, "boolean", name="face_normals", value="true")
-        ET.SubElement(shape, "ref", id=f"mat-itu_{itu_type}", name="bsdf")
+        ET.SubElement(shape, "ref", id=f"mat-{name}", name="bsdf")
     ET.indent(root)
     with whole_file(xml) as partial:
         ET.ElementTree(root).write(partial, encoding="utf-8", xml_declaration=True)

@@ -23,15 +23,15 @@ class RadioOptions:
     """Most reflections, before and after together, on a path with diffraction."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect."""
-    max_transmissions: int = 0
-    """Most walls that a path goes through; needs --wall-thickness."""
+    max_transmissions: int = 1
+    """Most walls that a path goes through; a wall between rooms counts by its two sides."""
     wall_thickness: float | None = None
-    """Thickness of all walls [m]; half-spaces if not given."""
+    """Thickness of walls of one --material, such as drywall [m]; half-spaces if not given."""
     wall_gap: float = 0.0
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
-    material: MaterialPart = "drywall"
+    material: MaterialPart = "partition"
     """Of walls and furniture."""
     height: float = 1.5
     """Of receivers, and of transmitters that do not say theirs [m]."""

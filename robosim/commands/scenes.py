@@ -11,6 +11,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in, tell
 from robosim.support.checks import RADIUS_M, SEED, check_number
 
+#: Where walls in Mitsuba scenes reflect most like ours [Hz].
+MITSUBA_HZ = 28e9
+
 
 def plan(
     plan: Positional[str],
@@ -36,7 +39,7 @@ def plan(
         out: Folder for the files; a new one under runs/ if not given.
     """
     from robosim.building.building import BuildingConfig, make_building
-    from robosim.building.export import export_mesh, export_mitsuba
+    from robosim.building.export import export_mesh, export_mitsuba, itu_slab
     from robosim.building.reach import reach
     from robosim.drawing.plots import plot_plan
     from robosim.plans.files import write_png, write_ros
@@ -54,10 +57,11 @@ def plan(
         plot_plan(folder / "reach.png", building, places)
         export_mesh(building, folder / "building.glb")
         export_mesh(building, folder / "building.ply")
-        export_mitsuba(building, folder / "mitsuba")
+        export_mitsuba(building, folder / "mitsuba", frequency_hz=MITSUBA_HZ)
         if places.n_parts:
             pose = np.array([*places.widest(), 0.0])
             export_mjcf(building, folder / "mujoco.xml", robot=robot_of_radius(radius), pose=pose)
+    slabs = {str(material): itu_slab(material, MITSUBA_HZ) for material in building.materials}
     cut_off = places.cut_off(1) if places.n_parts else []
     rows, columns = floor_plan.shape
     tell(
@@ -68,6 +72,7 @@ def plan(
             "free_m2": building.free.area,
             "wall_pieces": len(building.walls_2d),
             "triangles": len(building.mesh.faces),
+            "mitsuba": {name: slab._asdict() for name, slab in slabs.items()},
             "radius_m": radius,
             "parts": places.n_parts,
             "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in cut_off],
@@ -83,6 +88,12 @@ def plan(
     for room in cut_off:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
         console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
+    for name, slab in slabs.items():
+        if slab.off_db > 0.5:
+            console.print(
+                f"In mitsuba/, {name} is a slab of {slab.itu_type} of {1e3 * slab.thickness_m:g} mm, whose reflections "
+                f"differ by {slab.off_db:.1f} dB (root mean square, incidence to 85 degrees, {MITSUBA_HZ / 1e9:g} GHz)."
+            )
     console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
     # The file just written, since it says by itself what the options said of the plan.
     console.print(f"Next: robosim episode {quote(str(folder / floor_plan.name))}.yaml --out out/episode")

@@ -124,7 +124,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
         ("--tx 1,1 --height 3", "is 3.0 m, expected 0 to 2.5 m"),
         ("--tx 1,1 --frequency-ghz 28e9", "frequency_hz is 2.8e+19"),
         ("--tx 1,1 --max-reflections -1", "max_reflections is -1"),
-        ("--tx 1,1 --max-transmissions 1", "wall_thickness_m"),
+        ("--tx 1,1 --max-transmissions 13", "max_transmissions is 13"),
         ("--tx 1,1 --wall-gap 0.089", "Give wall_thickness_m"),
         ("--tx 1,1 --wall-thickness 0.013 --wall-gap -1", "wall_gap_m is -1"),
         ("--tx 1,1 --material concret", "Did you mean 'concrete'"),

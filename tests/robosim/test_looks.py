@@ -32,7 +32,7 @@ def test_plans_and_buildings_say_in_a_line_what_they_are(plan):
     )
     building = make_building(plan)
     assert repr(building) == (
-        f"<Building '<b>$x$': {area} of free floor, {len(building.mesh.faces)} faces of drywall, concrete, "
+        f"<Building '<b>$x$': {area} of free floor, {len(building.mesh.faces)} faces of partition, concrete, "
         "ceiling_board>"
     )
 

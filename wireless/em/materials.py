@@ -8,14 +8,16 @@ The rows are Table 3 of Recommendation ITU-R P.2040-4 (09/2025), equal to P.2040
 them; the model is its equations (57) to (59). Where ranges of a material overlap, the first holds.
 ``"drywall"`` is layered drywall as used for 28 GHz navigation data sets (relative permittivity 2.94 and
 0.1226 S/m there): the plasterboard row of the older P.2040-1 (07/2015). That walls there are two boards with air
-between is for `wireless.tracing.tracer.TracerConfig` to say.
+between, as these data sets have them, is what ``"partition"`` says.
 
-A `Material` of your own is made of layers, each of a material of the table or of a permittivity of its own.
+`WALLS` are made of layers, and so is a `Material` of your own, each of a material of the table or of a permittivity
+of its own; the rest are half-spaces, or layers as thick as `wireless.tracing.tracer.TracerConfig` says.
 
 Left out: magnetic materials, moisture, roughness, and walls whose sides differ.
 """
 
 import difflib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -117,7 +119,7 @@ class Layer:
                 "one of them."
             )
         if self.material is not None:
-            check_material(self.material)
+            _check_known(self.material, "material", MATERIALS)
         elif self.relative_permittivity is None or not 1 <= self.relative_permittivity <= 1e6:
             raise ValueError(f"relative_permittivity is {self.relative_permittivity}, expected 1 to 1e6.")
         if not 0 <= self.conductivity_spm <= 1e9:
@@ -175,12 +177,14 @@ def check_material(name: str | Material, field: str = "material") -> None:
     """
     if isinstance(name, Material):
         return
-    if name not in MATERIALS:
-        near = difflib.get_close_matches(name.lower().removeprefix("itu_"), MATERIALS, n=1)
+    _check_known(name, field, {**MATERIALS, **WALLS})
+
+
+def _check_known(name: str, field: str, known: Mapping[str, object]) -> None:
+    if name not in known:
+        near = difflib.get_close_matches(name.lower().removeprefix("itu_"), known, n=1)
         hint = f"Did you mean {near[0]!r}? " if near else ""
-        raise ValueError(
-            f"{field} is {name!r}, expected a radio material. {hint}Known: {', '.join(MATERIALS)}."
-        )
+        raise ValueError(f"{field} is {name!r}, expected a radio material. {hint}Known: {', '.join(known)}.")
 
 
 def properties(name: str | Material, frequency_hz: float) -> tuple[float, float]:
@@ -192,6 +196,8 @@ def properties(name: str | Material, frequency_hz: float) -> tuple[float, float]
     if isinstance(name, Material):
         return name.properties(frequency_hz)
     check_material(name)
+    if name in WALLS:
+        return WALLS[name].properties(frequency_hz)
     frequency_ghz = frequency_hz / 1e9
     for row in MATERIALS[name]:
         if row.low_ghz <= frequency_ghz <= row.high_ghz:
@@ -219,7 +225,7 @@ def wall_row(
     """Layers of a wall: relative permittivity and thickness [m] of each in turn.
 
     Args:
-        material: A name, or layers of its own, to which thickness and gap do not apply.
+        material: A name, or layers of its own, to which thickness and gap do not apply, as to `WALLS`.
         frequency_hz: Carrier frequency.
         thickness_m: Thickness of one layer [m]; 0 for a half-space.
         gap_m: Air between two such layers [m]; 0 for one layer.
@@ -227,6 +233,8 @@ def wall_row(
     Raises:
         ValueError: If there is no such material, or it was not measured at this frequency.
     """
+    if isinstance(material, str):
+        material = WALLS.get(material, material)
     if isinstance(material, Material):
         rows = [
             (_complex(*layer.properties(frequency_hz), frequency_hz), layer.thickness_m)
@@ -240,3 +248,30 @@ def wall_row(
 
 def _complex(relative: float, conductivity_spm: float, frequency_hz: float) -> complex:
     return complex(relative, -conductivity_spm / (2 * np.pi * frequency_hz * epsilon_0))
+
+
+#: Walls of layers, by name: two plasterboards on studs, as the published radio data of mmwRobotNav has all walls;
+#: double glazing; a solid door; a concrete core.
+WALLS: dict[str, Material] = {
+    wall.name: wall
+    for wall in (
+        Material(
+            "partition",
+            (
+                Layer(thickness_m=0.013, material="drywall"),
+                Layer(thickness_m=0.089, material="vacuum"),
+                Layer(thickness_m=0.013, material="drywall"),
+            ),
+        ),
+        Material(
+            "glazing",
+            (
+                Layer(thickness_m=0.006, material="glass"),
+                Layer(thickness_m=0.016, material="vacuum"),
+                Layer(thickness_m=0.006, material="glass"),
+            ),
+        ),
+        Material("door", (Layer(thickness_m=0.04, material="wood"),)),
+        Material("concrete_wall", (Layer(thickness_m=0.2, material="concrete"),)),
+    )
+}

@@ -79,6 +79,7 @@ def cast(
     # One long function on arrays of its own: calls that hand the plan on cost five times as much in counting
     # references to its arrays.
     vertex, tri_vertex, tri_next, tri_wall = plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall
+    tri_open = plan.tri_open
     tri_corner, wall_point, wall_along = plan.tri_corner, plan.wall_point, plan.wall_along
     image, view = np.empty((64, 2)), np.empty((64, 5), np.int64)
     begin, sector = np.empty((64, 2), np.int64), np.empty((64, 4))
@@ -169,7 +170,7 @@ def cast(
                     stack_sector[depth, 2], stack_sector[depth, 3] = lx, ly
                     depth += 1
                     continue
-                if view[now, 3] < max_through and tri_next[t, i] >= 0:
+                if view[now, 3] < max_through and tri_open[t, i]:
                     if n_views == len(image):
                         image, sector = _longer(image), _longer(sector)
                         view, begin = _longer_ints(view), _longer_ints(begin)

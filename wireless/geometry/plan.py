@@ -12,7 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from wireless.geometry.triangulation import Triangulation
@@ -42,6 +44,8 @@ class Plan(NamedTuple):
     """Triangle behind the side opposite to each point, -1 for none."""
     tri_wall: Int[np.ndarray, "t 3"]
     """Wall on that side, -1 for none."""
+    tri_open: Bool[np.ndarray, "t 3"]
+    """Whether paths may pass the wall on that side, if there is one."""
     tri_corner: Int[np.ndarray, "t 3"]
     """Corner at each point if the triangle lies in its gap, -1 otherwise."""
     corner_vertex: Int[np.ndarray, " c"]
@@ -87,12 +91,21 @@ def make_plan(walls: Float[np.ndarray, "n 2 2"], snap_m: float) -> Plan:
         tri_vertex=triangles,
         tri_next=tri_next,
         tri_wall=tri_wall,
+        tri_open=tri_next >= 0,
         tri_corner=_in_gap(vertex, triangles, corner_vertex, corner_along, corner_gap),
         corner_vertex=corner_vertex,
         corner_walls=corner_walls,
         corner_along=corner_along,
         corner_gap_rad=corner_gap,
     )
+
+
+def regions(plan: Plan) -> Int[np.ndarray, " t"]:
+    """Number of each triangle's region: what is joined without passing a wall."""
+    t, i = np.nonzero((plan.tri_wall < 0) & (plan.tri_next >= 0))
+    n = len(plan.tri_vertex)
+    links = coo_array((np.ones(len(t), bool), (t, plan.tri_next[t, i])), shape=(n, n))
+    return connected_components(links, directed=False)[1]
 
 
 def _cut(ends: Float[np.ndarray, "n 2 2"], snap_m: float) -> tuple[np.ndarray, np.ndarray]:

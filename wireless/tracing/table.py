@@ -149,6 +149,8 @@ def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
 def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path of m interactions laid out in `scratch`, gain set; length -1 if it is none.
 
+    What has no power, having met a wall that lets nothing through, is none.
+
     A wedge on the way, if there is one, fills an angle of (2 - n) pi.
     """
     length = path_gain(
@@ -167,7 +169,8 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
     )
     if length < 0:
         return length, 0.0
-    return length, weighted(setting, scratch.gain)
+    power = weighted(setting, scratch.gain)
+    return (length if power > 0 else -1.0), power
 
 
 @compiled

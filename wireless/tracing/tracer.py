@@ -26,7 +26,7 @@ from wireless.geometry.extruded import Extruded, find_extruded
 from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
 from wireless.geometry.occlusion import make_boxes
-from wireless.geometry.plan import REACH_M, Locator, make_plan
+from wireless.geometry.plan import REACH_M, Locator, Plan, make_plan, regions
 from wireless.paths import Paths
 from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
@@ -85,12 +85,13 @@ class TracerConfig:
     """Most of them on either side of the edge; None for no such limit."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
-    max_transmissions: int = 0
-    """Most walls that a path goes straight through, 12 at most; needs wall_thickness_m."""
+    max_transmissions: int = 1
+    """Most walls that a path goes straight through, 12 at most; half-spaces let nothing through."""
     max_interactions: int | None = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: float | None = None
-    """Thickness of all walls, which are layers then [m]; None for half-spaces."""
+    """Thickness of walls of one material, which are layers then [m]; None for half-spaces. Walls that have layers of
+    their own, such as partition, keep them."""
     wall_gap_m: float = 0.0
     """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
     max_paths: int = 25
@@ -141,16 +142,6 @@ class TracerConfig:
                 f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
                 "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
             )
-        if self.max_transmissions and self.wall_thickness_m is None:
-            raise ValueError(
-                f"max_transmissions is {self.max_transmissions}, but half-spaces let nothing through. "
-                "Give wall_thickness_m, such as 0.1."
-            )
-        if self.max_transmissions and self.search == "rays":
-            raise ValueError(
-                f"max_transmissions is {self.max_transmissions}, but rays of a search end at walls. "
-                "Use search='exhaustive', or 'auto'."
-            )
         if self.polarisation not in POLARISATIONS:
             raise ValueError(
                 f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
@@ -182,10 +173,10 @@ class _PlanScene:
         setting: Callable[[np.ndarray], Setting],
         config: TracerConfig,
     ):
-        self.plan = make_plan(extruded.walls, config.snap_m)
+        plan = make_plan(extruded.walls, config.snap_m)
         self.extruded = extruded
-        self.origin = np.append(self.plan.origin, 0.0)
-        self._locate = Locator(self.plan, 2 * config.snap_m)
+        self.origin = np.append(plan.origin, 0.0)
+        self._locate = Locator(plan, 2 * config.snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
         self._setting = setting(face_wall[faces])._replace(
             low_m=extruded.low_m,
@@ -193,9 +184,10 @@ class _PlanScene:
             has_floor=config.floor_ceiling and extruded.floor_face >= 0,
             has_ceiling=config.floor_ceiling and extruded.ceiling_face >= 0,
         )
-        logger.info(
-            "Floor plan of %d walls and %d corners", len(extruded.walls), len(self.plan.corner_vertex)
-        )
+        thin = self._setting.walls[:, 1].real > 0
+        self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
+        self._region = regions(plan)
+        logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
@@ -210,18 +202,31 @@ class _PlanScene:
                     "floor and ceiling. Trace other points with scene='space'."
                 )
         around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
-        order, through = self._setting.side_reflections, self._setting.max_through
+        plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
+        order, through = setting.side_reflections, setting.max_through
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
-            views = views_of(self.plan, some[:, :2].copy(), start, triangle, order, through)
-            targets = _by_triangle(start, triangle, len(self.plan.tri_vertex))
+            views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
+            targets = _by_triangle(start, triangle, len(plan.tri_vertex))
             tx_start, tx_triangle = _part(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                yield trace_links(self.plan, self._setting, one, around, some, *targets, views)
+                yield trace_links(plan, setting, one, around, some, *targets, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
+
+    def _passable(self, around: Int[np.ndarray, " s"]) -> tuple[Plan, Setting]:
+        """Plan and setting in which paths pass only walls that may lead on to any of some triangles.
+
+        Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
+        wall between rooms is passed by its two sides.
+        """
+        plan, setting = self.plan, self._setting
+        if setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
+            both = (self._region[:, None] == found[0]) & (self._region[plan.tri_next] == found[0])
+            plan = plan._replace(tri_open=plan.tri_open & both)
+        return plan, setting if plan.tri_open.any() else setting._replace(max_through=0)
 
 
 class _SpaceScene:
@@ -242,30 +247,48 @@ class _SpaceScene:
         surfaces = without_rims(surfaces, ground)
         mirrors = ~ground | config.floor_ceiling
         self.space = make_space(surfaces, mirrors)
-        self._setting = setting(face_wall[surfaces.facet_face])
+        walls = face_wall[surfaces.facet_face]
+        self._setting = setting(walls)
+        if not (walls[:, 1].real > 0).any():
+            self._setting = self._setting._replace(max_through=0)
+        self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._candidates: Candidates | None = None
-        few = len(mirrors) < MANY_FACETS or config.max_transmissions > 0
-        if config.search == "rays" or (config.search == "auto" and not few):
-            self._candidates = Candidates(self.space, self._setting, config.rays)
+        if config.search == "rays" or (config.search == "auto" and len(mirrors) >= MANY_FACETS):
+            self._candidates = Candidates(self.space, self._setting._replace(max_through=0), config.rays)
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
     ) -> Rows:
         """Paths of each transmitter, to receivers in blocks."""
+        setting = self._passing(np.concatenate([tx, rx]))
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some = rx[rxs]
             boxes = make_boxes(some, some)
             for one in tx[txs]:
-                yield trace_space(self.space, self._setting, one, some, boxes)
+                yield trace_space(self.space, setting, one, some, boxes)
 
         if self._candidates is None:
             return trace_blocks(len(tx), len(rx), trace, workers)
+        if setting.max_through:
+            logger.warning(
+                "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
+                "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
+            )
         rows: Rows = []
         for i in range(0, len(tx), BLOCK_TX):
             rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
         return rows
+
+    def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
+        """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
+        setting = self._setting
+        if setting.max_through == 1 and self._closed is not None:
+            inside = self._closed.contains(points)
+            if inside.all() or not inside.any():
+                return setting._replace(max_through=0)
+        return setting
 
     def _searched(
         self,

@@ -220,10 +220,10 @@ def test_faces_have_the_material_of_their_kind():
 
 
 def test_default_materials_are_those_of_the_reference():
-    """Walls and furniture share drywall: three materials for four kinds."""
+    """Walls and furniture share boards on studs: three materials for four kinds."""
     building = make_building(plan_of(ROOMS))
-    assert set(building.materials) == {"drywall", "concrete", "ceiling_board"}
-    assert building.of_material("drywall").area == pytest.approx(building.submesh("wall", "furniture").area)
+    assert set(building.materials) == {"partition", "concrete", "ceiling_board"}
+    assert building.of_material("partition").area == pytest.approx(building.submesh("wall", "furniture").area)
 
 
 def test_same_plan_same_building():
@@ -256,7 +256,7 @@ def test_unknown_parts_are_refused():
     building = make_building(plan_of(["..", ".."]))
     with pytest.raises(ValueError, match="kind is 'roof', expected one of wall"):
         building.submesh("roof")
-    with pytest.raises(ValueError, match="material is 'metal', expected one of drywall"):
+    with pytest.raises(ValueError, match="material is 'metal', expected one of partition"):
         building.of_material("metal")
 
 

@@ -7,8 +7,10 @@ import pytest
 import trimesh
 
 from robosim.building.building import KINDS, BuildingConfig, make_building
-from robosim.building.export import KIND_COLOURS, export_mesh, export_mitsuba
+from robosim.building.export import KIND_COLOURS, export_mesh, export_mitsuba, itu_slab
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from wireless.em.fresnel import reflection, slab
+from wireless.em.materials import Layer, Material, permittivity
 
 FLOAT32_M = 1e-5
 """Half a step of 32-bit coordinates below 100 m, and more."""
@@ -110,20 +112,25 @@ def test_mitsuba_scene_refers_to_its_meshes_and_materials(building, tmp_path):
     The meshes together are the building, each the faces of its material. Such a scene was loaded by Sionna RT
     2.2 and differt-core as it is, and by Mitsuba 3.9 with its own `diffuse` in place of the plugin.
     """
-    xml = export_mitsuba(building, tmp_path / "scene", thickness_m=0.05)
+    xml = export_mitsuba(building, tmp_path / "scene")
     assert xml == tmp_path / "scene" / "scene.xml"
     root = ET.parse(xml).getroot()
     types = {bsdf.get("id"): bsdf.find("string").get("value") for bsdf in root.findall("bsdf")}
-    assert types == {f"mat-itu_{name}": name for name in ("plasterboard", "concrete", "ceiling_board")}
+    assert types == {
+        "mat-partition": "plasterboard",
+        "mat-concrete": "concrete",
+        "mat-ceiling_board": "ceiling_board",
+    }
     assert {bsdf.get("type") for bsdf in root.findall("bsdf")} == {"itu-radio-material"}
-    assert {bsdf.find("float[@name='thickness']").get("value") for bsdf in root.findall("bsdf")} == {"0.05"}
+    thickness = [bsdf.find("float[@name='thickness']").get("value") for bsdf in root.findall("bsdf")]
+    assert sorted(thickness) == ["0.007", "1", "1"]
     parts = {}
     for shape in root.findall("shape"):
         (file,) = shape.findall("string")
         assert shape.get("type") == "ply" and file.get("name") == "filename"
         mesh = trimesh.load(xml.parent / file.get("value"), process=False)
         parts[types[shape.find("ref").get("id")]] = mesh
-    assert_same_triangles(parts["plasterboard"], building.of_material("drywall"))
+    assert_same_triangles(parts["plasterboard"], building.of_material("partition"))
     assert_same_triangles(trimesh.util.concatenate(list(parts.values())), building.mesh)
 
 
@@ -133,12 +140,16 @@ def test_mitsuba_scene_goes_by_the_name_it_is_given(building, tmp_path):
     assert sorted(p.name for p in tmp_path.iterdir()) == ["meshes", "office.xml"]
 
 
-def test_materials_of_one_itu_type_share_its_bsdf(tmp_path):
-    """Drywall and plasterboard: two shapes, one BSDF, as a second of the same id is an error in Mitsuba."""
+def test_materials_of_one_itu_type_have_their_own_slabs(tmp_path):
+    """Drywall and plasterboard: two shapes, two BSDFs of one type, each with its own id, as Mitsuba asks."""
     plan = FloorPlan(occupancy=np.zeros((5, 5), np.uint8), resolution_m=1.0)
     config = BuildingConfig(wall_material="drywall", ceiling_material="plasterboard")
     root = ET.parse(export_mitsuba(make_building(plan, config=config), tmp_path)).getroot()
-    assert [b.get("id") for b in root.findall("bsdf")].count("mat-itu_plasterboard") == 1
+    assert sorted(b.get("id") for b in root.findall("bsdf")) == [
+        "mat-concrete",
+        "mat-drywall",
+        "mat-plasterboard",
+    ]
     assert {s.get("id") for s in root.findall("shape")} == {
         "mesh-drywall",
         "mesh-plasterboard",
@@ -159,8 +170,30 @@ def test_broken_mitsuba_export_leaves_no_scene(building, tmp_path, monkeypatch):
     assert not (tmp_path / "scene.xml").exists()
 
 
-@pytest.mark.parametrize("thickness_m", [0.0, -1.0, np.nan])
-def test_walls_without_thickness_are_refused(building, tmp_path, thickness_m):
-    """Slab models need one."""
-    with pytest.raises(ValueError, match="thickness_m is"):
-        export_mitsuba(building, tmp_path, thickness_m=thickness_m)
+@pytest.mark.parametrize(
+    ("material", "itu_type", "thickness_m", "most_db"),
+    [
+        ("concrete", "concrete", 1.0, 1e-3),
+        ("ceiling_board", "ceiling_board", 1.0, 1e-3),
+        ("door", "wood", 0.04, 1e-9),
+        ("concrete_wall", "concrete", 0.2, 1e-9),
+        ("drywall", "plasterboard", 1.0, 1.5),
+    ],
+)
+def test_slabs_of_itu_materials_reflect_as_our_walls(material, itu_type, thickness_m, most_db):
+    """Half-spaces and single layers to 0.001 dB; drywall as far as its newer fit differs. Judge: closed forms."""
+    found = itu_slab(material, 28e9)
+    assert found[:2] == (itu_type, thickness_m)
+    assert found.off_db < most_db
+    eps, cos_i = permittivity(itu_type, 28e9), np.cos(np.radians([0.0, 30.0, 60.0]))
+    through = slab(cos_i, eps, thickness_m, 28e9)[:2]
+    if thickness_m == 1.0:
+        np.testing.assert_allclose(np.abs(through), np.abs(reflection(cos_i, eps)), atol=1e-3)
+
+
+def test_layers_that_no_slab_can_stand_for():
+    """Two boards with air between reflect like no slab, and it is known by how much; own permittivities are refused."""
+    assert 3 < itu_slab("partition", 28e9).off_db < 5
+    own = Material("own", (Layer(thickness_m=0.1, relative_permittivity=3.0),))
+    with pytest.raises(ValueError, match="'own' has a permittivity of its own"):
+        itu_slab(own, 28e9)

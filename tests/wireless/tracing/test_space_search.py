@@ -236,9 +236,12 @@ def test_a_search_that_there_is_not_is_refused(options, word):
         TracerConfig(**options)
 
 
-def test_rays_do_not_pass_walls():
-    """Asked to, a search by rays is refused; auto then tries all chains."""
-    through = {"max_transmissions": 1, "wall_thickness_m": 0.1}
-    with pytest.raises(ValueError, match="search='exhaustive'"):
-        TracerConfig(search="rays", **through)
-    assert TracerConfig(search="auto", **through).search == "auto"
+def test_rays_do_not_pass_walls(caplog):
+    """A search by rays tells that it leaves paths through walls out, but not where none can lead on."""
+    config = TracerConfig(scene="space", search="rays", wall_thickness_m=0.1, rays=1000, max_reflections=1)
+    tracer = Tracer(trimesh.creation.box((6, 5, 4)), config=config)
+    inside, aside, outside = (np.array([[x, 1.0, 0.2]]) for x in (0.5, -0.5, 5.0))
+    assert len(tracer.trace(inside, aside)) > 1
+    assert "through walls" not in caplog.text
+    assert not len(tracer.trace(inside, outside))
+    assert "through walls" in caplog.text

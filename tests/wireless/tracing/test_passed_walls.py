@@ -1,0 +1,81 @@
+"""Walls that paths go through: which are worth trying, judged by the engine in space that tries all."""
+
+import numpy as np
+import pytest
+
+from wireless.em.materials import Layer, Material
+from wireless.paths import Interaction, LinkState
+from wireless.tracing.tracer import Tracer, TracerConfig
+
+TX = np.array([[0.83, 1.17, 1.5]])
+RX = np.array([[5.31, 0.72, 1.5], [2.64, 3.23, 1.2], [4.42, 3.13, 1.0]])
+
+
+@pytest.fixture(scope="module")
+def two_rooms(extruded, ring):
+    """Rooms of 3 x 4 m2 and 2.9 x 4 m2, a wall of 10 cm between."""
+    return extruded(
+        np.concatenate([ring((0, 0), (3, 0), (3, 4), (0, 4)), ring((3.1, 0), (6, 0), (6, 4), (3.1, 4))])
+    )
+
+
+@pytest.fixture(scope="module")
+def with_a_screen(extruded, ring):
+    """A room with a thin screen from one wall into the middle: the same space on both sides of it."""
+    return extruded(np.concatenate([ring((0, 0), (6, 0), (6, 4), (0, 4)), [[(3, 0), (3, 2.5)]]]))
+
+
+def traced(mesh, material, **options):
+    return Tracer(mesh, materials=(material,), config=TracerConfig(max_paths=500, **options)).trace(TX, RX)
+
+
+def same(one, other):
+    assert len(one) == len(other) > 0
+    np.testing.assert_array_equal(one.link, other.link)
+    np.testing.assert_allclose(one.power_db, other.power_db, atol=1e-6)
+    np.testing.assert_allclose(one.delay_s, other.delay_s, atol=1e-15)
+
+
+def test_one_wall_leads_out_of_a_room_and_not_into_the_next(two_rooms):
+    """A wall between rooms has two sides: one passed changes nothing, two let the direct path through."""
+    none, one, two = (traced(two_rooms, "partition", max_transmissions=n) for n in range(3))
+    same(one, none)
+    assert not one.between(0, 0).order.size and not one.between(0, 2).order.size
+    direct = two.between(0, 0).strongest()
+    assert direct.order == [2] and (direct.interaction[0, :2] == Interaction.TRANSMISSION).all()
+    assert two.link_state()[0, 0] == LinkState.LOS and one.link_state()[0, 0] == LinkState.OUTAGE
+
+
+@pytest.mark.parametrize("passed", [1, 2])
+@pytest.mark.parametrize("name", ["two_rooms", "with_a_screen"])
+def test_what_is_left_out_would_lead_nowhere(name, passed, request):
+    """Plan and space engine find the same paths, though only one of them looks which walls are worth passing.
+
+    Without edges: in space the walls' upper edges diffract too.
+    """
+    mesh = request.getfixturevalue(name)
+    options = {"max_transmissions": passed, "max_reflections": 2, "diffraction": False}
+    same(traced(mesh, "partition", **options), traced(mesh, "partition", scene="space", **options))
+
+
+def test_a_screen_is_passed_once(with_a_screen):
+    """Thin walls with the same space on both sides are passed by default."""
+    direct = traced(with_a_screen, "partition").between(0, 0).strongest()
+    assert direct.interaction[0, 0] == Interaction.TRANSMISSION and direct.order == [1]
+
+
+def test_half_spaces_let_nothing_through(with_a_screen):
+    """The same paths whatever may be passed; and where walls differ, those of layers alone are passed."""
+    same(
+        traced(with_a_screen, "concrete", max_transmissions=3),
+        traced(with_a_screen, "concrete", max_transmissions=0),
+    )
+    of_face = np.zeros(len(with_a_screen.faces), int)
+    of_face[np.isclose(with_a_screen.triangles_center[:, 0], 3.0)] = 1
+    pane = Material("pane", (Layer(thickness_m=0.006, material="glass"),))
+    for scene in ("plan", "space"):
+        config = TracerConfig(scene=scene, max_paths=500, max_transmissions=2, max_reflections=2)
+        tracer = Tracer(with_a_screen, materials=("concrete", pane), face_material=of_face, config=config)
+        paths = tracer.trace(TX, RX)
+        passed = paths.interaction == Interaction.TRANSMISSION
+        assert passed.any() and np.allclose(paths.point[..., 0][passed], 3.0)
