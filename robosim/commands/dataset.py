@@ -37,7 +37,7 @@ def dataset(
     receiver: TerminalPart = "ue",
     headings: Literal["fixed", "random"] = "fixed",
     format: Annotated[tuple[Literal["mmwrobotnav", "deepmimo"], ...], tyro.conf.UseAppendAction] = (),
-    tolerance: float = 0.05,
+    tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
@@ -63,7 +63,8 @@ def dataset(
         receiver: Antennas that receive; ue is the published robot's.
         headings: Where receivers' arrays face: fixed, as published, or random, as a robot's that drives about.
         format: Written too: CSV files of mmwRobotNav or DeepMIMO v4 scenarios; can be given several times.
-        tolerance: How far walls may be moved to straighten them [m], faster; 0 keeps every cell.
+        tolerance: How far walls may be moved to save corners [m], faster; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
         radio: Which paths are traced.
         reading: How to read the plans, where they do not say.
         work: Who does the work.

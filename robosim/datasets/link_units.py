@@ -14,7 +14,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from jaxtyping import Float
 
-from robosim.building.building import BuildingConfig
 from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
@@ -56,7 +55,7 @@ class LinkSetConfig:
     """Where receivers' arrays face: all the same way, as published, or each at random, as a robot's do."""
     formats: tuple[Format, ...] = ()
     """What is written beside Parquet."""
-    radio: RadioConfig = field(default_factory=lambda: RadioConfig(building=BuildingConfig(tolerance_m=0.05)))
+    radio: RadioConfig = field(default_factory=RadioConfig)
     """How links are traced."""
 
     def __post_init__(self) -> None:
