@@ -152,6 +152,8 @@ MATERIAL = Kind(
     dict.fromkeys((*MATERIALS, *WALLS), ""),  # told to the tracer by their names, as they are
     has=("name", "layers"),
     made_from="nothing",
+    suffixes=(".yaml", ".yml"),
+    from_file="robosim.building.material_file:read_material",
 )
 READER = Kind(
     "reader of floor plans",

@@ -23,6 +23,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
+from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.checks import check_numbers
@@ -38,6 +39,23 @@ logger = logging.getLogger(__name__)
 
 #: What a face can be; `Building.face_kind` counts along these, as `robosim.building.extrusion` does.
 KINDS = ("wall", "floor", "ceiling", "furniture")
+
+
+def material_of(given: Part, field: str) -> str | Material:
+    """A radio material: a name of `wireless.em.materials` as it is, or the layers that a file or part stands for.
+
+    Args:
+        given: One of `robosim.parts.MATERIAL`.
+        field: What messages call it.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    if MATERIAL.is_name(given):
+        check_material(given, field)
+        return str(given)
+    made: Material = MATERIAL.make(given, field=field)
+    return made
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,12 +105,7 @@ class BuildingConfig:
         Raises:
             ValueError: If there is none.
         """
-        given: Part = getattr(self, f"{kind}_material")
-        if isinstance(given, str) and ":" not in given:
-            check_material(given, f"{kind}_material")
-            return given
-        made: Material = MATERIAL.make(given, field=f"{kind}_material")
-        return made
+        return material_of(getattr(self, f"{kind}_material"), f"{kind}_material")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -197,15 +210,22 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
     """
     config = config or BuildingConfig()
     cells = free_cells(plan, config.tolerance_m)
+    if plan.material is not None:
+        cells = cut_at_materials(cells, plan)
     islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
     solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
     if not config.tolerance_m:
         solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
     vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: placed(plan, points))
-    of_kind = [config.material(kind) for kind in KINDS]
-    materials = tuple(dict.fromkeys(of_kind[kind] for kind in np.unique(solid.kind)))
-    index = np.array([materials.index(name) if name in materials else 0 for name in of_kind], np.uint8)
+    wanted = [config.material(kind) for kind in KINDS]
+    of_face = solid.kind.astype(np.int64)
+    if plan.material is not None:
+        wanted += [material_of(name, "materials of the plan") for name in plan.materials]
+        own = _own_materials(plan, solid)
+        of_face = np.where(own > 0, len(KINDS) - 1 + own, of_face)
+    materials = tuple(dict.fromkeys(wanted[i] for i in np.unique(of_face)))
+    index = np.array([materials.index(one) if one in materials else 0 for one in wanted], np.uint8)
     made_from: dict[str, object] = {
         "plan": plan.name,
         "wall_line": plan.wall_line,
@@ -220,8 +240,20 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         mesh=_mesh(vertices, solid.faces, made_from),
         face_kind=solid.kind,
         materials=materials,
-        face_material=index[solid.kind],
+        face_material=index[of_face],
     )
+
+
+def _own_materials(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]:
+    """Number of the plan's material of each upright face, 0 for none."""
+    corners = solid.vertices[solid.faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, :2]
+    upright = np.flatnonzero(np.isin(solid.kind, (WALL, FURNITURE)) & normal.any(axis=1))
+    found = np.zeros(len(corners), np.int64)
+    along = normal[upright][:, ::-1] * (1, -1)  # free space, which normals point into, is on the left of it
+    middle = (corners[upright, :, :2].min(axis=1) + corners[upright, :, :2].max(axis=1)) / 2
+    found[upright] = materials_behind(plan, middle, along)
+    return found
 
 
 def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, " n_rings"]:

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, UInt8
 
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
@@ -40,15 +40,24 @@ def turned(plan: FloorPlan, degrees: float) -> FloorPlan:
     turn = np.array([[c, -s], [s, c]])
     middle, new_middle = np.array([columns - 1, rows - 1]) / 2, np.array([wide - 1, high - 1]) / 2
     matrix = np.column_stack([turn, new_middle - turn @ middle])
-    cells = cv2.warpAffine(
-        plan.occupancy,
-        matrix,
-        (wide, high),
-        flags=cv2.INTER_NEAREST,
-        borderMode=cv2.BORDER_CONSTANT,
-        borderValue=UNKNOWN,
+
+    def warped(grid: UInt8[np.ndarray, "ny nx"], beyond: int) -> UInt8[np.ndarray, "my mx"]:
+        """The grid turned, with a value for what is new."""
+        return cv2.warpAffine(
+            grid,
+            matrix,
+            (wide, high),
+            flags=cv2.INTER_NEAREST,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=beyond,
+        )
+
+    return replace(
+        plan,
+        occupancy=warped(plan.occupancy, UNKNOWN),
+        material=None if plan.material is None else warped(plan.material, 0),
+        name=f"{plan.name}@{degrees:g}",
     )
-    return replace(plan, occupancy=cells, name=f"{plan.name}@{degrees:g}")
 
 
 def _walled(free: Bool[np.ndarray, "ny nx"], name: str) -> FloorPlan:

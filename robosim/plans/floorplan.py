@@ -68,6 +68,11 @@ class FloorPlan:
     """Where walls stand: on the edges of free cells, or through the centres of the outermost ones."""
     eroded_m: float = 0.0
     """Margin that was already taken off the free area [m]."""
+    material: UInt8[np.ndarray, "ny nx"] | None = None
+    """What walls beside each occupied cell are made of: index into `materials` from 1 on, 0 for what the building
+    says; None for that everywhere."""
+    materials: tuple[str, ...] = ()
+    """Radio materials of walls, by name or as files of layers."""
 
     def __post_init__(self) -> None:
         if (
@@ -103,6 +108,16 @@ class FloorPlan:
                 f"occupancy is {grid.dtype} up to {grid.max()}, expected uint8: {FREE} free, {OCCUPIED} "
                 f"occupied, {UNKNOWN} unknown."
             )
+        of_wall = self.material
+        if of_wall is not None and (
+            of_wall.shape != grid.shape or of_wall.dtype != np.uint8 or of_wall.max() > len(self.materials)
+        ):
+            return (
+                f"material is {of_wall.dtype} of {of_wall.shape} up to {of_wall.max()}, expected uint8 of "
+                f"{grid.shape} up to {len(self.materials)}, as there are {len(self.materials)} materials."
+            )
+        if of_wall is not None and (of_wall[grid != OCCUPIED] > 0).any():
+            return "material is given for cells that are not occupied, expected 0 there."
         if not (grid == FREE).any():
             return "no free space. Check the thresholds and `negate`, or whether black and white are swapped."
         return None
@@ -129,6 +144,8 @@ class FloorPlan:
         """A text that changes with whatever of a plan a building depends on; seeds are made of it too."""
         seen = hashlib.sha256(repr((self.shape, self.resolution_m, self.origin, self.wall_line)).encode())
         seen.update(self.occupancy.tobytes())
+        if self.material is not None:
+            seen.update(repr(self.materials).encode() + self.material.tobytes())
         return seen.hexdigest()[:16]
 
     @property

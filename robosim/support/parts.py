@@ -44,6 +44,10 @@ class Kind:
     from_file: str = ""
     """What makes a part of such a file, as `module:Name`; it is called with the file's path first."""
 
+    def is_name(self, part: Part) -> bool:
+        """Whether a part is told by a name, right or wrong, and not by `module:Name` or a file."""
+        return isinstance(part, str) and ":" not in part and not self._is_file(part)
+
     @property
     def names(self) -> tuple[str, ...]:
         """Of the shipped ones."""

@@ -414,6 +414,11 @@ def robots(folder: Path) -> None:
         )
     )
     (home / "robot.yaml").write_text("radius_m: 0.25\nmass_kg: 4\n")
+    (home / "wall.yaml").write_text(
+        "name: clad\nlayers:\n- {material: glass, thickness_m: 0.006}\n"
+        "- {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}\n"
+        "- {material: glass, thickness_m: 0.006}\n"
+    )
 
 
 def real(folder: Path) -> None:

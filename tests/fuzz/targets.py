@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from rich.console import Console
 
+from robosim.building.material_file import read_material
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
@@ -324,6 +325,7 @@ TARGETS: dict[str, Target] = {
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),
     "robot": Target("robots", "robot.*", lambda folder, file: read_robot(file), 0.5),
+    "layers of a wall": Target("robots", "wall.yaml", lambda folder, file: read_material(file), 0.5),
     "runs": Target("robots", "runs.csv", lambda folder, file: read_runs(file), 0.5),
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),

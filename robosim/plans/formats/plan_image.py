@@ -8,6 +8,7 @@ Left out: colour profiles, orientation tags, all frames but the first.
 """
 
 import io
+from colorsys import hsv_to_rgb
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,6 +42,8 @@ class PlanImage:
     """How opaque, or None for images without an alpha channel."""
     opaque: int = 255
     """Value of `alpha` for a fully opaque pixel."""
+    colour: UInt8[np.ndarray, "h w 3"] | None = None
+    """Red, green and blue, or None for grey images."""
 
     @property
     def see_through(self) -> Bool[np.ndarray, "h w"]:
@@ -84,7 +87,7 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
             deep = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
         if deep is None:
             raise ValueError("its pixels are damaged")
-        return _from_channels(np.asarray(deep), 65535)
+        return _from_channels(np.asarray(deep)[..., [2, 1, 0, *range(3, deep.shape[-1])]], 65535)
     if image.mode.startswith("I;16"):
         samples = np.asarray(image).astype(np.uint16)
         key = image.info.get("transparency")
@@ -98,12 +101,13 @@ def _levels(image: Image.Image, content: bytes) -> PlanImage:
 
 
 def _from_channels(pixels: np.ndarray, full: int) -> PlanImage:
-    """From (h, w, 3 or 4) channels, alpha last."""
+    """From (h, w, 3 or 4) channels: red, green, blue, alpha."""
     light = np.zeros(pixels.shape[:2], np.uint16 if 3 * full < 1 << 16 else np.uint32)
     for channel in range(3):
         light += pixels[..., channel]
     alpha = pixels[..., 3].astype(np.uint16) if pixels.shape[-1] == 4 else None
-    return PlanImage(light=light, white=3 * full, alpha=alpha, opaque=full)
+    colour = (pixels[..., :3] >> (8 if full > 255 else 0)).astype(np.uint8)
+    return PlanImage(light=light, white=3 * full, alpha=alpha, opaque=full, colour=colour)
 
 
 def three_states(
@@ -155,13 +159,25 @@ def read_image_plan(path: Path, resolution_m: float | None) -> FloorPlan:
 
 
 def write_png(plan: FloorPlan, path: str | Path) -> None:
-    """Write the occupancy as a grey PNG (free 254, occupied 0, unknown 205), whole or not at all.
+    """Write the occupancy as a PNG (free 254, occupied 0, unknown 205), whole or not at all.
 
-    Reads back the same by `read_image_plan` with the plan's resolution; origin and names are not kept.
+    It is grey, but where walls are of materials of their own, which have the colours of `colours_of`. Reads back the
+    same by `read_image_plan` with the plan's resolution; origin, names and materials are not kept.
     """
-    buffer = io.BytesIO()
-    Image.fromarray(GREY[plan.occupancy[::-1]]).save(buffer, "PNG", optimize=True)
+    buffer, pixels = io.BytesIO(), GREY[plan.occupancy[::-1]]
+    if plan.material is not None:
+        colours = np.array([(0, 0, 0), *colours_of(len(plan.materials))], np.uint8)
+        of_wall = plan.material[::-1]
+        pixels = np.where(of_wall[..., None] > 0, colours[of_wall], pixels[..., None])
+    Image.fromarray(pixels).save(buffer, "PNG", optimize=True)
     write_whole(Path(path), buffer.getvalue())
+
+
+def colours_of(count: int) -> list[tuple[int, int, int]]:
+    """So many colours (red, green, blue) that are dark enough to be walls, and far from each other."""
+    hues = (0.62 + 0.618034 * np.arange(count)) % 1.0
+    shades = (hsv_to_rgb(hue, 1.0, 0.5 + 0.2 * (i % 2)) for i, hue in enumerate(hues))
+    return [(round(150 * r), round(150 * g), round(150 * b)) for r, g, b in shades]
 
 
 def write_pgm(plan: FloorPlan, path: str | Path) -> None:

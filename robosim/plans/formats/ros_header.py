@@ -1,18 +1,23 @@
 """The YAML file of a ROS map: its keys, each checked, with a message that teaches where one is wrong.
 
 Needed are `image`, `resolution`, `origin`, `negate`, `occupied_thresh` and `free_thresh`, as by map_server;
-`mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line` and `eroded_m` are keys of our own.
+`mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line`, `eroded_m` and `materials` are keys of our
+own; the last says which colours of the image are walls of which radio material:
+
+    materials: {"#0000ff": glazing, "#008000": door, "#800000": my_wall.yaml}
 What the values do to the image is told in `robosim.plans.formats.ros_map`.
 """
 
 import logging
 import math
+import re
 import reprlib
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from robosim.parts import MATERIAL
 from robosim.plans.floorplan import RESOLUTIONS_M, MapError, WallLine
 from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
 from robosim.support.reading import reading
@@ -44,6 +49,8 @@ class RosHeader:
     name: str
     wall_line: WallLine
     eroded_m: float
+    materials: dict[tuple[int, int, int], str]
+    """Radio material of each colour (red, green, blue) that has one; files with their folder."""
 
 
 def read_header(path: Path) -> RosHeader:
@@ -118,7 +125,30 @@ def _checked(keys: _Keys) -> RosHeader:
         name=name if isinstance(name, str) else keys.path.stem,
         wall_line=keys.choice("wall_line", get_args(WallLine), "cell_edge"),  # type: ignore[arg-type]
         eroded_m=eroded_m,
+        materials=_materials(keys),
     )
+
+
+def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:
+    expected = "colours and radio materials, for example {'#0000ff': glazing, '#008000': door}"
+    given = keys.keys.get("materials", {})
+    if not isinstance(given, dict) or len(given) > 250:
+        raise keys.fail("materials", expected)
+    found = {}
+    for colour, material in given.items():
+        if not (isinstance(colour, str) and re.fullmatch("#[0-9a-fA-F]{6}", colour)):
+            raise keys.fail("materials", f"{expected}; {str(colour)[:80]!r} is no colour")
+        if not isinstance(material, str):
+            raise keys.fail("materials", f"{expected}; that of {colour} is no name")
+        if not MATERIAL.is_name(material) and ":" not in material:
+            material = str(keys.path.parent / material)
+        try:
+            MATERIAL.check("it", material)
+        except ValueError as error:
+            raise keys.fail("materials", f"a radio material for {colour}: {error}") from error
+        red, green, blue = bytes.fromhex(colour[1:])
+        found[red, green, blue] = material
+    return found
 
 
 def _thresholds(keys: _Keys) -> tuple[float, float]:

@@ -12,7 +12,8 @@ probability p of a cell being occupied is (255 - value) / 255, or value / 255 if
 
 One departure: Nav2's map_saver writes unknown as 205 together with `free_thresh: 0.25`, by which map_server
 takes it for free. In images of map_saver's three greys only, 205 is unknown here, and a warning says so.
-`name`, `wall_line` and `eroded_m` are keys of our own, which map_server ignores.
+`name`, `wall_line`, `eroded_m` and `materials` are keys of our own, which map_server ignores. Pixels of a colour that
+stands for a radio material are walls, however light they are.
 
 References: nav2_map_server `map_io.cpp` (up to Jazzy), ROS 1 map_server `image_loader.cpp` and wiki page.
 """
@@ -25,12 +26,13 @@ import numpy as np
 import yaml
 from jaxtyping import UInt8, UInt16
 
-from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
 from robosim.plans.formats.plan_image import (
     FREE_THRESH,
     GREY,
     OCCUPIED_THRESH,
     PlanImage,
+    colours_of,
     looked_up,
     read_image,
     three_states,
@@ -42,6 +44,9 @@ from robosim.plans.formats.ros_header import RosHeader, read_header
 
 logger = logging.getLogger(__name__)
 
+#: How far each of red, green and blue may be from the colour of a material, as programs that draw round them.
+COLOUR_OFF = 4
+
 
 def read_ros(path: Path) -> FloorPlan:
     """Floor plan from a map_server YAML file and the image that it names.
@@ -52,8 +57,15 @@ def read_ros(path: Path) -> FloorPlan:
     """
     header = read_header(path)
     image = read_image(header.image)
+    states, material = occupancy_of(image, header, path), None
+    if header.materials:
+        material = _materials_of(image, header, path)
+        states[material > 0] = OCCUPIED
+        material = material[::-1].copy()
     return FloorPlan(
-        occupancy=occupancy_of(image, header, path)[::-1].copy(),
+        occupancy=states[::-1].copy(),
+        material=material,
+        materials=tuple(header.materials.values()),
         resolution_m=header.resolution_m,
         origin=header.origin,
         name=header.name,
@@ -85,6 +97,23 @@ def occupancy_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.nd
         )
         states[unknown] = UNKNOWN
     return states
+
+
+def _materials_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.ndarray, "h w"]:
+    """Number, from 1 on, of the material that each pixel's colour stands for; 0 for none."""
+    if image.colour is None:
+        raise MapError(
+            f"{path}: materials names colours, but {header.image.name} is grey. Save the picture in colour, as PNG."
+        )
+    found = np.zeros(image.light.shape, np.uint8)
+    for number, colour in enumerate(header.materials, 1):
+        near = (np.abs(image.colour.astype(np.int16) - colour) <= COLOUR_OFF).all(axis=-1)
+        found[near] = number
+        if not near.any():
+            logger.warning(
+                "%s: materials names #%02x%02x%02x, which no pixel of the picture has.", path, *colour
+            )
+    return found
 
 
 def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) -> UInt8[np.ndarray, "h w"]:
@@ -139,7 +168,8 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
     Args:
         plan: What to write.
         path: The YAML file; its folder is made if need be.
-        image: Format of the image: P5 graymap or PNG.
+        image: Format of the image: P5 graymap or PNG; PNG for a plan with materials of walls, whose files of layers
+            are named as they are.
 
     Raises:
         ValueError: If `path` does not end in .yaml or .yml, or the image format is another one.
@@ -151,6 +181,8 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
         )
     if image not in ("pgm", "png"):
         raise ValueError(f"image is {image!r}, expected 'pgm' or 'png'.")
+    if plan.material is not None:
+        image = "png"
     image_path = path.with_name(f"{path.stem}.{image}")
     (write_pgm if image == "pgm" else write_png)(plan, image_path)
     keys: dict[str, Any] = {
@@ -168,5 +200,13 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
         keys["wall_line"] = plan.wall_line
     if plan.eroded_m != 0:
         keys["eroded_m"] = float(plan.eroded_m)
+    if plan.material is not None:
+        colours = colours_of(len(plan.materials))
+        keys["materials"] = {
+            "#" + bytes(colour).hex(): str(Path(name).resolve())
+            if Path(name).suffix in (".yaml", ".yml")
+            else name
+            for colour, name in zip(colours, plan.materials, strict=True)
+        }
     text = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None, width=1_000_000)
     write_whole(path, text.encode("utf-8"))

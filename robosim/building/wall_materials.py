@@ -1,0 +1,61 @@
+"""What each wall is made of, where a plan says so cell by cell: a wall takes after the cells behind it.
+
+Walls are cut where that changes, so that each has one material. All is in cell coordinates (column, row).
+"""
+
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from jaxtyping import Float, Int
+
+from robosim.plans.floorplan import FloorPlan
+
+#: A wall is looked behind at so many places a cell, and so far [cells]: the first cell with a material counts.
+_PLACES, _BEHIND = 4, (0.3, 0.6, 0.9)
+
+
+def cut_at_materials(free: shapely.MultiPolygon, plan: FloorPlan) -> shapely.MultiPolygon:
+    """Free polygons with a corner wherever the material of a wall changes.
+
+    Args:
+        free: Outer rings counter-clockwise, holes clockwise.
+        plan: With materials.
+    """
+    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    points, ring_of = [], []
+    for number, ring in enumerate(rings):
+        corners = shapely.get_coordinates(ring)
+        for a, b in pairwise(corners):
+            count = max(1, round(_PLACES * float(np.hypot(*(b - a)))))
+            along = (np.arange(count) + 0.5) / count
+            kind = materials_behind(plan, a + along[:, None] * (b - a), b - a)
+            cuts = (np.flatnonzero(np.diff(kind)) + 1) / count
+            points.append(np.vstack([a, a + cuts[:, None] * (b - a)]))
+            ring_of.append(np.full(len(points[-1]), number))
+    lines = shapely.linearrings(np.concatenate(points), indices=np.concatenate(ring_of))
+    return shapely.MultiPolygon(list(shapely.orient_polygons(shapely.polygons(lines, indices=owner))))
+
+
+def materials_behind(
+    plan: FloorPlan, points: Float[np.ndarray, "n 2"], along: Float[np.ndarray, "*n 2"]
+) -> Int[np.ndarray, " n"]:
+    """Number of the plan's material behind places on walls, 0 where it says none.
+
+    Args:
+        plan: With materials.
+        points: On walls.
+        along: Where the wall leads there, free space on the left.
+    """
+    assert plan.material is not None
+    right = np.stack([along[..., 1], -along[..., 0]], axis=-1)
+    right = np.broadcast_to(right / np.linalg.norm(right, axis=-1, keepdims=True), points.shape)
+    found = np.zeros(len(points), np.int64)
+    ny, nx = plan.shape
+    for far in _BEHIND:
+        ix, iy = np.floor(points + far * right).astype(int).T
+        inside = (ix >= 0) & (iy >= 0) & (ix < nx) & (iy < ny)
+        here = np.zeros(len(points), np.int64)
+        here[inside] = plan.material[iy[inside], ix[inside]]
+        found = np.where(found == 0, here, found)
+    return found
