@@ -17,6 +17,7 @@ COMMANDS = {
     "generate": "scenes:generate",
     "collect": "collect:collect",
     "calibrate": "calibrate:calibrate",
+    "calibrate-materials": "calibrate_materials:calibrate_materials",
     "slam": "slam:slam",
     "doctor": "machine:doctor",
     "bench render": "bench:render",

@@ -1,7 +1,8 @@
 """Radio paths measured in a real hall, with the places of both ends.
 
 A table with a row for each path: place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m, rx_heading_rad, range_m,
-aod_rad, aoa_rad; further columns are passed over. Directions are in the frame of each end.
+aod_rad, aoa_rad, and power_db if it is known; further columns are passed over. Directions are in the frame of each
+end, powers relative to each other.
 Data of that form: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), at 60 GHz.
 """
 
@@ -50,6 +51,8 @@ class MeasuredHall:
 
     table: Float[np.ndarray, "n columns"]
     """Rows of the table."""
+    power_db: Float[np.ndarray, " n"] | None = None
+    """Power of each path, up to an offset of all [dB]; None if it was not measured."""
 
     @property
     def transmitter(self) -> Float[np.ndarray, "3"]:
@@ -90,12 +93,14 @@ def read_measured_paths(path: Path, turn_rad: float = 0.0) -> MeasuredHall:
     remedy = f"Give a CSV file with columns {','.join(COLUMNS)}: a row for each path"
     with reading(path, "a table of measured paths", remedy) as file:
         rows = csv.DictReader(io.StringIO(file.read().decode("utf-8-sig")))
+        has_power = "power_db" in (rows.fieldnames or ())
         if missing := [name for name in COLUMNS if name not in (rows.fieldnames or ())]:
             raise ValueError(f"column {missing[0]!r} is missing")
-        table = np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
+        columns = (*COLUMNS, "power_db") if has_power else COLUMNS
+        table = np.array([[float(row[name]) for name in columns] for row in rows]).reshape(-1, len(columns))
         if not len(table):
             raise ValueError("there is no path in it")
         if not (np.abs(table) <= _MOST).all():
             raise ValueError("a value is no number, or too large")
         table[:, 3] += turn_rad
-        return MeasuredHall(table)
+        return MeasuredHall(table[:, : len(COLUMNS)], table[:, -1] if has_power else None)

@@ -1,0 +1,101 @@
+"""`robosim calibrate-materials`."""
+
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+
+from rich.table import Table
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in, tell_file
+from robosim.support.checks import FREQUENCY_HZ, check_number
+
+
+def calibrate_materials(
+    plan: Positional[str],
+    paths: Positional[Path],
+    *,
+    frequency_ghz: float = 60.0,
+    material: str = "partition",
+    turn_deg: float = 0.0,
+    height: float = 1.5,
+    range_db: float = 40.0,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
+    out: Path | None = None,
+) -> None:
+    """Hold traced paths against measured ones, and choose the walls' materials by the strengths.
+
+    Materials are chosen on every other place and tried on the rest: for the walls that have no colour in the plan, then
+    for each colour. Paths are paired by delay (1 ns) and both azimuths (5 degrees). Writes materials.json, measured.png
+    and, if the plan has colours, the plan with what was chosen.
+
+    Example: robosim calibrate-materials hall.yaml paths.csv --turn-deg -1.6 --out out/hall
+
+    Args:
+        plan: Floor plan in the frame of the table. Colours of "vacuum" reflect nothing: paint them where the picture
+            ends and the building does not.
+        paths: Table with a row for each path (.csv): place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m,
+            rx_heading_rad, range_m, aod_rad, aoa_rad, power_db.
+        frequency_ghz: Carrier frequency [GHz].
+        material: Of walls without a colour to begin with.
+        turn_deg: What the transmitter's heading in the table is corrected by [deg].
+        height: Of both ends [m].
+        range_db: Traced paths weaker than the strongest of their place by more explain nothing [dB].
+        reading: How to read the plan, where it does not say.
+        out: Folder for the results; a new one under runs/ if not given.
+    """
+    from robosim.building.building import BuildingConfig, make_building
+    from robosim.drawing.measured import draw_measured
+    from robosim.plans.files import write_ros
+    from robosim.published.material_fit import ADDED, EDGES, candidates, explained, fit_materials, tracer_of
+    from robosim.published.measured_match import MatchConfig, match, trace_hall
+    from robosim.published.measured_paths import read_measured_paths
+    from robosim.support.files import write_json
+    from robosim.support.progress import told_units
+
+    check_number("turn_deg", turn_deg, -360, 360, "degrees")
+    check_number("frequency_ghz", frequency_ghz, FREQUENCY_HZ[0] / 1e9, FREQUENCY_HZ[1] / 1e9, "GHz")
+    config = MatchConfig(height_m=height, range_db=range_db)
+    frequency_hz = frequency_ghz * 1e9
+    with results_in(out, "calibrate-materials") as folder:
+        floor_plan = read(plan, reading)
+        hall = read_measured_paths(paths, math.radians(turn_deg))
+        names = candidates(frequency_hz)
+        with told_units(console, "materials tried", len(names) * (1 + len(floor_plan.materials)), 0) as tried:
+            fit = fit_materials(
+                hall,
+                floor_plan,
+                wall=material,
+                frequency_hz=frequency_hz,
+                names=names,
+                config=config,
+                tell=lambda name: tried(""),
+            )
+        fitted = replace(floor_plan, materials=fit.colours)
+        rows = {
+            name: explained(hall, tracer_of(fitted, fit.wall, frequency_hz, kind), config)
+            for name, kind in ADDED.items()
+        }
+        tracer = tracer_of(fitted, fit.wall, frequency_hz, EDGES)
+        matched = match(hall, trace_hall(hall, tracer, height), config)
+        building = make_building(fitted, config=BuildingConfig(wall_material=fit.wall))
+        draw_measured(hall, building, matched, folder / "measured.png")
+        if fitted.materials:
+            write_ros(fitted, folder / "plan" / f"{fitted.name}.yaml")
+        explained_by = {name: asdict(row) for name, row in rows.items()}
+        write_json(folder / "materials.json", {"fit": asdict(fit), "explained": explained_by})
+    tell_file(folder / "materials.json")
+    table = Table("traced", "paths explained", "by chance", "power explained", "off [dB]")
+    for name, row in rows.items():
+        table.add_row(
+            name,
+            *(f"{100 * share:.1f} %" for share in (row.paths, row.by_chance, row.power)),
+            f"{row.off_db:.1f}",
+        )
+    console.print(table)
+    console.print(
+        f"Walls fit {fit.wall} best: reflections are off by {fit.after_db[0]:.1f} dB, at the places that had no say "
+        f"{fit.after_db[1]:.1f} dB; with {material} {fit.before_db[0]:.1f} and {fit.before_db[1]:.1f} dB."
+    )
+    console.print(f"Wrote materials.json and measured.png in {folder}")
+    console.print(f"Next: robosim trace {plan} --material {fit.wall} --frequency-ghz {frequency_ghz:g}")

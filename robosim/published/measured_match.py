@@ -1,0 +1,116 @@
+"""Traced paths beside measured ones: which of them are the same, and how strong they are.
+
+A measured path is explained by a traced one if delay and both azimuths agree. Each traced path explains one measured
+path at most; of all ways to pair them the one that explains most is taken, the closest of these.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.constants import speed_of_light
+from scipy.optimize import linear_sum_assignment
+
+from robosim.published.measured_paths import MeasuredHall
+from robosim.support.checks import check_numbers
+from slam.poses import wrap
+from wireless.paths import Interaction, Paths
+from wireless.tracing.tracer import Tracer
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchConfig:
+    """How far apart the same path may be measured and traced."""
+
+    delay_ns: float = 1.0
+    angle_deg: float = 5.0
+    height_m: float = 1.5
+    """Height of both ends [m], which such tables do not say."""
+    range_db: float = 40.0
+    """Traced paths weaker than the strongest of their place by more explain nothing [dB]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            delay_ns=(1e-3, 1e3, "ns"),
+            angle_deg=(1e-3, 180, "degrees"),
+            height_m=(0, 100, "m"),
+            range_db=(0, 300, "dB"),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Matched:
+    """For each measured path, in the order of the table."""
+
+    explained: Bool[np.ndarray, " n"]
+    """Whether a traced path is the same."""
+    traced_db: Float[np.ndarray, " n"]
+    """Power gain of that path [dB]; NaN for none."""
+    order: Int[np.ndarray, " n"]
+    """Its number of interactions, -1 for none."""
+    diffracted: Bool[np.ndarray, " n"]
+    """Whether it met an edge."""
+    by_chance: float
+    """Share of the paths that would be explained by those traced to other places, mean over all other places."""
+
+
+def trace_hall(hall: MeasuredHall, tracer: Tracer, height_m: float) -> Paths:
+    """Paths from the transmitter to each place."""
+    rx = np.array([[*place.receiver[:2], height_m] for place in hall.places])
+    return tracer.trace(np.array([[*hall.transmitter[:2], height_m]]), rx)
+
+
+def match(hall: MeasuredHall, paths: Paths, config: MatchConfig) -> Matched:
+    """Pair measured with traced paths.
+
+    Args:
+        hall: What was measured.
+        paths: Of `trace_hall`.
+        config: How far they may be apart.
+    """
+    table = hall.table
+    number, place_of = np.unique(table[:, 0], return_inverse=True)
+    strongest = paths.strongest()
+    most_db = np.full(len(number), -np.inf)
+    most_db[strongest.rx] = strongest.power_db
+    paths = paths.select(paths.power_db >= most_db[paths.rx] - config.range_db)
+    length = paths.delay_s * speed_of_light
+    traced_db, order = np.full(len(table), np.nan), np.full(len(table), -1)
+    diffracted = np.zeros(len(table), bool)
+    by_chance = 0
+    for here in range(len(number)):
+        rows = np.flatnonzero(place_of == here)
+        measured = np.column_stack(
+            [table[rows, 7], table[rows, 3] + table[rows, 8], table[rows, 6] + table[rows, 9]]
+        )
+        for there in range(len(number)):
+            some = np.flatnonzero(paths.rx == there)
+            traced = np.column_stack([length[some], paths.aod_az[some], paths.aoa_az[some]])
+            pairs = _pairs(measured, traced, config)
+            if there != here:
+                by_chance += len(pairs)
+                continue
+            row, path = rows[pairs[:, 0]], some[pairs[:, 1]]
+            traced_db[row], order[row] = paths.power_db[path], paths.order[path]
+            diffracted[row] = (paths.interaction[path] == Interaction.DIFFRACTION).any(axis=1)
+    return Matched(
+        explained=order >= 0,
+        traced_db=traced_db,
+        order=order,
+        diffracted=diffracted,
+        by_chance=by_chance / max(1, len(table) * (len(number) - 1)),
+    )
+
+
+def _pairs(
+    measured: Float[np.ndarray, "n 3"], traced: Float[np.ndarray, "m 3"], config: MatchConfig
+) -> Int[np.ndarray, "k 2"]:
+    """Indices of measured and traced paths (length [m], departure, arrival [rad]) that are the same."""
+    off = traced[None] - measured[:, None]
+    off[..., 1:] = wrap(off[..., 1:])
+    off /= [config.delay_ns * 1e-9 * speed_of_light, *[np.radians(config.angle_deg)] * 2]
+    near = (np.abs(off) <= 1).all(axis=-1)
+    cost = np.where(near, (off**2).sum(axis=-1), 1e3)  # one pair more is worth any distance
+    pairs = np.column_stack(linear_sum_assignment(cost))
+    return pairs[near[pairs[:, 0], pairs[:, 1]]]
