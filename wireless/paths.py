@@ -13,6 +13,7 @@ there are none.
 and transmission from the transmitter on.
 """
 
+from base64 import b64decode, b64encode
 from dataclasses import dataclass, fields, replace
 from enum import IntEnum
 from io import BytesIO
@@ -35,6 +36,25 @@ if TYPE_CHECKING:
 
 #: What the metadata of a table of paths say.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
+#: What the columns of a table of paths are, by how their names begin: the unit, and the meaning.
+_MEANING = {
+    "tx_": ("m", "place of the transmitter"),
+    "tx": ("", "number of the transmitter, from 0"),
+    "rx_": ("m", "place of the receiver"),
+    "rx": ("", "number of the receiver, from 0"),
+    "gain_": (
+        "",
+        "complex gain between isotropic antennas, polarisation at the receiver and at the transmitter",
+    ),
+    "power": ("", "power gain in the polarisation asked for, a ratio"),
+    "delay_s": ("s", "time of flight"),
+    "aoa_": ("rad", "direction that the path arrives from"),
+    "aod_": ("rad", "direction in which it departs"),
+    "order": ("", "number of interactions, 0 for line of sight"),
+    "interaction": ("", "kind at each point: 1 reflection, 2 diffraction, 4 transmission, 0 beyond the last"),
+    "primitive": ("", "number of the wall or edge at each point, -1 beyond the last"),
+    "point_m": ("m", "x, y, z of each point, one after the other, NaN beyond the last"),
+}
 #: A file holds the paths of many links [bytes].
 _MOST_BYTES = 100_000_000_000
 
@@ -246,10 +266,12 @@ class Paths:
         columns["point_m"] = _lists(self.point.reshape(len(self), 3 * width), 3 * width)
         scene = {
             "frequency_hz": repr(self.frequency_hz),
-            "tx_position_m": self.tx_position.tobytes(),
-            "rx_position_m": self.rx_position.tobytes(),
+            "tx_position_m": _as_text(self.tx_position),
+            "rx_position_m": _as_text(self.rx_position),
         }
-        return pa.table(columns, metadata=scene)
+        table = pa.table(columns)
+        fields = [field.with_metadata(_told(field.name)) for field in table.schema]
+        return table.cast(pa.schema(fields, metadata=scene))
 
     def write_parquet(self, path: str | PathLike[str] | BytesIO) -> None:
         """Write all columns to a Parquet file, positions and frequency in its metadata."""
@@ -308,8 +330,20 @@ class Paths:
         return paths
 
 
+def _told(column: str) -> dict[str, str]:
+    """Unit and meaning of a column."""
+    unit, meaning = next(told for name, told in _MEANING.items() if column.startswith(name))
+    return {"unit": unit, "meaning": meaning}
+
+
+def _as_text(positions: Float[np.ndarray, "n 3"]) -> str:
+    """Positions for metadata, which some readers take for text only: 64-bit floats, lowest byte first, as base64."""
+    return b64encode(positions.astype("<f8").tobytes()).decode()
+
+
 def _positions(scene: dict[bytes, bytes], who: str) -> Float[np.ndarray, "n 3"]:
-    found = np.frombuffer(scene[f"{who}_position_m".encode()]).reshape(-1, 3)
+    content = b64decode(scene[f"{who}_position_m".encode()], validate=True)
+    found = np.frombuffer(content, "<f8").astype(float).reshape(-1, 3)
     check_within(found, f"{who}_position_m", -FAR, FAR)
     return found
 

@@ -89,6 +89,31 @@ def test_parquet_gives_back_every_bit(traced, tmp_path):
     assert np.array_equal(back.link_state(-90.0), traced.link_state(-90.0))
 
 
+def test_columns_and_metadata_are_told_in_text(traced, tmp_path):
+    """Each column has a unit and a meaning, and all metadata are UTF-8, which polars needs to open the file."""
+    traced.write_parquet(tmp_path / "paths.parquet")
+    schema = pq.read_schema(tmp_path / "paths.parquet")
+    for field in schema:
+        assert field.metadata[b"meaning"]
+    assert schema.field("delay_s").metadata[b"unit"] == b"s"
+    assert schema.field("tx_x_m").metadata == {b"unit": b"m", b"meaning": b"place of the transmitter"}
+    for text in schema.metadata.values():
+        text.decode("utf-8")
+
+
+@pytest.mark.parametrize("reader", ["polars", "duckdb", "pandas"])
+def test_others_open_the_file(traced, tmp_path, reader):
+    """Rows, columns and powers as written, by programs that are not needed here."""
+    module = pytest.importorskip(reader, reason=f"needs {reader}, which is not installed")
+    path = str(tmp_path / "paths.parquet")
+    traced.write_parquet(path)
+    if reader == "duckdb":
+        power = module.sql(f"select power from '{path}'").fetchnumpy()["power"]
+    else:
+        power = module.read_parquet(path)["power"].to_numpy()
+    np.testing.assert_array_equal(power, traced.power)
+
+
 def test_other_parquet_is_refused(tmp_path):
     """A table of something else is named as such, with its columns."""
     pq.write_table(pa.table({"x": [1]}), tmp_path / "x.parquet")
