@@ -4,9 +4,10 @@
     paths = Tracer(building, frequency_hz=28e9).trace(tx, rx)   # a mesh with materials
 
 A mesh that was extruded from a floor plan is traced as one: views through its exact outline
-(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh is traced in
-space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The building's own
-work (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
+(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh, and points
+above a plan's ceiling or below its floor, are traced in space (`wireless.tracing.space_engine`), slower, to the same
+paths. All decide in double precision. The building's own work (outline, corners, triangulation; facets, edges, boxes)
+is done once, when the tracer is made.
 
 Left out: more than one diffraction on a path, scattering by rough walls.
 """
@@ -14,6 +15,7 @@ Left out: more than one diffraction on a path, scattering by rough walls.
 import logging
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -196,7 +198,7 @@ class _PlanScene:
         low, high = self.extruded.low_m, self.extruded.high_m
         for name, points in (("tx", tx), ("rx", rx)):
             z = points[:, 2]
-            if not np.all((z >= low) & (z <= high)):
+            if not self.holds(points):
                 raise ValueError(
                     f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
                     "floor and ceiling. Trace other points with scene='space'."
@@ -215,6 +217,11 @@ class _PlanScene:
                 yield trace_links(plan, setting, one, around, some, *targets, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
+
+    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
+        """Whether points lie between floor and ceiling."""
+        z = points[:, 2]
+        return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
 
     def _passable(self, around: Int[np.ndarray, " s"]) -> tuple[Plan, Setting]:
         """Plan and setting in which paths pass only walls that may lead on to any of some triangles.
@@ -375,10 +382,11 @@ class Tracer:
                 "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
                 "Trace it with scene='space'."
             )
+        self._in_space = cache(lambda: _SpaceScene(mesh, of_face, face_wall, self._setting, self.config))
         if plan is not None:
             self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, face_wall, self._setting, self.config)
         else:
-            self.scene = _SpaceScene(mesh, of_face, face_wall, self._setting, self.config)
+            self.scene = self._in_space()
 
     def trace(
         self,
@@ -403,7 +411,7 @@ class Tracer:
             Paths by transmitter, receiver and falling power.
 
         Raises:
-            ValueError: If there are no points, or one is not finite, kilometres away, or in a floor plan not
+            ValueError: If there are no points, or one is not finite, kilometres away, or with scene='plan' not
                 between floor and ceiling, or there is no worker.
         """
         tx, rx = np.asarray(tx, float), np.asarray(rx, float)
@@ -419,8 +427,13 @@ class Tracer:
                 )
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
-        tables = self.scene.tables(tx - self.scene.origin, rx - self.scene.origin, workers)
-        return self._paths(tx, rx, tables)
+        scene = self.scene
+        in_plan = not isinstance(scene, _PlanScene) or (scene.holds(tx) and scene.holds(rx))
+        if not in_plan and self.config.scene == "auto":
+            logger.info("Points below the floor or above the ceiling: traced in space")
+            scene = self._in_space()
+        tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
+        return self._paths(tx, rx, tables, scene.origin)
 
     def _setting(self, walls: Complex[np.ndarray, "n l"]) -> Setting:
         """Physics and limits of this tracer, for walls or facets of some layers."""
@@ -452,6 +465,7 @@ class Tracer:
         tx: Float[np.ndarray, "n_tx 3"],
         rx: Float[np.ndarray, "n_rx 3"],
         rows: Rows,
+        origin: Float[np.ndarray, "3"],
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
         owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
@@ -463,7 +477,7 @@ class Tracer:
         order, point = column("order"), column("point")
         row = np.arange(len(order))
         out, back = point[row, 1] - point[row, 0], point[row, order] - point[row, order + 1]
-        inner = point[:, 1:-1] + self.scene.origin
+        inner = point[:, 1:-1] + origin
         inner[np.arange(inner.shape[1]) >= order[:, None]] = np.nan
         return Paths(
             tx_position=tx,

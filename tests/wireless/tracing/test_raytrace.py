@@ -183,7 +183,7 @@ def test_unusable_input_is_named(extruded):
         Tracer(mesh, face_material=np.array([0, 1]))
     with pytest.raises(ValueError, match="Did you mean"):
         Tracer(mesh, materials=("drywal",))
-    tracer = Tracer(mesh)
+    tracer = Tracer(mesh, config=TracerConfig(scene="plan"))
     with pytest.raises(ValueError, match="rx has heights from 9"):
         tracer.trace(np.array([[0.0, 1, 1]]), np.array([[0.0, 1, 9]]))
     with pytest.raises(ValueError, match="finite positions"):

@@ -401,3 +401,17 @@ def test_all_interactions_together_are_limited(traced, floor_ceiling):
     assert min(every.order[edge].max(), every.order[~edge].max()) > 3
     assert (limited.interaction == Interaction.TRANSMISSION).any()
     np.testing.assert_allclose(table(limited), table(wanted), rtol=0, atol=1e-12)
+
+
+def test_points_above_a_plan_are_traced_in_space():
+    """A lone cylinder looks like a floor plan; over it, paths are those of scene='space', between, of the plan."""
+    cylinder = trimesh.creation.cylinder(radius=1.0, height=2.0, sections=12)
+    tx, rx = np.array([[3.0, 0.3, 0.5]]), np.array([[-3.0, 1.2, 4.0], [2.5, -2.0, 0.2]])
+    auto, space = (
+        Tracer(cylinder, config=TracerConfig(scene=scene)).trace(tx, rx) for scene in ("auto", "space")
+    )
+    assert len(auto) == len(space) > 2
+    np.testing.assert_array_equal(auto.power_db, space.power_db)
+    within = Tracer(cylinder).trace(tx, rx[1:])
+    plan = Tracer(cylinder, config=TracerConfig(scene="plan")).trace(tx, rx[1:])
+    np.testing.assert_array_equal(within.power_db, plan.power_db)
