@@ -62,18 +62,32 @@ def straightened(free: shapely.MultiPolygon) -> shapely.MultiPolygon:
     """
     outlines, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
     rings = _rings([shapely.get_coordinates(outline).astype(np.int64) for outline in outlines])
+    corners, astray = ([np.empty((0, 2))] * len(rings) for _ in range(2))
+    changed = list(range(len(rings)))
     for attempt in range(_TRIES):
-        corners = [_corners(ring, _walls(ring)) for ring in rings]
-        wrong = np.concatenate([_crossings(corners), *map(_left_out, rings, corners)])
+        for i in changed:
+            corners[i] = _corners(rings[i])
+            astray[i] = _left_out(rings[i], corners[i])
+        wrong = np.concatenate([_crossings(corners), *astray])
         if not len(wrong):
             ring_of = np.repeat(np.arange(len(rings)), [len(points) for points in corners])
             lines = shapely.linearrings(np.concatenate(corners), indices=ring_of)
             polygons = shapely.polygons(lines, indices=owner)
             straight = shapely.MultiPolygon(list(shapely.orient_polygons(polygons)))
             return straight if shapely.is_valid(straight) else free
-        for ring in rings:
-            ring.fixed[KDTree(wrong).query(ring.point + ring.step / 2)[0] <= _APART * (1 + attempt)] = True
+        changed = _fix(rings, KDTree(wrong), _APART * (1 + attempt))
     return free
+
+
+def _fix(rings: list[Ring], wrong: KDTree, apart: float) -> list[int]:
+    """Fix edges that are near places where something is wrong; which rings that changes."""
+    changed = []
+    for i, ring in enumerate(rings):
+        near = (wrong.query(ring.point + ring.step / 2)[0] <= apart) & ~ring.fixed
+        if near.any():
+            ring.fixed[near] = True
+            changed.append(i)
+    return changed
 
 
 def _crossings(corners: list[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "n 2"]:
@@ -94,10 +108,13 @@ def _left_out(ring: Ring, corners: Float[np.ndarray, "m 2"]) -> Float[np.ndarray
     """Middles of edges of cells that are far from a new line, and corners of it that are far from the edges."""
     if len(corners) < 3:
         return ring.point + ring.step / 2
-    old, new = (shapely.linearrings(points) for points in (ring.point, corners))
     middles = ring.point + ring.step / 2
-    far = shapely.distance(shapely.points(middles), new) > _NEAR
-    astray = shapely.distance(shapely.points(corners), old) > _NEAR
+    lines = shapely.linearrings(ring.point), shapely.linearrings(corners)
+    shapely.prepare(lines)
+    astray, far = (
+        ~shapely.dwithin(line, shapely.points(points), _NEAR)
+        for line, points in zip(lines, (corners, middles), strict=True)
+    )
     return np.concatenate([middles[far], corners[astray]])
 
 
@@ -118,13 +135,11 @@ def _rings(outlines: list[Int[np.ndarray, "_ 2"]]) -> list[Ring]:
     ]
 
 
-def _walls(ring: Ring) -> list[Wall]:
+def _walls(ring: Ring, spans: Int[np.ndarray, "m 3"], lines: Float[np.ndarray, "m 2"]) -> list[Wall]:
     """The straight walls of a ring in order, slanted or along the grid; edges are counted on over its end."""
     n = len(ring.step)
-    spans, lines = _segments(np.tile(ring.step, (2, 1)), np.tile(ring.fixed, 2))
     order = np.argsort(spans[:, 0])
-    turns = (ring.step != np.roll(ring.step, 1, axis=0)).any(axis=1)
-    at = start = int(spans[order[0], 0]) if len(order) else int(turns.argmax())
+    at = start = int(spans[order[0], 0])
     walls: list[Wall] = []
     for i in order:
         first, end, axis = spans[i].tolist()
@@ -148,8 +163,13 @@ def _along_grid(ring: Ring, first: int, end: int) -> list[Wall]:
     return [Wall(first + a, first + b, point[a], way[a].astype(float), False) for a, b in pairwise(cuts)]
 
 
-def _corners(ring: Ring, walls: list[Wall]) -> Float[np.ndarray, "m 2"]:
+def _corners(ring: Ring) -> Float[np.ndarray, "m 2"]:
     """Where the straight walls of a ring meet, in order."""
+    spans, lines = _segments(np.tile(ring.step, (2, 1)), np.tile(ring.fixed, 2))
+    if not len(spans):
+        turns = (ring.step != np.roll(ring.step, 1, axis=0)).any(axis=1)
+        return ring.point[turns].astype(float)
+    walls = _walls(ring, spans, lines)
     for i in range(len(walls) - 1, -1, -1):
         # A single edge left over between two walls that meet there belongs to their corner.
         before, wall, after = walls[i - 1], walls[i], walls[(i + 1) % len(walls)]
