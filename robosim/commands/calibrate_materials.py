@@ -45,9 +45,9 @@ def calibrate_materials(
         out: Folder for the results; a new one under runs/ if not given.
     """
     from robosim.building.building import BuildingConfig, make_building
-    from robosim.drawing.measured import draw_measured
     from robosim.plans.files import write_ros
     from robosim.published.material_fit import ADDED, EDGES, candidates, explained, fit_materials, tracer_of
+    from robosim.published.measured_figure import draw_measured
     from robosim.published.measured_match import MatchConfig, match, trace_hall
     from robosim.published.measured_paths import read_measured_paths
     from robosim.support.files import write_json
