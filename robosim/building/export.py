@@ -14,6 +14,7 @@ Left out: textures; coordinates are stored with 32 bits, as these formats do.
 
 import difflib
 import xml.etree.ElementTree as ET
+from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -93,6 +94,7 @@ class ItuSlab(NamedTuple):
     """Root mean square of what its reflections differ by, for both polarisations and incidence to 85 degrees [dB]."""
 
 
+@lru_cache
 def itu_slab(material: str | Material, frequency_hz: float) -> ItuSlab:
     """The slab that reflects most like a wall.
 

@@ -16,7 +16,6 @@ keeps each corner. One above zero straightens staircases by the Douglas-Peucker 
 the tolerance and never letting walls cross. Left out: walls with a thickness.
 """
 
-from collections.abc import Iterable
 from itertools import pairwise
 
 import cv2
@@ -24,6 +23,7 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
+from robosim.building.rings import rings_of, together
 from robosim.building.straight import straightened
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import check_number
@@ -137,7 +137,7 @@ def simplified(free: shapely.MultiPolygon, tolerance: float) -> shapely.MultiPol
         tolerance: Largest distance between old and new walls, in the units of the polygons. Where walls lie
             closer to each other than that, less is simplified.
     """
-    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    rings, owner = rings_of(free)
     walls = shapely.MultiLineString([third for ring in rings for third in _thirds(ring)])
     # A new wall may step over a small ring that it does not touch; then a smaller tolerance will not.
     for attempt in tolerance / 2.0 ** np.arange(8):
@@ -145,7 +145,7 @@ def simplified(free: shapely.MultiPolygon, tolerance: float) -> shapely.MultiPol
         points, third = shapely.get_coordinates(thirds, return_index=True)
         new = np.append(third[1:] == third[:-1], False)  # the last of a third is the first of the next one
         shorter = shapely.linearrings(points[new], indices=third[new] // 3)
-        simple = _multi(shapely.polygons(shorter, indices=owner))
+        simple = together(shapely.polygons(shorter, indices=owner))
         if shapely.is_valid(simple):
             return simple
     return free
@@ -181,7 +181,7 @@ def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     for ring, component in _trace(cells, label):
         around, holes = parts.setdefault(component, ([], []))
         (around if _signed_area(ring) > 0 else holes).append(ring - 1)
-    return _multi([shapely.Polygon(around[0], holes) for around, holes in parts.values()])
+    return together([shapely.Polygon(around[0], holes) for around, holes in parts.values()])
 
 
 def _trace(
@@ -272,9 +272,4 @@ def _centre_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
             polygon = shapely.Polygon(ring, holes.get(number))
             valid = shapely.make_valid(polygon, method="structure", keep_collapsed=False)
             parts.extend(p for p in shapely.get_parts(valid) if p.geom_type == "Polygon" and p.area > 0)
-    return _multi(parts)
-
-
-def _multi(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
-    """The polygons together, with free space on the left of each ring."""
-    return shapely.MultiPolygon(list(shapely.orient_polygons(list(polygons))))
+    return together(parts)

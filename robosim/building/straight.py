@@ -19,6 +19,7 @@ import shapely
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
+from robosim.building.rings import polygons_of, rings_of
 from wireless.support.compiled import compiled
 
 #: A slanted wall has more steps to one side than this, or as many and so many cells along it.
@@ -60,7 +61,7 @@ def straightened(free: shapely.MultiPolygon) -> shapely.MultiPolygon:
     Args:
         free: Valid polygons whose corners have whole coordinates and whose edges run along the grid.
     """
-    outlines, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    outlines, owner = rings_of(free)
     rings = _rings([shapely.get_coordinates(outline).astype(np.int64) for outline in outlines])
     corners, astray = ([np.empty((0, 2))] * len(rings) for _ in range(2))
     changed = list(range(len(rings)))
@@ -70,10 +71,7 @@ def straightened(free: shapely.MultiPolygon) -> shapely.MultiPolygon:
             astray[i] = _left_out(rings[i], corners[i])
         wrong = np.concatenate([_crossings(corners), *astray])
         if not len(wrong):
-            ring_of = np.repeat(np.arange(len(rings)), [len(points) for points in corners])
-            lines = shapely.linearrings(np.concatenate(corners), indices=ring_of)
-            polygons = shapely.polygons(lines, indices=owner)
-            straight = shapely.MultiPolygon(list(shapely.orient_polygons(polygons)))
+            straight = polygons_of(corners, owner)
             return straight if shapely.is_valid(straight) else free
         changed = _fix(rings, KDTree(wrong), _APART * (1 + attempt))
     return free
@@ -106,9 +104,9 @@ def _crossings(corners: list[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "n 
 
 def _left_out(ring: Ring, corners: Float[np.ndarray, "m 2"]) -> Float[np.ndarray, "n 2"]:
     """Middles of edges of cells that are far from a new line, and corners of it that are far from the edges."""
-    if len(corners) < 3:
-        return ring.point + ring.step / 2
     middles = ring.point + ring.step / 2
+    if len(corners) < 3:
+        return middles
     lines = shapely.linearrings(ring.point), shapely.linearrings(corners)
     shapely.prepare(lines)
     astray, far = (

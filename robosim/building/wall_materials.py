@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
+from robosim.building.rings import polygons_of, rings_of
 from robosim.plans.floorplan import FloorPlan
 
 #: A wall is looked behind at so many places a cell, and so far [cells]: the first cell with a material counts.
@@ -22,19 +23,18 @@ def cut_at_materials(free: shapely.MultiPolygon, plan: FloorPlan) -> shapely.Mul
         free: Outer rings counter-clockwise, holes clockwise.
         plan: With materials.
     """
-    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
-    points, ring_of = [], []
-    for number, ring in enumerate(rings):
-        corners = shapely.get_coordinates(ring)
-        for a, b in pairwise(corners):
+    rings, owner = rings_of(free)
+    points = []
+    for ring in rings:
+        pieces = []
+        for a, b in pairwise(shapely.get_coordinates(ring)):
             count = max(1, round(_PLACES * float(np.hypot(*(b - a)))))
             along = (np.arange(count) + 0.5) / count
             kind = materials_behind(plan, a + along[:, None] * (b - a), b - a)
             cuts = (np.flatnonzero(np.diff(kind)) + 1) / count
-            points.append(np.vstack([a, a + cuts[:, None] * (b - a)]))
-            ring_of.append(np.full(len(points[-1]), number))
-    lines = shapely.linearrings(np.concatenate(points), indices=np.concatenate(ring_of))
-    return shapely.MultiPolygon(list(shapely.orient_polygons(shapely.polygons(lines, indices=owner))))
+            pieces.append(np.vstack([a, a + cuts[:, None] * (b - a)]))
+        points.append(np.concatenate(pieces))
+    return polygons_of(points, owner)
 
 
 def materials_behind(

@@ -46,7 +46,15 @@ def calibrate_materials(
     """
     from robosim.building.building import BuildingConfig, make_building
     from robosim.plans.files import write_ros
-    from robosim.published.material_fit import ADDED, EDGES, candidates, explained, fit_materials, tracer_of
+    from robosim.published.material_fit import (
+        ADDED,
+        EDGES,
+        NOTHING,
+        candidates,
+        explained,
+        fit_materials,
+        tracer_of,
+    )
     from robosim.published.measured_figure import draw_measured
     from robosim.published.measured_match import MatchConfig, match, trace_hall
     from robosim.published.measured_paths import read_measured_paths
@@ -61,7 +69,8 @@ def calibrate_materials(
         floor_plan = read(plan, reading)
         hall = read_measured_paths(paths, math.radians(turn_deg))
         names = candidates(frequency_hz)
-        with told_units(console, "materials tried", len(names) * (1 + len(floor_plan.materials)), 0) as tried:
+        walls = 1 + sum(given != NOTHING for given in floor_plan.materials)
+        with told_units(console, "materials tried", len(names) * walls) as tried:
             fit = fit_materials(
                 hall,
                 floor_plan,
@@ -69,7 +78,7 @@ def calibrate_materials(
                 frequency_hz=frequency_hz,
                 names=names,
                 config=config,
-                tell=lambda name: tried(""),
+                tell=tried,
             )
         fitted = replace(floor_plan, materials=fit.colours)
         rows = {

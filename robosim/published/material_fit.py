@@ -116,13 +116,9 @@ def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"
     return off
 
 
-def tracer_of(
-    plan: FloorPlan, wall: str, frequency_hz: float, config: TracerConfig = SPECULAR, height_m: float = 2.5
-) -> Tracer:
+def tracer_of(plan: FloorPlan, wall: str, frequency_hz: float, config: TracerConfig = SPECULAR) -> Tracer:
     """Tracer of a plan whose walls without a colour are of a material."""
-    building = make_building(
-        plan, config=BuildingConfig(wall_material=wall, furniture_material=wall, height_m=height_m)
-    )
+    building = make_building(plan, config=BuildingConfig(wall_material=wall, furniture_material=wall))
     return Tracer(building, frequency_hz=frequency_hz, config=config)
 
 

@@ -1,0 +1,33 @@
+"""Polygons from the closed lines around them, and back."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+import shapely
+from jaxtyping import Float, Int
+
+
+def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " n"]]:
+    """The closed lines of polygons, and which polygon each belongs to; its outer line comes first."""
+    rings, owner = shapely.get_rings(shapely.get_parts(free), return_index=True)
+    return rings, owner
+
+
+def polygons_of(
+    points: Sequence[Float[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"]
+) -> shapely.MultiPolygon:
+    """Polygons from the corners of their closed lines, in the order of `rings_of`; valid or not.
+
+    Args:
+        points: Corners of each line; the last need not repeat the first.
+        owner: Which polygon each line belongs to.
+    """
+    ring_of = np.repeat(np.arange(len(points)), [len(corners) for corners in points])
+    return together(
+        shapely.polygons(shapely.linearrings(np.concatenate(points), indices=ring_of), indices=owner)
+    )
+
+
+def together(polygons: Iterable[shapely.Polygon]) -> shapely.MultiPolygon:
+    """The polygons as one, with free space on the left of each ring."""
+    return shapely.MultiPolygon(list(shapely.orient_polygons(list(polygons))))
