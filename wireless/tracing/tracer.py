@@ -13,28 +13,22 @@ Left out: more than one diffraction on a path, scattering by rough walls.
 """
 
 import logging
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
-from jaxtyping import Complex, Float, Int, Integer
+from jaxtyping import Complex, Float, Integer
 from scipy.constants import speed_of_light
 
 from wireless.em.materials import Material, wall_row
-from wireless.geometry.extruded import Extruded, find_extruded
-from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
-from wireless.geometry.images import make_space
-from wireless.geometry.occlusion import make_boxes
-from wireless.geometry.plan import REACH_M, Locator, Plan, make_plan, regions
+from wireless.geometry.extruded import find_extruded
+from wireless.geometry.plan import REACH_M
 from wireless.paths import Paths
-from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
-from wireless.tracing.candidates import Candidates
-from wireless.tracing.plan_engine import trace_links, views_of
-from wireless.tracing.space_engine import trace_space
-from wireless.tracing.table import Setting, Table
+from wireless.tracing.blocks import Rows
+from wireless.tracing.scenes import PlanScene, SpaceScene
+from wireless.tracing.table import Setting
 
 logger = logging.getLogger(__name__)
 
@@ -46,8 +40,6 @@ MOST_IN_A_ROW, MOST_PATHS = 12, 5000
 THICKEST_M = 100.0
 #: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
 MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
-#: From so many facets on, chains of them are found by rays.
-MANY_FACETS = 500
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
 
@@ -165,154 +157,6 @@ def _whole(value: object) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
-class _PlanScene:
-    """A floor plan, and how its links are traced."""
-
-    def __init__(
-        self,
-        extruded: Extruded,
-        face_wall: Complex[np.ndarray, "n l"],
-        setting: Callable[[np.ndarray], Setting],
-        config: TracerConfig,
-    ):
-        plan = make_plan(extruded.walls, config.snap_m)
-        self.extruded = extruded
-        self.origin = np.append(plan.origin, 0.0)
-        self._locate = Locator(plan, 2 * config.snap_m)
-        faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
-        self._setting = setting(face_wall[faces])._replace(
-            low_m=extruded.low_m,
-            high_m=extruded.high_m,
-            has_floor=config.floor_ceiling and extruded.floor_face >= 0,
-            has_ceiling=config.floor_ceiling and extruded.ceiling_face >= 0,
-        )
-        thin = self._setting.walls[:, 1].real > 0
-        self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
-        self._region = regions(plan)
-        logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
-
-    def tables(
-        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
-    ) -> Rows:
-        """Paths of each transmitter, to receivers in blocks."""
-        low, high = self.extruded.low_m, self.extruded.high_m
-        for name, points in (("tx", tx), ("rx", rx)):
-            z = points[:, 2]
-            if not self.holds(points):
-                raise ValueError(
-                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
-                    "floor and ceiling. Trace other points with scene='space'."
-                )
-        around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
-        plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
-        order, through = setting.side_reflections, setting.max_through
-
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
-            views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
-            targets = _by_triangle(start, triangle, len(plan.tri_vertex))
-            tx_start, tx_triangle = _part(*around_tx, txs)
-            for i, one in enumerate(tx[txs]):
-                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                yield trace_links(plan, setting, one, around, some, *targets, views)
-
-        return trace_blocks(len(tx), len(rx), trace, workers)
-
-    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
-        """Whether points lie between floor and ceiling."""
-        z = points[:, 2]
-        return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
-
-    def _passable(self, around: Int[np.ndarray, " s"]) -> tuple[Plan, Setting]:
-        """Plan and setting in which paths pass only walls that may lead on to any of some triangles.
-
-        Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
-        wall between rooms is passed by its two sides.
-        """
-        plan, setting = self.plan, self._setting
-        if setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
-            both = (self._region[:, None] == found[0]) & (self._region[plan.tri_next] == found[0])
-            plan = plan._replace(tri_open=plan.tri_open & both)
-        return plan, setting if plan.tri_open.any() else setting._replace(max_through=0)
-
-
-class _SpaceScene:
-    """Any triangles, and how links among them are traced."""
-
-    def __init__(
-        self,
-        mesh: trimesh.Trimesh,
-        face_material: Int[np.ndarray, " n"],
-        face_wall: Complex[np.ndarray, "n l"],
-        setting: Callable[[np.ndarray], Setting],
-        config: TracerConfig,
-    ):
-        self.origin = np.round(mesh.bounds.mean(axis=0), 3)
-        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
-        surfaces = find_surfaces(moved, face_material, config.snap_m)
-        ground = floor_and_ceiling(surfaces)
-        surfaces = without_rims(surfaces, ground)
-        mirrors = ~ground | config.floor_ceiling
-        self.space = make_space(surfaces, mirrors)
-        walls = face_wall[surfaces.facet_face]
-        self._setting = setting(walls)
-        if not (walls[:, 1].real > 0).any():
-            self._setting = self._setting._replace(max_through=0)
-        self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
-        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
-        self._candidates: Candidates | None = None
-        if config.search == "rays" or (config.search == "auto" and len(mirrors) >= MANY_FACETS):
-            self._candidates = Candidates(self.space, self._setting._replace(max_through=0), config.rays)
-
-    def tables(
-        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
-    ) -> Rows:
-        """Paths of each transmitter, to receivers in blocks."""
-        setting = self._passing(np.concatenate([tx, rx]))
-
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some = rx[rxs]
-            boxes = make_boxes(some, some)
-            for one in tx[txs]:
-                yield trace_space(self.space, setting, one, some, boxes)
-
-        if self._candidates is None:
-            return trace_blocks(len(tx), len(rx), trace, workers)
-        if setting.max_through:
-            logger.warning(
-                "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
-                "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
-            )
-        rows: Rows = []
-        for i in range(0, len(tx), BLOCK_TX):
-            rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
-        return rows
-
-    def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
-        """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
-        setting = self._setting
-        if setting.max_through == 1 and self._closed is not None:
-            inside = self._closed.contains(points)
-            if inside.all() or not inside.any():
-                return setting._replace(max_through=0)
-        return setting
-
-    def _searched(
-        self,
-        candidates: Candidates,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-        workers: int | None,
-    ) -> Rows:
-        """The same among candidates, for a block of transmitters: each receiver's are found once for all of them."""
-        near = [candidates.of_transmitter(one) for one in tx]
-
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
-
-        return trace_blocks(len(tx), len(rx), trace, workers)
-
-
 class Tracer:
     """A building made ready for tracing.
 
@@ -382,9 +226,22 @@ class Tracer:
                 "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
                 "Trace it with scene='space'."
             )
-        self._in_space = cache(lambda: _SpaceScene(mesh, of_face, face_wall, self._setting, self.config))
+        self._in_space = cache(
+            lambda: SpaceScene(
+                mesh,
+                of_face,
+                face_wall,
+                self._setting,
+                snap_m=c.snap_m,
+                floor_ceiling=c.floor_ceiling,
+                search=c.search,
+                rays=c.rays,
+            )
+        )
         if plan is not None:
-            self.scene: _PlanScene | _SpaceScene = _PlanScene(plan, face_wall, self._setting, self.config)
+            self.scene: PlanScene | SpaceScene = PlanScene(
+                plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
+            )
         else:
             self.scene = self._in_space()
 
@@ -428,7 +285,7 @@ class Tracer:
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
         scene = self.scene
-        in_plan = not isinstance(scene, _PlanScene) or (scene.holds(tx) and scene.holds(rx))
+        in_plan = not isinstance(scene, PlanScene) or (scene.holds(tx) and scene.holds(rx))
         if not in_plan and self.config.scene == "auto":
             logger.info("Points below the floor or above the ceiling: traced in space")
             scene = self._in_space()
@@ -521,20 +378,3 @@ def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
             f"None of the {len(face)} triangles of the mesh is wider than {snap_m:g} m: it has no walls. "
             "Is it in metres?"
         )
-
-
-def _by_triangle(
-    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
-) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
-    """Points of each triangle, from the triangles of each point."""
-    point = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    order = np.argsort(triangle, kind="stable")
-    return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
-
-
-def _part(
-    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
-) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
-    """The triangles of some points in a row, counted from their own first."""
-    first, last = start[some.start], start[some.stop]
-    return start[some.start : some.stop + 1] - first, triangle[first:last]

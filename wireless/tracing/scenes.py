@@ -1,0 +1,199 @@
+"""Scenes made ready for tracing: floor plans, and any triangles in space; which engine traces what of them.
+
+Each has the place that its coordinates count from (`origin`), and `tables` of the paths of each transmitter.
+"""
+
+import logging
+from collections.abc import Callable, Iterator
+from typing import Literal
+
+import numpy as np
+import trimesh
+from jaxtyping import Complex, Float, Int
+
+from wireless.geometry.extruded import Extruded
+from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
+from wireless.geometry.images import make_space
+from wireless.geometry.occlusion import make_boxes
+from wireless.geometry.plan import Locator, Plan, make_plan, regions
+from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
+from wireless.tracing.candidates import Candidates
+from wireless.tracing.plan_engine import trace_links, views_of
+from wireless.tracing.space_engine import trace_space
+from wireless.tracing.table import Setting, Table
+
+logger = logging.getLogger(__name__)
+
+#: From so many facets on, chains of them are found by rays.
+MANY_FACETS = 500
+
+
+class PlanScene:
+    """A floor plan, and how its links are traced."""
+
+    def __init__(
+        self,
+        extruded: Extruded,
+        face_wall: Complex[np.ndarray, "n l"],
+        setting: Callable[[np.ndarray], Setting],
+        *,
+        snap_m: float,
+        floor_ceiling: bool,
+    ):
+        plan = make_plan(extruded.walls, snap_m)
+        self.extruded = extruded
+        self.origin = np.append(plan.origin, 0.0)
+        self._locate = Locator(plan, 2 * snap_m)
+        faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
+        self._setting = setting(face_wall[faces])._replace(
+            low_m=extruded.low_m,
+            high_m=extruded.high_m,
+            has_floor=floor_ceiling and extruded.floor_face >= 0,
+            has_ceiling=floor_ceiling and extruded.ceiling_face >= 0,
+        )
+        thin = self._setting.walls[:, 1].real > 0
+        self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
+        self._region = regions(plan)
+        logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
+
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
+        low, high = self.extruded.low_m, self.extruded.high_m
+        for name, points in (("tx", tx), ("rx", rx)):
+            z = points[:, 2]
+            if not self.holds(points):
+                raise ValueError(
+                    f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
+                    "floor and ceiling. Trace other points with scene='space'."
+                )
+        around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
+        plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
+        order, through = setting.side_reflections, setting.max_through
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
+            views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
+            targets = _by_triangle(start, triangle, len(plan.tri_vertex))
+            tx_start, tx_triangle = _part(*around_tx, txs)
+            for i, one in enumerate(tx[txs]):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                yield trace_links(plan, setting, one, around, some, *targets, views)
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
+
+    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
+        """Whether points lie between floor and ceiling."""
+        z = points[:, 2]
+        return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
+
+    def _passable(self, around: Int[np.ndarray, " s"]) -> tuple[Plan, Setting]:
+        """Plan and setting in which paths pass only walls that may lead on to any of some triangles.
+
+        Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
+        wall between rooms is passed by its two sides.
+        """
+        plan, setting = self.plan, self._setting
+        if setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
+            both = (self._region[:, None] == found[0]) & (self._region[plan.tri_next] == found[0])
+            plan = plan._replace(tri_open=plan.tri_open & both)
+        return plan, setting if plan.tri_open.any() else setting._replace(max_through=0)
+
+
+class SpaceScene:
+    """Any triangles, and how links among them are traced."""
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        face_material: Int[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
+        setting: Callable[[np.ndarray], Setting],
+        *,
+        snap_m: float,
+        floor_ceiling: bool,
+        search: Literal["auto", "exhaustive", "rays"],
+        rays: int,
+    ):
+        self.origin = np.round(mesh.bounds.mean(axis=0), 3)
+        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(moved, face_material, snap_m)
+        ground = floor_and_ceiling(surfaces)
+        surfaces = without_rims(surfaces, ground)
+        mirrors = ~ground | floor_ceiling
+        self.space = make_space(surfaces, mirrors)
+        walls = face_wall[surfaces.facet_face]
+        self._setting = setting(walls)
+        if not (walls[:, 1].real > 0).any():
+            self._setting = self._setting._replace(max_through=0)
+        self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
+        logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
+        self._candidates: Candidates | None = None
+        if search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS):
+            self._candidates = Candidates(self.space, self._setting._replace(max_through=0), rays)
+
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks."""
+        setting = self._passing(np.concatenate([tx, rx]))
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            some = rx[rxs]
+            boxes = make_boxes(some, some)
+            for one in tx[txs]:
+                yield trace_space(self.space, setting, one, some, boxes)
+
+        if self._candidates is None:
+            return trace_blocks(len(tx), len(rx), trace, workers)
+        if setting.max_through:
+            logger.warning(
+                "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
+                "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
+            )
+        rows: Rows = []
+        for i in range(0, len(tx), BLOCK_TX):
+            rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
+        return rows
+
+    def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
+        """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
+        setting = self._setting
+        if setting.max_through == 1 and self._closed is not None:
+            inside = self._closed.contains(points)
+            if inside.all() or not inside.any():
+                return setting._replace(max_through=0)
+        return setting
+
+    def _searched(
+        self,
+        candidates: Candidates,
+        tx: Float[np.ndarray, "n_tx 3"],
+        rx: Float[np.ndarray, "n_rx 3"],
+        workers: int | None,
+    ) -> Rows:
+        """The same among candidates, for a block of transmitters: each receiver's are found once for all of them."""
+        near = [candidates.of_transmitter(one) for one in tx]
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
+
+
+def _by_triangle(
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
+) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
+    """Points of each triangle, from the triangles of each point."""
+    point = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    order = np.argsort(triangle, kind="stable")
+    return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
+
+
+def _part(
+    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
+) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
+    """The triangles of some points in a row, counted from their own first."""
+    first, last = start[some.start], start[some.stop]
+    return start[some.start : some.stop + 1] - first, triangle[first:last]
