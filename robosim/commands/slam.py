@@ -1,15 +1,18 @@
 """`robosim slam`."""
 
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Any
 
+from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
 from robosim.commands.terminal import console, results_in, tell
 from robosim.logs.mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.progress import tracked
 
 _DEFAULTS = LogConfig()
 
@@ -43,7 +46,6 @@ def slam(
     from robosim.logs.scores import compared, filled_cells
     from robosim.plans.files import write_ros
     from robosim.support.files import write_json
-    from robosim.support.progress import tracked
     from robosim.support.tum import write_tum
 
     if not logs:
@@ -63,8 +65,7 @@ def slam(
             ways, rows = {"odometry": log.odometry()}, {}
             made = {}
             for name, loops in (("matching", False), ("graph", True)):
-                with tracked(range(len(log.range_m)), f"{log.name}, {name}", console) as numbers:
-                    made[name] = map_log(log, how, loops=loops, scans=numbers)
+                made[name] = map_log(log, how, loops=loops, watched=_watched(f"{log.name}, {name}", console))
                 ways[name] = made[name].poses
             if log.reference is not None:
                 ways["reference"] = log.reference
@@ -94,6 +95,16 @@ def slam(
     console.print(f"Wrote trajectory.tum, map.yaml, map.png, ways.png, result.json and more in {folder}")
     last = folder if len(read) == 1 else folder / read[-1].name
     console.print(f"Next: robosim plan {quote(str(last / 'map.yaml'))}")
+
+
+def _watched(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
+    """Goes through numbers with a bar that names them."""
+
+    def watched(numbers: range, what: str) -> Iterator[int]:
+        with tracked(numbers, f"{title}, {what}", console) as shown:
+            yield from shown
+
+    return watched
 
 
 def _add(table: Table, log: str, name: str, row: dict[str, Any]) -> None:

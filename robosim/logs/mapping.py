@@ -1,7 +1,7 @@
 """From a log to a trajectory and a map: the same tracker and graph that a simulated robot has."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from time import process_time
 
@@ -98,7 +98,11 @@ class Mapped:
 
 
 def map_log(
-    log: RobotLog, config: LogConfig = LogConfig(), *, loops: bool = True, scans: Iterable[int] | None = None
+    log: RobotLog,
+    config: LogConfig = LogConfig(),
+    *,
+    loops: bool = True,
+    watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
 ) -> Mapped:
     """Find where each scan of a log was taken.
 
@@ -106,11 +110,11 @@ def map_log(
         log: The log.
         config: How.
         loops: Whether loops are closed by a graph; each scan is matched to those before alone otherwise.
-        scans: Numbers of the scans, to be gone through from 0; for a progress bar.
+        watched: What shows how far numbers were gone through: it is given them and what they are of.
     """
     begin = process_time()
     tracker = Tracker(config.tracker(loops))
-    for k in range(len(log.range_m)) if scans is None else scans:
+    for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
         scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m)
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
@@ -118,7 +122,7 @@ def map_log(
         if k == 0:
             moved, covariance = np.zeros(3), 1e-8 * np.eye(3)
         tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), moved, covariance)
-    tracker.finish()
+    tracker.finish(lambda numbers: watched(numbers, "loops"))
     return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
 
 

@@ -34,6 +34,8 @@ _TRUSTED, _TRUSTED_ONE = 16.27, 10.83
 _STEP, _MOST_CONVEX = 1.6, 100.0
 #: Steps with the same weights, and at most; rounds in which the last weights settle.
 _FEW_STEPS, _MOST_STEPS, _SETTLING = 2, 30, 3
+#: Constraints of more weight are believed.
+_BELIEVED = 0.5
 #: The solver stops when no pose moves by more [m, rad].
 _STILL = 1e-5
 #: A place moves in one step by no more than this part of its distance from where it was seen: beyond, bearings are
@@ -108,6 +110,20 @@ class PoseGraph:
         self.constraints.append(constraint)
         self.weights.append(1.0)
 
+    def forget_loop(self, first: int, second: int) -> None:
+        """Take out loops between two poses."""
+        kept = [
+            k
+            for k, c in enumerate(self.constraints)
+            if not (c.loop and (c.first, c.second) == (first, second))
+        ]
+        self.constraints = [self.constraints[k] for k in kept]
+        self.weights = [self.weights[k] for k in kept]
+
+    def believed(self) -> list[Constraint]:
+        """Constraints that are believed more than half."""
+        return [c for c, weight in zip(self.constraints, self.weights, strict=True) if weight > _BELIEVED]
+
     def see(self, sighting: Sighting) -> None:
         """Add a sighting of a place."""
         self.sightings.append(sighting)
@@ -153,10 +169,9 @@ class PoseGraph:
             start: The pose in whose frame.
         """
         neighbours: dict[int, list[tuple[int, Constraint]]] = defaultdict(list)
-        for constraint, weight in zip(self.constraints, self.weights, strict=True):
-            if weight > 0.5:
-                neighbours[constraint.first].append((constraint.second, constraint))
-                neighbours[constraint.second].append((constraint.first, constraint))
+        for constraint in self.believed():
+            neighbours[constraint.first].append((constraint.second, constraint))
+            neighbours[constraint.second].append((constraint.first, constraint))
         found: dict[int, Float[np.ndarray, "3 3"]] = {}
         queue: list[tuple[float, int, Float[np.ndarray, "3 3"]]] = [(0.0, start, np.zeros((3, 3)))]
         while queue:

@@ -7,12 +7,13 @@ graph. What odometry leaves so uncertain that the other submap has to be searche
 fit says the same. When the graph moves, all poses move with it.
 
 One fit is tried with each scan, so the time of an update is bounded; a closed loop takes effect some scans later.
+Who has the time tries all submaps again in the end (`Tracker.finish`): poses are known better then than they were.
 Reference: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016; Mangelson et al., Pairwise consistent
 measurement set maximization for robust multi-robot map merging, ICRA 2018 (the second fit).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -107,12 +108,17 @@ _WAITING = 24
 _SOON, _BESIDE_M = 12, 8.0
 #: Submaps are closed early where sources are heard and the heading has become so uncertain [rad].
 _VAGUE_RAD = math.radians(0.2)
+#: How often all submaps are gone through again in the end, at most.
+_ROUNDS = 3
 #: The surfaces around are put together anew when a pose moves by more [m].
 _MOVED_M = 0.002
 #: What a robot that was found again may have been off beyond what it moved [m, rad].
 _OFF_M, _OFF_RAD = 0.1, math.radians(3.0)
 #: Scans before by which a pose that was searched for is judged.
 _RECENT = 4
+#: How much a squared departure from the prediction, in variances, counts against a pose that was searched for, beside
+#: parts of the scan from 0 to 1.
+_OF_PRIOR = 0.03
 #: Submaps farther away are not matched to [m].
 _AROUND_M = 25.0
 
@@ -130,8 +136,6 @@ class Tracker:
         self.pose = np.asarray(pose, float).copy()
         self.graph = PoseGraph(self.pose)
         self.submaps = [Submap(cell_m=self.config.cell_m)]
-        self.closed = 0
-        """Loops that were closed."""
         self.landmarks = Landmarks()
         self._heard = 0
         self._here = np.zeros(3)
@@ -249,12 +253,30 @@ class Tracker:
         self._way_m += float(math.hypot(*(here - self._here)[:2]))
         self.pose, self._here = compose(self.graph.poses[-1], here), here
 
-    def finish(self) -> None:
-        """Try what is left to be tried."""
+    @property
+    def closed(self) -> int:
+        """Loops that were closed."""
+        return sum(constraint.loop for constraint in self.graph.constraints)
+
+    def finish(self, watched: Callable[[range], Iterable[int]] = iter) -> None:
+        """Try what is left, and once more whatever lies near now that poses are better known.
+
+        Args:
+            watched: What shows how far the submaps were gone through.
+        """
         if len(self.submaps[-1].poses) > 1:
             self._begin()
         while self._queue:
             self._try()
+        for _ in range(_ROUNDS if self.config.loops else 0):
+            closed = self.closed
+            for here in watched(range(2, len(self.submaps))):
+                believed = {(c.first, c.second) for c in self.graph.believed() if c.loop}
+                self._queue = [pair for pair in self._candidates(here) if pair not in believed]
+                while self._queue:
+                    self._try()
+            if self.closed == closed:
+                break
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
         """Where all scans were taken: x [m], y [m], yaw [rad] in `map`."""
@@ -267,26 +289,23 @@ class Tracker:
         """The match at which most of the scan lies on surfaces and least contradicts what was seen last."""
         information = np.linalg.inv(prior)
         recent = [
-            (compose(self.graph.poses[-1], pose), before, points)
-            for pose, before, points in zip(
-                self.submaps[-1].poses[-_RECENT:],
-                self.submaps[-1].views[-_RECENT:],
-                self.submaps[-1].scans[-_RECENT:],
-                strict=True,
-            )
-        ]
+            (compose(anchor, pose), before, points)
+            for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
+            for pose, before, points in zip(submap.poses, submap.views, submap.scans, strict=True)
+        ][-_RECENT:]
         told = [(pose, points.points) for pose, _, points in recent if len(points.points)]
 
         def rated(match: Match) -> float:
             away = difference(match.pose, self.pose, 1.0)
-            same, through = seen_by(
+            confirmed, through = seen_by(
                 ((pose, before) for pose, before, _ in recent), to_map(match.pose, scan.points)
             )
-            against = float((through & ~same).mean())
+            against = float((through & ~confirmed).mean())
             for pose, points in told:
                 same, through = seen_by([(match.pose, view)], to_map(pose, points))
                 against += float((through & ~same).mean()) / len(told)
-            return float(match.paired.mean()) - against - 0.01 * float(away @ information @ away)
+            agrees = float(match.paired.mean()) + float(confirmed.mean())
+            return agrees - against - _OF_PRIOR * float(away @ information @ away)
 
         return max(found, key=rated)
 
@@ -383,7 +402,7 @@ class Tracker:
         return moved_m > _MOVED_M
 
     def _close(self, here: int, there: int, found: Fit) -> None:
-        self.closed += 1
+        self.graph.forget_loop(here, there)
         self.graph.hold(
             Constraint(first=here, second=there, pose=found.pose, covariance=found.covariance, loop=True)
         )

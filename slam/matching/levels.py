@@ -22,9 +22,9 @@ _COARSER = 4
 #: Distance at which a turn moves points as far as a shift does, for comparing both [m].
 ARM_M = 3.0
 #: Step of the lattice [m], points tried on it, and how many of its poses are refined.
-_STEP_M, _TRIED, _REFINED = 0.25, 120, 8
+_STEP_M, _TRIED, _REFINED = 0.25, 120, 16
 #: Of those, how many are fitted to the fine cells.
-_FITTED = 3
+_FITTED = 5
 #: Poses nearer than this are one [m].
 _ONE_M = 0.05
 #: Standard deviations searched to each side.
