@@ -11,6 +11,7 @@ from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import check_height
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
+from wireless.tracing.scenes import PlanScene
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -66,6 +67,11 @@ class RadioScene:
         self.building = make_building(plan, config=config.building)
         self.face_material = self.building.face_material.astype(np.int64)
         self.tracer = Tracer(self.building, frequency_hz=config.frequency_hz, config=config.tracer)
+
+    @property
+    def in_plan(self) -> bool:
+        """Whether it is traced as a floor plan, which is fast, rather than in space."""
+        return isinstance(self.tracer.scene, PlanScene)
 
     @property
     def digest(self) -> str:
