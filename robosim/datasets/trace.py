@@ -177,7 +177,7 @@ def _prepare(
     if not scene.in_plan:
         console.print(
             f"{plan.name} is no extruded floor plan: its {len(scene.building.mesh.faces)} triangles are traced in "
-            "space, some ten to a hundred times slower. A reflection less (--max-reflections 2) makes it faster.",
+            "space, some ten to a thousand times slower. A reflection less (--max-reflections 2) makes it faster.",
             highlight=False,
         )
     transmitters = scene.places(tx, "tx")

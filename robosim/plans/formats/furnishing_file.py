@@ -138,8 +138,7 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
         said = dict(one.said)
         if not said:
             beside = path.with_name(f"{path.stem}-{number}.obj")
-            text = trimesh.exchange.obj.export_obj(one.mesh, digits=17, include_normals=False)
-            write_whole(beside, text.encode("utf-8"))
+            write_whole(beside, _obj(one.mesh))
             said = {"mesh": beside.name, "up": "z", "origin": "own"}
         material = told(one.material)
         if not MATERIAL.is_name(material) and ":" not in material:
@@ -165,6 +164,13 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
     return path
 
 
+def _obj(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh as an OBJ file with all digits of its corners."""
+    corners = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(mesh.vertices, float).tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
+    return "\n".join([*corners, *faces, ""]).encode()
+
+
 def _mesh_of(triangles: np.ndarray) -> trimesh.Trimesh:
     faces = np.arange(3 * len(triangles)).reshape(-1, 3)
     return trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False, validate=False)
@@ -180,11 +186,17 @@ def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
         known = ("piece", *_OF_ANY, *PIECES[keys["piece"]].__dataclass_fields__)  # type: ignore[attr-defined]
         _check_keys(keys, known)
         sizes = {key: value for key, value in keys.items() if key not in ("piece", *_OF_ANY)}
+        for key, value in sizes.items():
+            check_number(key, value, 0, 100)
         return make_piece(keys["piece"], **place, **sizes)
     _check_keys(keys, (*_OF_MESH, *_OF_ANY))
     if not isinstance(keys["mesh"], str) or "\0" in keys["mesh"]:
         raise ValueError(f"mesh is {str(keys['mesh'])[:80]!r}, expected the name of a file")
     options = {key: keys[key] for key in _OF_MESH[1:] if key in keys}
+    check_choice("up", options.get("up", "auto"), get_args(Up))
+    check_choice("origin", options.get("origin", "middle"), get_args(Origin))
+    if "unit_m" in options:
+        check_number("unit_m", options["unit_m"], *_UNIT_M)
     return furnishing_from_file(folder / keys["mesh"], **place, **options)
 
 
