@@ -69,16 +69,16 @@ def _at_wall(piece: str, sizes: dict[str, Any]) -> Part:
 
 
 def _chair(rng: np.random.Generator, x: float, y: float, yaw: float) -> Part:
-    """A chair that was not pushed back neatly, with its seat under the edge that it faces."""
-    x, y = x + rng.uniform(-0.08, 0.08), y + rng.uniform(-0.05, 0.05)
+    """A chair that was not pushed back neatly."""
+    x, y = x + rng.uniform(-0.03, 0.03), y + rng.uniform(-0.05, 0.05)
     return Part("chair", {"width_m": 0.42, "depth_m": 0.42}, x, y, yaw + rng.uniform(-0.3, 0.3))
 
 
 def _dining(rng: np.random.Generator) -> Group:
-    """A table with chairs on both sides, each clear of the legs."""
+    """A table with chairs on both sides."""
     width, depth = round(rng.uniform(1.2, 2.0), 3), round(rng.uniform(0.75, 0.95), 3)
-    n = int((width - 0.2) / 0.55)
-    away = 0.3  # from the table's edge to a chair's middle, so that none stands in another
+    n = int(width / 0.6)
+    away = 0.33  # from the table's edge to a chair's middle, so that none stands in another
     group = [Part("table", {"width_m": width, "depth_m": depth, "height_m": 0.74}, 0.0, away + depth / 2)]
     for k in range(n):
         x = (k - (n - 1) / 2) * 0.6
