@@ -18,6 +18,11 @@ Buildings:
     make_building    a building made from a floor plan
     BuildingConfig   how it is made
     Building         walls, floor, ceiling: geometry and radio materials
+    Furnishing       a mesh at a place in it
+    make_piece       a table, chair, shelf, sofa, bed, cupboard or plant at a place
+    read_furnishings  what a YAML file says is placed
+    write_furnishings  writes such a file
+    furnishing_from_file  a mesh file at a place
     reach            where a robot's hull can be in it
     Reach            these places
     export_mesh      writes it as GLB, PLY, OBJ or STL
@@ -109,6 +114,11 @@ _MODULES = {
     "make_building": "building.building",
     "BuildingConfig": "building.building",
     "Building": "building.building",
+    "Furnishing": "plans.furnishings.furnishing",
+    "make_piece": "plans.furnishings.pieces",
+    "read_furnishings": "plans.formats.furnishing_file",
+    "write_furnishings": "plans.formats.furnishing_file",
+    "furnishing_from_file": "plans.formats.furnishing_file",
     "reach": "building.reach",
     "Reach": "building.reach",
     "export_mesh": "building.export",
@@ -204,9 +214,14 @@ if TYPE_CHECKING:
     from robosim.plans.files import read_plan as read_plan
     from robosim.plans.floorplan import FloorPlan as FloorPlan
     from robosim.plans.floorplan import MapError as MapError
+    from robosim.plans.formats.furnishing_file import furnishing_from_file as furnishing_from_file
+    from robosim.plans.formats.furnishing_file import read_furnishings as read_furnishings
+    from robosim.plans.formats.furnishing_file import write_furnishings as write_furnishings
     from robosim.plans.formats.plan_array import plan_from_array as plan_from_array
     from robosim.plans.formats.plan_image import write_png as write_png
     from robosim.plans.formats.ros_map import write_ros as write_ros
+    from robosim.plans.furnishings.furnishing import Furnishing as Furnishing
+    from robosim.plans.furnishings.pieces import make_piece as make_piece
     from robosim.policies.goals import GoalPolicy as GoalPolicy
     from robosim.policies.goals import PolicyContext as PolicyContext
     from robosim.policies.situation import Situation as Situation

@@ -97,7 +97,7 @@ class TargetSearch(gymnasium.Env):
         config = config or SimulatorConfig()
         floor_plan = plan if isinstance(plan, FloorPlan) else read_plan(plan)
         self._simulator = Simulator(make_building(floor_plan), config)
-        self._reach = reach(self._simulator.building, config.robot.radius_m)
+        self._reach = reach(self._simulator.building, config.robot.radius_m, config.robot.height_m)
         size = (config.image.height, config.image.width)
         self.observation_space = gymnasium.spaces.Dict(
             {

@@ -248,7 +248,8 @@ def run_episode(
         building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )
     if isinstance(policy, Shortest):
-        navigator = navigator._replace(mapper=TrueMapper(building, lambda: simulator.pose))
+        robot = config.simulator.robot
+        navigator = navigator._replace(mapper=TrueMapper(building, lambda: simulator.pose, robot.height_m))
     radio = simulator.radio
     interpreter = Interpreter(radio, config.link_states) if radio else None
     floor = reach.swept(reach.part_near(task.start[:2], reach.radius_m))

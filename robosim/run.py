@@ -110,7 +110,8 @@ def _record(
     watch = Stopwatch()
     with watch.stage("scene"):
         building = make_building(plan, config=config.building)
-        places = reach(building, config.simulator.robot.radius_m)
+        robot = config.simulator.robot
+        places = reach(building, robot.radius_m, robot.height_m)
         task = make_task(places, np.random.default_rng([config.seed, 0]), start=start, target=target)
         task = with_anchors(task, places, anchors)
     _tell_cut_off(places, task.start, console)

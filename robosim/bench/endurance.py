@@ -62,7 +62,7 @@ def run(plan: FloorPlan, settings: SlamSettings, *, out: Path, console: Console)
     """
     building = make_building(plan)
     config = settings.simulator
-    task = settings.task(reach(building, config.robot.radius_m), plan.name)
+    task = settings.task(reach(building, config.robot.radius_m, config.robot.height_m), plan.name)
     navigator = make_navigator(config, mapper=settings.mapper)
     wanderer = Wanderer(navigator.explorer, np.random.default_rng([settings.seed, 2]))
     watch, rng = Stopwatch(), np.random.default_rng([settings.seed, 1])

@@ -185,7 +185,8 @@ def measure_plan(floor: Floor, settings: SlamSettings) -> tuple[dict[str, Any], 
     """
     plan = floor.plan()
     building = make_building(plan)
-    places = reach(building, settings.simulator.robot.radius_m)
+    robot = settings.simulator.robot
+    places = reach(building, robot.radius_m, robot.height_m)
     task = settings.task(places, plan.name)
     shadow = _Shadow(building, task, settings)
     # Whatever is compiled or loaded at first use is not to be found in the times.
@@ -257,7 +258,7 @@ class _Shadow:
             )
         self._learned = learned
         self._learned.reset(task.start)
-        self._truth = TruePatches(building, hfov_deg=config.image.hfov_deg)
+        self._truth = TruePatches(building, hfov_deg=config.image.hfov_deg, height_m=config.robot.height_m)
         self.frames = 0
         self.scores = {teller: PatchScores() for teller in TELLERS}
         self._true: list[np.ndarray] = []

@@ -158,7 +158,8 @@ class _Walk:
 
     def __init__(self, building: Building, settings: SlamSettings, frames: int) -> None:
         self._building, self._settings = building, settings
-        places = reach(building, settings.simulator.robot.radius_m)
+        robot = settings.simulator.robot
+        places = reach(building, robot.radius_m, robot.height_m)
         self._task = settings.task(places, building.plan.name)
         self._frames: list[tuple[np.ndarray, np.ndarray, Action | None]] = []
 
@@ -167,7 +168,7 @@ class _Walk:
 
         config = replace(settings.episode("classical", building.plan.name), max_steps=frames)
         run_episode(building, places, self._task, config, record)
-        truth = TruePatches(building)
+        truth = TruePatches(building, height_m=robot.height_m)
         self._truth = [truth.at(pose) for pose, _, _ in self._frames[::EVERY]]
 
     def depths(self, size: int) -> list[np.ndarray]:

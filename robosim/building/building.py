@@ -9,11 +9,16 @@ Where walls meet at a point with free space on two sides, each side has vertices
 manifold still; a file format that merges vertices by position joins them, which changes no surface. Walls in
 passages of no width (`robosim.building.outline`) are added as flat pockets of no volume, with a face on either side.
 
+What is placed in it (`robosim.plans.furnishings`) is any mesh, at its own height: camera, lidar and radio meet its
+triangles as they are, and a robot meets what of it is lower than the robot (`Building.floor`).
+
 Left out: doors and windows as such, walls with a thickness, more than one storey.
 """
 
 import logging
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,12 +26,15 @@ import shapely
 import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
 
-from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
+from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
+from robosim.building.footprint import filled, footprint
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.checks import check_numbers
+from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
 from robosim.support.parts import Part
 from wireless.em.materials import Material, check_material
@@ -38,7 +46,11 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 #: What a face can be; `Building.face_kind` counts along these, as `robosim.building.extrusion` does.
-KINDS = ("wall", "floor", "ceiling", "furniture")
+KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
+#: How far a placed mesh may reach through floor and ceiling [m].
+_THROUGH_M = 1e-6
+#: Corners of free floor nearer than this are one [m], and less is no floor [m2].
+_TIDY_M = 1e-7
 
 
 def material_of(given: Part, field: str) -> str | Material:
@@ -96,7 +108,7 @@ class BuildingConfig:
                 f"furniture_height_m is {low}, expected a height between 0 and height_m = {self.height_m}. "
                 "Leave it out for furniture up to the ceiling."
             )
-        for kind in KINDS:
+        for kind in KINDS[:PLACED]:
             self.material(kind)
 
     def material(self, kind: str) -> str | Material:
@@ -115,23 +127,81 @@ class Building:
     plan: FloorPlan
     """What it was made from."""
     free: shapely.MultiPolygon
-    """Free floor [m] in `map`; walls stand on its boundary."""
+    """Free floor [m] in `map`; walls stand on its boundary. What is placed in the building does not take from it: see
+    `floor`, `free_at`."""
     height_m: float
     """Height of the ceiling above the floor [m]."""
     mesh: trimesh.Trimesh
-    """All faces, with normals into free space; vertices are corners of walls only."""
+    """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
+    of walls only. Faces of placed meshes that close no volume may be turned either way."""
     face_kind: UInt8[np.ndarray, " n_faces"]
     """What each face is: index into `KINDS`."""
     materials: tuple[str | Material, ...]
     """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
     face_material: UInt8[np.ndarray, " n_faces"]
     """What each face is made of: index into `materials`."""
+    furnishings: tuple[Furnishing, ...] = ()
+    """What is placed in it, in the order of its faces."""
 
     def __repr__(self) -> str:
+        placed = f", {len(self.furnishings)} placed in it" if self.furnishings else ""
         return (
             f"<Building {self.plan.name!r}: {self.free.area:.1f} m2 of free floor, {len(self.mesh.faces)} faces of "
-            f"{', '.join(map(str, self.materials))}>"
+            f"{', '.join(map(str, self.materials))}{placed}>"
         )
+
+    @cached_property
+    def bare(self) -> "Building":
+        """The same without what is placed in it."""
+        if not self.furnishings:
+            return self
+        own = self.face_kind != PLACED
+        return replace(
+            self,
+            mesh=self._part(own),
+            face_kind=self.face_kind[own],
+            face_material=self.face_material[own],
+            furnishings=(),
+        )
+
+    def floor(self, height_m: float) -> shapely.MultiPolygon:
+        """The floor on which an upright body of some height meets no wall, and nothing that is placed.
+
+        Args:
+            height_m: Of the body, above the floor [m]. What hangs at this height or higher does not stop it, nor does
+                what is lower than `robosim.building.footprint.ROLLS_OVER_M`.
+
+        Returns:
+            Free floor in `map` [m]: `free` itself, if nothing stands in the way.
+        """
+        return self._without("floor", height_m)
+
+    def taken(self, height_m: float) -> shapely.MultiPolygon:
+        """The free floor that placed things take from an upright body of some height: `free` without `floor`."""
+        return self._without("taken", height_m)
+
+    def free_at(self, height_m: float) -> shapely.MultiPolygon:
+        """Where points at some height [m] are in neither a wall nor a placed body, seen from above, in `map` [m]."""
+        return self._without("level", height_m)
+
+    @cached_property
+    def _free_of(self) -> dict[tuple[str, float], shapely.MultiPolygon]:
+        return {}
+
+    def _without(self, what: str, height_m: float) -> shapely.MultiPolygon:
+        """Free floor less what is placed, which is worked out once for each height."""
+        if not self.furnishings:
+            return shapely.MultiPolygon() if what == "taken" else self.free
+        key = what, float(height_m)
+        if key not in self._free_of:
+            take, cut = filled if what == "level" else footprint, shapely.difference
+            if what == "taken":
+                cut = shapely.intersection
+            taken = shapely.union_all([take(one.bodies, height_m) for one in self.furnishings])
+            parts = shapely.get_parts(cut(self.free, taken, grid_size=_TIDY_M))
+            parts = parts[shapely.area(parts) > _TIDY_M]  # neither slivers nor lines
+            self._free_of[key] = shapely.orient_polygons(shapely.MultiPolygon(list(parts)))
+        return self._free_of[key]
 
     @property
     def bounds(self) -> Float[np.ndarray, "2 3"]:
@@ -166,11 +236,22 @@ class Building:
         axes.set_title(self.plan.name, parse_math=False)  # names may have dollars in them
         return axes
 
-    def draw_walls(self, axes: "Axes") -> None:
-        """Draw walls and furniture from above into axes as they are."""
+    @cached_property
+    def outlines(self) -> list[Float[np.ndarray, "_ 2"]]:
+        """Closed outlines (x, y) [m] in `map` of all that is placed in it, from above."""
+        things = [footprint(one.bodies, self.height_m) for one in self.furnishings]
+        return [shapely.get_coordinates(line) for line in shapely.get_parts(shapely.boundary(things))]
+
+    def draw_walls(self, axes: "Axes", *, colour: str = WALL_COLOUR, zorder: float = 2) -> None:
+        """Draw walls, furniture and what is placed from above into axes as they are."""
         from matplotlib.collections import LineCollection
 
-        axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
+        if self.furnishings:
+            axes.add_collection(
+                LineCollection(self.outlines, colors=FURNISHING_COLOUR, linewidths=0.7, zorder=zorder)
+            )
+        walls = LineCollection(list(self.walls_2d), colors=colour, linewidths=0.9, zorder=zorder)
+        axes.add_collection(walls)
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.
@@ -198,15 +279,18 @@ class Building:
         return _mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
 
 
-def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> Building:
-    """Extrude the outline of a floor plan to a building.
+def make_building(
+    plan: FloorPlan, *, config: BuildingConfig | None = None, furnishings: Sequence[Furnishing] = ()
+) -> Building:
+    """Extrude the outline of a floor plan to a building, and place in it what is to stand there.
 
     Args:
         plan: Free cells and where their walls stand.
         config: Heights, tolerance and materials; None for the defaults.
+        furnishings: What is placed in it beside what the plan says.
 
     Raises:
-        MapError: If the plan has no free area.
+        MapError: If the plan has no free area, or what is placed is not between floor and ceiling or wholly outside.
     """
     config = config or BuildingConfig()
     cells = free_cells(plan, config.tolerance_m)
@@ -218,12 +302,12 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
     vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
     free = shapely.transform(cells, lambda points: placed(plan, points))
-    wanted = [config.material(kind) for kind in KINDS]
+    wanted = [config.material(kind) for kind in KINDS[:PLACED]]
     of_face = solid.kind.astype(np.int64)
     if plan.material is not None:
         wanted += [material_of(name, "materials of the plan") for name in plan.materials]
         own = _own_materials(plan, solid)
-        of_face = np.where(own > 0, len(KINDS) - 1 + own, of_face)
+        of_face = np.where(own > 0, PLACED - 1 + own, of_face)
     materials = tuple(dict.fromkeys(wanted[i] for i in np.unique(of_face)))
     index = np.array([materials.index(one) if one in materials else 0 for one in wanted], np.uint8)
     made_from: dict[str, object] = {
@@ -233,7 +317,7 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         "frame": "map",
     }
     logger.info("%s: %d faces around %.1f m2 of free floor", plan.name, len(solid.faces), free.area)
-    return Building(
+    building = Building(
         plan=plan,
         free=free,
         height_m=config.height_m,
@@ -242,6 +326,62 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         materials=materials,
         face_material=index[of_face],
     )
+    placed_in_it = (*plan.furnishings, *furnishings)
+    return _furnished(building, placed_in_it) if placed_in_it else building
+
+
+def _furnished(bare: Building, furnishings: tuple[Furnishing, ...]) -> Building:
+    """A building with meshes placed in it."""
+    vertices, faces = [np.asarray(bare.mesh.vertices)], [np.asarray(bare.mesh.faces)]
+    kind, material = [bare.face_kind], [bare.face_material]
+    materials = list(bare.materials)
+    first = len(bare.mesh.vertices)
+    for one in furnishings:
+        _check_place(bare, one)
+        made_of = material_of(one.material, f"material of {one.name}")
+        if made_of not in materials:
+            materials.append(made_of)
+        bodies = one.bodies
+        vertices.append(bodies.vertices)
+        faces.append(bodies.faces + first)
+        kind.append(np.full(len(bodies.faces), PLACED, np.uint8))
+        material.append(np.full(len(bodies.faces), materials.index(made_of), np.uint8))
+        first += len(bodies.vertices)
+    count = sum(map(len, faces[1:]))
+    logger.info("%s: %d things of %d faces are placed in it", bare.plan.name, len(furnishings), count)
+    return replace(
+        bare,
+        mesh=_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
+        face_kind=np.concatenate(kind),
+        materials=tuple(materials),
+        face_material=np.concatenate(material),
+        furnishings=furnishings,
+    )
+
+
+def _check_place(bare: Building, one: Furnishing) -> None:
+    """Raise MapError for a mesh that cannot be where it is to be placed."""
+    low, high = one.bodies.vertices[:, 2].min(), one.bodies.vertices[:, 2].max()
+    at = f"{bare.plan.name}: {one.name} at ({one.at[0]:g}, {one.at[1]:g}) m"
+    if low < -_THROUGH_M:
+        raise MapError(
+            f"{at} reaches {-low:.3g} m below the floor, expected z = 0 or more. Give it z_m: {-low:.4g}."
+        )
+    if high > bare.height_m + _THROUGH_M:
+        raise MapError(
+            f"{at} reaches to {high:.3g} m, expected at most the ceiling at {bare.height_m:g} m. Check its unit_m and "
+            "up, or raise the ceiling: height_m."
+        )
+    outline = shapely.convex_hull(shapely.multipoints(one.bodies.vertices[:, :2]))
+    inside = outline.intersection(bare.free)
+    if inside.is_empty:
+        near = shapely.shortest_line(bare.free, outline).coords[0]
+        raise MapError(
+            f"{at} stands in a wall or outside of the building; the nearest free floor is at ({near[0]:.2f}, "
+            f"{near[1]:.2f}) m."
+        )
+    if inside.area < outline.area / 2:
+        logger.warning("%s stands in walls by more than half of its outline.", at)
 
 
 def _own_materials(plan: FloorPlan, solid: Solid) -> Int[np.ndarray, " n_faces"]:

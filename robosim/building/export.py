@@ -24,13 +24,21 @@ from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
 from robosim.building.building import KINDS, Building
+from robosim.building.extrusion import PLACED
 from robosim.support.files import whole_file
 from wireless.em.fields import fresnel
 from wireless.em.materials import WALLS, Material, wall_row
 
 #: Colour of each kind of face (red, green, blue, opacity), in the order of `KINDS`.
 KIND_COLOURS = np.array(
-    [[214, 209, 196, 255], [143, 107, 77, 255], [238, 238, 242, 255], [94, 129, 172, 255]], np.uint8
+    [
+        [214, 209, 196, 255],
+        [143, 107, 77, 255],
+        [238, 238, 242, 255],
+        [94, 129, 172, 255],
+        [166, 124, 82, 255],
+    ],
+    np.uint8,
 )
 
 SUFFIXES = (".glb", ".ply", ".obj", ".stl")
@@ -50,8 +58,8 @@ T_GLTF_MAP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]
 def export_mesh(building: Building, path: Path) -> Path:
     """Write the mesh of a building as GLB, PLY, OBJ or STL, whole or not at all.
 
-    GLB and OBJ have an object for each kind of face, with its colour; PLY has coloured faces on shared
-    vertices; STL has no colours.
+    GLB and OBJ have an object for each kind of face, and for each placed thing, with its colour; PLY has coloured faces
+    on shared vertices; STL has no colours.
 
     Args:
         building: What to write.
@@ -77,9 +85,13 @@ def export_mesh(building: Building, path: Path) -> Path:
     else:
         content = building.mesh.copy()
         if suffix == ".ply":
-            content.visual = trimesh.visual.ColorVisuals(
-                content, face_colors=KIND_COLOURS[building.face_kind]
-            )
+            colours = KIND_COLOURS[building.face_kind]
+            if building.furnishings:
+                own = [
+                    np.tile((*one.colour, 255), (len(one.bodies.faces), 1)) for one in building.furnishings
+                ]
+                colours[building.face_kind == PLACED] = np.concatenate(own)
+            content.visual = trimesh.visual.ColorVisuals(content, face_colors=colours)
     with whole_file(path) as partial:
         content.export(partial, file_type=suffix[1:])
     return path
@@ -170,12 +182,16 @@ def export_mitsuba(building: Building, path: Path, *, frequency_hz: float = 28e9
 
 
 def _scene(building: Building) -> trimesh.Scene:
-    """The faces of each kind as an object by the kind's name, in its colour."""
+    """The faces of each kind as an object by the kind's name, in its colour; each placed thing as one of its own."""
     scene = trimesh.Scene()
-    for number, kind in enumerate(KINDS):
-        part = building.submesh(kind)
+    parts = [(kind, building.submesh(kind), KIND_COLOURS[n]) for n, kind in enumerate(KINDS[:PLACED])]
+    for number, one in enumerate(building.furnishings, 1):
+        mesh = trimesh.Trimesh(one.bodies.vertices, one.bodies.faces, process=False)
+        parts.append((f"{number} {one.name}", mesh, np.array([*one.colour, 255], np.uint8)))
+    for name, part, colour in parts:
         if len(part.faces):
-            colours = np.tile(KIND_COLOURS[number], (len(part.vertices), 1))
-            part.visual = trimesh.visual.ColorVisuals(part, vertex_colors=colours)
-            scene.add_geometry(part, node_name=kind, geom_name=kind)
+            part.visual = trimesh.visual.ColorVisuals(
+                part, vertex_colors=np.tile(colour, (len(part.vertices), 1))
+            )
+            scene.add_geometry(part, node_name=name, geom_name=name)
     return scene

@@ -19,8 +19,8 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-#: What a face is part of.
-WALL, FLOOR, CEILING, FURNITURE = range(4)
+#: What a face is part of; the last is placed in a building, and not extruded.
+WALL, FLOOR, CEILING, FURNITURE, PLACED = range(5)
 
 
 class Solid(NamedTuple):

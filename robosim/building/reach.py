@@ -46,9 +46,13 @@ class Reach:
     """0 where the hull's centre cannot be, else the number of the connected part, largest first from 1; floor outside
     of the building does not count."""
     free: shapely.Geometry
-    """The floor between the walls, in `map` [m]."""
+    """The floor between the walls, and between what stops the robot, in `map` [m]."""
     outside: Bool[np.ndarray, "ny nx"]
     """Free cells around the building."""
+    floor: Bool[np.ndarray, "ny nx"]
+    """Free cells on which nothing stops the robot."""
+    overhung: Bool[np.ndarray, "ny nx"]
+    """Those of them over which something hangs all the same."""
 
     @cached_property
     def n_parts(self) -> int:
@@ -110,7 +114,7 @@ class Reach:
     def swept(self, part: int) -> Bool[np.ndarray, "ny nx"]:
         """Free cells that some place of the hull within a part covers: the area that it can visit."""
         gap = ndimage.distance_transform_edt(self.parts != part) * self.plan.resolution_m
-        return (gap <= self.radius_m + self.plan.resolution_m) & self.plan.free
+        return (gap <= self.radius_m + self.plan.resolution_m) & self.floor
 
     def travel_m(self, point: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:
         """Length of the shortest drive of the hull's centre from a point to each cell [m].
@@ -155,7 +159,7 @@ class Reach:
     def cut_off(self, part: int) -> list[CutOff]:
         """Rooms that the hull cannot enter from a part, largest first."""
         # A rim of cells that are not free, so that floor at the plan's edge is as deep as it looks.
-        labels, n = ndimage.label(np.pad(self.plan.free & ~self.outside & ~self.swept(part), 1))
+        labels, n = ndimage.label(np.pad(self.floor & ~self.outside & ~self.swept(part), 1))
         numbers = np.arange(1, n + 1)
         depth_m = ndimage.distance_transform_edt(labels > 0) * self.plan.resolution_m
         areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
@@ -167,27 +171,40 @@ class Reach:
         return sorted(rooms, key=lambda room: -room.area_m2)
 
 
-def reach(building: Building, radius_m: float) -> Reach:
+def reach(building: Building, radius_m: float, height_m: float | None = None) -> Reach:
     """Where the centre of a disk-shaped hull can be in a building.
 
     Args:
-        building: The walls.
+        building: The walls, and what is placed between them.
         radius_m: Radius of the hull [m].
+        height_m: Height of the robot [m], which drives under what hangs higher; None for as high as the ceiling.
 
     Raises:
         ValueError: If the radius is none of a robot.
     """
     check_number("radius_m", radius_m, *RADIUS_M)
-    plan = building.plan
+    plan, free = building.plan, building.floor(building.height_m if height_m is None else height_m)
     inside = np.zeros(plan.shape, bool)
-    inside[plan.free] = _within(building.free, radius_m, plan.centres(plan.free))
+    inside[plan.free] = _within(free, radius_m, plan.centres(plan.free))
     labels, n = ndimage.label(inside)
     outside = outside_of(plan)
     tell_outside(plan, outside)
     size = np.bincount(labels[~outside], minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)
-    return Reach(plan, radius_m, rank[labels], building.free, outside)
+    floor, overhung = plan.free, np.zeros(plan.shape, bool)
+    if building.furnishings:
+        floor, open_above = (_contains(plan, one) for one in (free, building.floor(building.height_m)))
+        overhung = floor & ~open_above
+    return Reach(plan, radius_m, rank[labels], free, outside, floor, overhung)
+
+
+def _contains(plan: FloorPlan, floor: shapely.Geometry) -> Bool[np.ndarray, "ny nx"]:
+    """Free cells whose centre is on some floor."""
+    cells = plan.free.copy()
+    shapely.prepare(floor)
+    cells[cells] = shapely.contains_xy(floor, plan.centres(cells))
+    return cells
 
 
 def _within(

@@ -1,5 +1,6 @@
 """`robosim plan` and `robosim generate`."""
 
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
 from typing import Literal
@@ -21,6 +22,7 @@ def plan(
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     tolerance: float | None = None,
     radius: float = 0.10,
+    mast: float = 1.25,
     out: Path | None = None,
 ) -> None:
     """Show a floor plan: its size, its rooms and what a robot can reach; and export it and its building.
@@ -36,6 +38,7 @@ def plan(
         tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
             straight, but for published grids; 0 keeps every cell.
         radius: Radius of the robot's hull [m].
+        mast: Height of the robot's camera [m]: it drives under what hangs higher in a furnished building.
         out: Folder for the files; a new one under runs/ if not given.
     """
     from robosim.building.building import BuildingConfig, make_building
@@ -45,13 +48,16 @@ def plan(
     from robosim.plans.files import write_png, write_ros
     from robosim.robot.mjcf import export_mjcf
     from robosim.robot.robots import robot_of_radius
+    from wireless.geometry.extruded import find_extruded
+    from wireless.tracing.tracer import TracerConfig
 
     config = BuildingConfig(tolerance_m=tolerance)
     check_number("radius", radius, *RADIUS_M)
+    robot = replace(robot_of_radius(radius), mast_m=mast)
     with results_in(out, "plan") as folder:
         floor_plan = read(plan, reading)
         building = make_building(floor_plan, config=config)
-        places = reach(building, radius)
+        places = reach(building, *robot.hull_m)
         write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
         write_png(floor_plan, folder / f"{floor_plan.name}.png")
         plot_plan(folder / "reach.png", building, places)
@@ -60,10 +66,13 @@ def plan(
         export_mitsuba(building, folder / "mitsuba", frequency_hz=MITSUBA_HZ)
         if places.n_parts:
             pose = np.array([*places.widest(), 0.0])
-            export_mjcf(building, folder / "mujoco.xml", robot=robot_of_radius(radius), pose=pose)
+            export_mjcf(building, folder / "mujoco.xml", robot=robot, pose=pose)
     slabs = {str(material): itu_slab(material, MITSUBA_HZ) for material in building.materials}
     cut_off = places.cut_off(1) if places.n_parts else []
     rows, columns = floor_plan.shape
+    n_placed = len(building.mesh.faces) - len(building.bare.mesh.faces)
+    extruded = find_extruded(building.mesh, building.face_material.astype(np.int64), TracerConfig.snap_m)
+    engine = "space" if extruded is None else "plan"
     tell(
         {
             "plan": floor_plan.name,
@@ -74,6 +83,9 @@ def plan(
             "triangles": len(building.mesh.faces),
             "mitsuba": {name: slab._asdict() for name, slab in slabs.items()},
             "radius_m": radius,
+            "height_m": robot.height_m,
+            "furnishings": len(building.furnishings),
+            "radio": engine,
             "parts": places.n_parts,
             "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in cut_off],
         },
@@ -84,7 +96,16 @@ def plan(
         f"{len(building.walls_2d)} wall pieces, {len(building.mesh.faces)} triangles"
     )
     console.print(Text.assemble((floor_plan.name, "bold"), told))
-    console.print(f"A hull of radius {radius:g} m can drive in {places.n_parts} separate part(s) of it.")
+    tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
+    console.print(
+        f"A hull of radius {radius:g} m{tall} can drive in {places.n_parts} separate part(s) of it."
+    )
+    if building.furnishings:
+        console.print(f"{len(building.furnishings)} things are placed in it, of {n_placed} triangles.")
+    if engine == "space":
+        console.print(
+            "It is no extruded plan, so that radio is traced in space: some ten to a thousand times slower a link."
+        )
     for room in cut_off:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
         console.print(f"  out of reach from the largest part: {room.area_m2:.1f} m2 around {at} m")
@@ -104,10 +125,14 @@ def generate(
     seed: int = 0,
     count: int = 1,
     style: Literal["home", "office"] = "home",
+    heights: bool = False,
     navigable: bool = False,
     out: Path | None = None,
 ) -> None:
     """Make floor plans of buildings like real ones, each from its own seed.
+
+    With --heights NAME.yaml names NAME-furnishings.yaml, the list of what is placed in the building: tables, chairs,
+    shelves and more of true height, which can be edited.
 
     Example: robosim generate --seed 100 --count 20 --out out/plans
 
@@ -115,6 +140,7 @@ def generate(
         seed: Seed of the first plan; the others count up from it.
         count: How many plans.
         style: home or office.
+        heights: Furnish with pieces of true height in place of cells up to the ceiling.
         navigable: Write the area navigable for a 0.1 m robot, as the published grids are.
         out: Folder for the plans; a new one under runs/ if not given.
     """
@@ -124,7 +150,7 @@ def generate(
 
     check_number("count", count, 1, 100_000, "plans", whole=True)
     check_number("seed", seed, *SEED, whole=True)
-    config, names = GeneratorConfig(style=style, navigable=navigable), []
+    config, names = GeneratorConfig(style=style, heights=heights, navigable=navigable), []
     with (
         results_in(out, "generate") as folder,
         tracked(range(seed, seed + count), "plans", console) as numbers,

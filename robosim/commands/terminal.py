@@ -11,7 +11,7 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from shlex import quote
@@ -141,6 +141,8 @@ class PlanOptions:
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
     reader: ReaderPart = "auto"
     """Who reads the file: auto goes by its ending; module:Name is one of your own."""
+    furnishings: Path | None = None
+    """YAML file of what is placed in the building, beside what the plan says: tables, shelves, any mesh."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -158,8 +160,9 @@ NO_OPTIONS = PlanOptions()
 def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     """The floor plan of a name or file."""
     from robosim.plans.files import read_plan
+    from robosim.plans.formats.furnishing_file import read_furnishings
 
-    return read_plan(
+    found = read_plan(
         plan,
         resolution_m=options.resolution,
         floor_height_m=options.floor_height,
@@ -167,6 +170,9 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         unit_m=options.unit,
         reader=options.reader,
     )
+    if options.furnishings is None:
+        return found
+    return replace(found, furnishings=found.furnishings + read_furnishings(options.furnishings))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -100,6 +100,7 @@ def trace_plan(
             "receivers": len(grid.position),
             "links": len(transmitters) * len(grid.position),
             "states": {one.name.lower(): int(states[one]) for one in LinkState},
+            "engine": "plan" if scene.in_plan else "space",
             "deepmimo": scenario_name(plan.name),
             "config": described(config),
             "timing": {
@@ -173,6 +174,12 @@ def _prepare(
     """The building, and where transmitters are; tells of those in small parts of it."""
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
+    if not scene.in_plan:
+        console.print(
+            f"{plan.name} is no extruded floor plan: its {len(scene.building.mesh.faces)} triangles are traced in "
+            "space, some ten to a thousand times slower. A reflection less (--max-reflections 2) makes it faster.",
+            highlight=False,
+        )
     transmitters = scene.places(tx, "tx")
     for at in transmitters:
         if told := scene.cut_off(at):

@@ -7,8 +7,8 @@ no farther than the first wall. Behind that is the hidden part, which can only b
 
 Most of what is solid can never be seen: the inside of thick walls, the ground around the building. Cells "matter" if
 they are floor, or solid within a hand's breadth of floor; scores count these only.
-Left out: things lower than the camera, which it looks over; the section is taken to be the same at all heights of the
-robot, as it is in buildings with furniture up to the ceiling.
+Left out: that the camera looks over things lower than itself, and under others; the section is taken to be the same at
+all heights of the robot, as it is in buildings with furniture up to the ceiling.
 """
 
 import math
@@ -47,15 +47,18 @@ class TruePatches:
         hfov_deg: float = 90.0,
         range_m: float = 3.2,
         patch: GridFrame = AHEAD,
+        height_m: float | None = None,
     ) -> None:
         """Raster the building's section.
 
         Args:
-            building: Its `free` area is the section.
+            building: Its `floor` is the section.
             hfov_deg: Horizontal field of view of the camera [deg].
             range_m: How far is looked [m].
             patch: The cells asked for, in the robot's frame.
+            height_m: Height of the robot [m]; None for as high as the ceiling.
         """
+        floor = building.floor(building.height_m if height_m is None else height_m)
         self.patch = patch
         self._half_fov, self._range_m = math.radians(hfov_deg) / 2, range_m
         xmin, ymin, xmax, ymax = building.free.bounds
@@ -64,7 +67,7 @@ class TruePatches:
         shape = tuple(
             math.ceil((high - low + 2 * margin) / FINE_M) for low, high in ((ymin, ymax), (xmin, xmax))
         )
-        walls = (wall_segments(building.free) - self._origin) / FINE_M
+        walls = (wall_segments(floor) - self._origin) / FINE_M
         free = winding_numbers(walls[:, 0], walls[:, 1], shape) != 0
         gap_m = cv2.distanceTransform((~free).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * FINE_M
         self._section = np.where(free, _FREE, np.where(gap_m <= FACE_M, _FACE, _INSIDE)).astype(np.uint8)

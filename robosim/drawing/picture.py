@@ -206,7 +206,8 @@ def _write(canvas: np.ndarray, text: str, at: tuple[int, int]) -> None:
 
 def building_rings(building: Building) -> list[Float[np.ndarray, "_ 2"]]:
     """Outlines of a building's free space, and of what stands in it [m]."""
-    return [np.asarray(ring.coords) for part in building.free.geoms for ring in _rings(part)]
+    walls = [np.asarray(ring.coords) for part in building.free.geoms for ring in _rings(part)]
+    return walls + building.outlines
 
 
 def arrow_m(arrivals: Arrivals, i: int) -> float:

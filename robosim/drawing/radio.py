@@ -304,7 +304,7 @@ def _frame(axes: Axes, building: Building, title: str) -> None:
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_title(f"{building.plan.name}: {title}", fontsize=10, parse_math=False)
-    axes.add_collection(LineCollection(list(building.walls_2d), colors=WALL, linewidths=0.9, zorder=3))
+    building.draw_walls(axes, colour=WALL, zorder=3)
 
 
 def _zoom(axes: Axes, points: Float[np.ndarray, "n 2"]) -> None:

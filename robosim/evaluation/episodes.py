@@ -78,7 +78,7 @@ class Job:
     def scene(self) -> tuple[Building, Reach]:
         """Its building, and what the robot can reach there."""
         config = self.config
-        return scene(self.plan_file, self.reader, config.building, config.simulator.robot.radius_m)
+        return scene(self.plan_file, self.reader, config.building, config.simulator.robot.hull_m)
 
     def file(self, out: Path) -> Path:
         """Where the episode is kept below the folder of an evaluation."""
@@ -211,17 +211,25 @@ def _head(arrays: Mapping[str, np.ndarray], path: Path) -> Head:
 
 
 def draw_plan(
-    plan: str, file: Path, reader: str, count: int, seed: int, building: BuildingConfig, radius_m: float
+    plan: str,
+    file: Path,
+    reader: str,
+    count: int,
+    seed: int,
+    building: BuildingConfig,
+    hull_m: tuple[float, float],
 ) -> list[SuiteTask]:
     """Tasks in one plan, for a process of its own."""
-    return draw_tasks(plan, scene(file, reader, building, radius_m)[1], count, seed)
+    return draw_tasks(plan, scene(file, reader, building, hull_m)[1], count, seed)
 
 
 @lru_cache(maxsize=1)
-def scene(plan_file: Path, reader: str, config: BuildingConfig, radius_m: float) -> tuple[Building, Reach]:
-    """The building of a plan and what a hull can reach in it; the last one is kept."""
+def scene(
+    plan_file: Path, reader: str, config: BuildingConfig, hull_m: tuple[float, float]
+) -> tuple[Building, Reach]:
+    """The building of a plan and what a robot of a radius and a height can reach in it; the last one is kept."""
     building = make_building(read_plan(plan_file, reader=reader), config=config)
-    return building, reach(building, radius_m)
+    return building, reach(building, *hull_m)
 
 
 def _task(places: Reach, task: SuiteTask) -> Task:
@@ -235,9 +243,11 @@ def _task(places: Reach, task: SuiteTask) -> Task:
 
 def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
     """Identity and scores; whatever the log's result tells passes through."""
-    clearance = shapely.distance(shapely.points(np.array(log.poses)[:, :2]), building.free.boundary)
+    robot = job.config.simulator.robot
+    walls = building.floor(robot.height_m).boundary
+    clearance = shapely.distance(shapely.points(np.array(log.poses)[:, :2]), walls)
     seen = {f"coverage_{n}": log.coverage[min(n, len(log.coverage) - 1)] for n in MILESTONES}
-    deepest = max(0.0, job.config.simulator.robot.radius_m - float(clearance.min()))
+    deepest = max(0.0, robot.radius_m - float(clearance.min()))
     return {
         "plan": job.task.plan,
         "task": job.task.number,

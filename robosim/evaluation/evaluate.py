@@ -75,8 +75,8 @@ def find_suite(
         return read_suite(plans[0])
     count, seed = 10 if targets is None else targets, 0 if seed is None else seed
     files = name_plans(list(dict.fromkeys(find_plans(plans, reader))))
-    radius_m = config.simulator.robot.radius_m
-    calls = [(name, file, reader, count, seed, config.building, radius_m) for name, file in files.items()]
+    hull_m = config.simulator.robot.hull_m
+    calls = [(name, file, reader, count, seed, config.building, hull_m) for name, file in files.items()]
     drawn = {}
     with (
         Workers(min(workers, len(calls) or 1), cluster, what="plans") as pool,

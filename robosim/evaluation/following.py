@@ -45,7 +45,7 @@ def progress(
     rows: Sequence[Mapping[str, Any]],
     suite: Suite,
     building: BuildingConfig,
-    radius_m: float,
+    hull_m: tuple[float, float],
 ) -> dict[str, Progress]:
     """Progress by link state, and of exploring in higher order under `EXPLORED`.
 
@@ -54,13 +54,13 @@ def progress(
         rows: Its episodes.
         suite: What was searched.
         building: How plans became buildings.
-        radius_m: Radius of the hull [m].
+        hull_m: Radius and height of the robot [m].
     """
     gained: dict[str, list[float]] = defaultdict(list)
     for row in sorted((r for r in rows if r["policy"] in FOLLOWERS), key=lambda r: (r["plan"], r["task"])):
         name = f"{row['plan']}/{row['task']:03d}-{row['policy']}-{row['repeat']}.npz"
         episode = read_episode(results / "episodes" / name)
-        _, places = scene(suite.plans[row["plan"]], suite.reader, building, radius_m)
+        _, places = scene(suite.plans[row["plan"]], suite.reader, building, hull_m)
         travel = places.travel_m(np.array(row["target"]))
         left = np.array([places.remaining_m(travel, pose[:2]) for pose in episode.poses])
         for told, metres in _gains(episode, left, explores=row["policy"] == "los-or-first"):

@@ -34,6 +34,7 @@ from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.plans.files import read_plan
 from robosim.policies.goals import SEEKERS
+from robosim.robot.robots import RobotConfig
 from robosim.support.colours import TARGET, TRUE
 from robosim.support.reading import FileError, naming, shown
 from robosim.support.run_folder import SETTINGS, read_settings
@@ -153,8 +154,8 @@ def _rows(results: Path) -> list[dict[str, Any]]:
 
 def _following(results: Path, rows: Sequence[dict[str, Any]]) -> list[str]:
     """Whether arrivals that were followed led on."""
-    config, radius_m = _scenes(results)
-    found = progress(results, rows, _suite(results), config, radius_m)
+    config, hull_m = _scenes(results)
+    found = progress(results, rows, _suite(results), config, hull_m)
     return ["Following an arrival, by the link state believed in:", *told(found)] if found else []
 
 
@@ -296,12 +297,15 @@ def _suite(results: Path) -> Suite:
     return read_suite(results / _SUITE)
 
 
-def _scenes(results: Path) -> tuple[BuildingConfig, float]:
-    """How plans became buildings, and the radius of the robot [m]."""
+def _scenes(results: Path) -> tuple[BuildingConfig, tuple[float, float]]:
+    """How plans became buildings, and radius and height of the robot [m]."""
     settings = read_settings(results, "evaluate")
     with naming(results / SETTINGS, "the settings of an evaluation"):
         building = check_object(settings["episode"]["building"])
-        radius_m = settings["episode"]["simulator"]["robot"]["radius_m"]
+        robot = check_object(settings["episode"]["simulator"]["robot"], ("radius_m",))
+        radius_m = robot["radius_m"]
         if not (is_number(radius_m) and 0 < radius_m < _WIDEST_M):
             raise ValueError(f"the robot's radius is {radius_m!r}")
-        return BuildingConfig(**building), float(radius_m)
+        mast_m = robot.get("mast_m", RobotConfig.mast_m)
+        made = RobotConfig(radius_m=radius_m, mast_m=mast_m, track_m=radius_m)
+        return BuildingConfig(**building), made.hull_m

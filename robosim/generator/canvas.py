@@ -47,6 +47,15 @@ class Canvas:
         x1, y1 = np.minimum(np.ceil(cells.max(axis=0) + margin), self.free.shape[::-1]).astype(int).tolist()
         return slice(y0, y1), slice(x0, x1)
 
+    def to_map(self, points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+        """Points of the building's own frame in `map` [m], of a plan whose origin is the canvas's corner."""
+        return points @ self._turn.T - self._low
+
+    @property
+    def yaw(self) -> float:
+        """Angle from the grid's x axis to the building's [rad]."""
+        return float(np.arctan2(self._turn[1, 0], self._turn[0, 0]))
+
     def cells(self, polygons: Sequence[Polygon], window: Window) -> Bool[np.ndarray, "h w"]:
         """Cells of a window with their centre in one of some convex polygons."""
         rows, columns = window

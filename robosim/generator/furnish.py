@@ -5,6 +5,8 @@ nothing, keeps off doorways, and leaves the places of a disk as wide as the pass
 that leads through all doors of the room; where nothing of the kind is found it is left out.
 """
 
+from collections.abc import Callable
+
 import cv2
 import numpy as np
 
@@ -22,7 +24,13 @@ DOORWAY_M = 0.6
 
 
 def furnish(
-    canvas: Canvas, layout: Layout, rng: np.random.Generator, *, density: float, passage_m: float
+    canvas: Canvas,
+    layout: Layout,
+    rng: np.random.Generator,
+    *,
+    density: float,
+    passage_m: float,
+    things: Callable[[str], list[Entry]] = entries,
 ) -> None:
     """Put furniture into the rooms of a building that is painted already.
 
@@ -32,20 +40,21 @@ def furnish(
         rng: Source of all chance.
         density: Share of the usual furniture that is there; above 1 for crowded rooms.
         passage_m: Width that stays free on some way between any two places that have it now [m].
+        things: What stands in a room of a kind.
     """
     for i, room in enumerate(layout.rooms):
-        space = _Space(canvas, layout, i, passage_m)
+        space = Space(canvas, layout, i, passage_m)
         for opening in layout.openings:
             if opening.is_door and opening.rooms[0] == i and rng.random() < 0.4 * min(density, 1.0):
                 space.put(_door_leaf(rng, opening), keep_doorways=False)
-        for entry in entries(room.kind):
+        for entry in things(room.kind):
             n = int(rng.random() < entry.each * density)
             n += int(rng.poisson(entry.per_10_m2 * room.floor.area / 10 * density))
             for _ in range(n):
                 _place(space, room.floor, entry, rng)
 
 
-class _Space:
+class Space:
     """The cells of one room, and what may still be made solid in it. Arrays cover the room's window."""
 
     def __init__(self, canvas: Canvas, layout: Layout, i: int, passage_m: float) -> None:
@@ -121,7 +130,7 @@ def _relative(window: Window, outer: Window) -> Window | None:
     return slices[0], slices[1]
 
 
-def _place(space: _Space, floor: Rect, entry: Entry, rng: np.random.Generator) -> None:
+def _place(space: Space, floor: Rect, entry: Entry, rng: np.random.Generator) -> None:
     """Try to put a piece somewhere along a wall, into a corner or freely into a room."""
     piece = entry.make(rng)
     extent = np.ptp(np.vstack(piece), axis=0)

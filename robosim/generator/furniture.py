@@ -36,6 +36,11 @@ def entries(kind: str) -> list[Entry]:
     return _STRUCTURE + _BY_KIND[kind] + _SMALL
 
 
+def structure(kind: str) -> list[Entry]:
+    """What of it is part of the building: stubs of wall, and columns."""
+    return _STRUCTURE
+
+
 def turn(angle: float) -> Float[np.ndarray, "2 2"]:
     """Rotation of the plane."""
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -2,7 +2,8 @@
 
 Size and number of rooms are drawn from distributions fitted to scanned homes, rooms are laid out and
 furnished, the whole is turned by an angle and put on a grid. What no robot can enter is closed at the end,
-so that the free space is one piece, and one piece for the centre of the robot's hull too.
+so that the free space is one piece, and one piece for the centre of the robot's hull too. Furniture is cells, or with
+``heights=True`` meshes of true height (`FloorPlan.furnishings`), which leave the same passages.
 
 The same seed and configuration give the same plan, bit for bit. With ``navigable=True`` the same building
 comes as the published grids of scanned homes do: free where an agent of 0.1 m radius may stand, with walls
@@ -19,7 +20,9 @@ import numpy as np
 from robosim.generator.building_style import STYLES
 from robosim.generator.canvas import Canvas
 from robosim.generator.furnish import furnish
+from robosim.generator.furniture import structure
 from robosim.generator.layout import Layout, lay_out
+from robosim.generator.placing import place_pieces
 from robosim.generator.rect import Rect
 from robosim.generator.rooms import hull_places, largest_piece
 from robosim.plans.files import write_ros
@@ -54,6 +57,9 @@ class GeneratorConfig:
     """Radius of the robot that must get everywhere [m]."""
     resolution_m: float = 0.05
     """Side of a cell [m]."""
+    heights: bool = False
+    """Furniture is pieces of true height, which robots see, hear and drive over and under, rather than cells up to the
+    ceiling. Rooms are the same ones as without."""
     navigable: bool = False
     """Free is where an agent of 0.1 m radius may stand, as in the published grids, rather than all floor."""
 
@@ -69,6 +75,10 @@ class GeneratorConfig:
             hull_radius_m=(0.02, 1, "m"),
             resolution_m=(0.01, 0.1, "m"),
         )
+        if self.heights and self.navigable:
+            raise ValueError(
+                "heights is True and navigable too, expected one of them: a navigable area is one for all heights."
+            )
         narrowest, widest = self.door_width_m
         least = self.passage_m + 2 * RASTER_M
         if not least - 1e-9 <= narrowest <= widest:
@@ -103,9 +113,14 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     canvas = Canvas(layout.bounds(), draft.yaw, config.resolution_m)
     _paint(canvas, layout)
     floor = canvas.free.copy()
-    density = draft.furniture * style.crowding
-    furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
-    return _plan(canvas.free, floor, f"{config.style}-{seed}", config)
+    density, name = draft.furniture * style.crowding, f"{config.style}-{seed}"
+    if not config.heights:
+        furnish(canvas, layout, rng, density=density, passage_m=config.passage_m)
+        return _plan(canvas.free, floor, name, config)
+    furnish(canvas, layout, rng, density=density, passage_m=config.passage_m, things=structure)
+    plan = _plan(canvas.free, floor, name, config)
+    placed = place_pieces(canvas, layout, rng, plan.free, density=density, passage_m=config.passage_m)
+    return replace(plan, furnishings=tuple(placed))
 
 
 #: Seeds and kinds of the plans that come with the package; `write_shipped` makes them anew.

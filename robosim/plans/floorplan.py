@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Literal, get_args
 import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
+from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.support.parts import told
 from robosim.support.reading import FileError
 from wireless.support.axes import axes_in_metres
 
@@ -73,6 +75,8 @@ class FloorPlan:
     says; None for that everywhere."""
     materials: tuple[str, ...] = ()
     """Radio materials of walls, by name or as files of layers."""
+    furnishings: tuple[Furnishing, ...] = ()
+    """What is placed in the building, at its own height; cells know nothing of it."""
 
     def __post_init__(self) -> None:
         if (
@@ -91,7 +95,11 @@ class FloorPlan:
     def __repr__(self) -> str:
         rows, columns = self.shape
         area_m2 = self.free.sum() * self.resolution_m**2
-        return f"<FloorPlan {self.name!r}: {columns} x {rows} cells of {self.resolution_m:g} m, {area_m2:.1f} m2 free>"
+        placed = f", {len(self.furnishings)} placed in it" if self.furnishings else ""
+        return (
+            f"<FloorPlan {self.name!r}: {columns} x {rows} cells of {self.resolution_m:g} m, {area_m2:.1f} m2 "
+            f"free{placed}>"
+        )
 
     def _problem_of_grid(self) -> str | None:
         """What is wrong with the cells, if anything."""
@@ -146,6 +154,8 @@ class FloorPlan:
         seen.update(self.occupancy.tobytes())
         if self.material is not None:
             seen.update(repr(self.materials).encode() + self.material.tobytes())
+        for one in self.furnishings:
+            seen.update(np.ascontiguousarray(one.triangles).tobytes() + told(one.material).encode())
         return seen.hexdigest()[:16]
 
     @property

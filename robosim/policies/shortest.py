@@ -45,16 +45,21 @@ class TrueMapper:
 
     collided = False
 
-    def __init__(self, building: Building, pose: Callable[[], Float[np.ndarray, "3"]]) -> None:
+    def __init__(
+        self, building: Building, pose: Callable[[], Float[np.ndarray, "3"]], height_m: float | None = None
+    ) -> None:
         """Raster the building.
 
         Args:
-            building: Its `free` area is the floor.
+            building: Its `floor` is what the robot drives on.
             pose: Tells the true pose: x [m], y [m], yaw [rad] in `map`.
+            height_m: Height of the robot [m]; None for as high as the ceiling.
         """
         self._pose = pose
         frame = _frame(building)
-        obstacle, offset_m = _raster(building, frame)
+        obstacle, offset_m = _raster(
+            building.floor(building.height_m if height_m is None else height_m), frame
+        )
         nothing = np.zeros(frame.shape, bool)
         self._truth = MapEstimate(
             frame=frame,
@@ -93,10 +98,10 @@ def _frame(building: Building) -> GridFrame:
 
 
 def _raster(
-    building: Building, frame: GridFrame
+    floor: shapely.MultiPolygon, frame: GridFrame
 ) -> tuple[Bool[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx 2"]]:
     """Cells that are solid at their centres or have a wall in them, and where the nearest wall is, from the centre."""
-    walls = wall_segments(building.free)
+    walls = wall_segments(floor)
     local = (walls - frame.origin_xy) / frame.resolution_m
     obstacle = winding_numbers(local[:, 0], local[:, 1], frame.shape) == 0
     iy, ix = frame.index(_behind(walls))

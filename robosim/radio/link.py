@@ -89,7 +89,7 @@ class RadioLink:
                 f"height_m is {self.config.height_m}, expected antennas between floor and ceiling, 0 to "
                 f"{building.height_m:g} m."
             )
-        self._free = building.free
+        self._free = building.free_at(self.config.height_m)
         self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
         c = self.config
         self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)

@@ -104,7 +104,7 @@ def _regular(building: Building, step_m: float, height_m: float) -> ReceiverGrid
     ny, nx = (max(1, int(np.floor(n / step + 1e-9))) for n in plan.shape)
     everywhere = np.argwhere(np.ones((ny, nx), bool))
     grid = _grid(plan, everywhere, (ny, nx), step, np.zeros(2), height_m)
-    room = building.free.buffer(-CLEARANCE_M)
+    room = building.free_at(height_m).buffer(-CLEARANCE_M)
     shapely.prepare(room)
     inside = shapely.contains_xy(room, grid.position[:, :2])
     return _grid(plan, everywhere[inside], (ny, nx), step, np.zeros(2), height_m)

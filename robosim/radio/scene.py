@@ -11,6 +11,7 @@ from robosim.building.building import BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.receivers import check_height
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
+from wireless.tracing.scenes import PlanScene
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -68,6 +69,11 @@ class RadioScene:
         self.tracer = Tracer(self.building, frequency_hz=config.frequency_hz, config=config.tracer)
 
     @property
+    def in_plan(self) -> bool:
+        """Whether it is traced as a floor plan, which is fast, rather than in space."""
+        return isinstance(self.tracer.scene, PlanScene)
+
+    @property
     def digest(self) -> str:
         """A text that changes with any vertex, face or material of the building."""
         seen = hashlib.sha256()
@@ -94,13 +100,15 @@ class RadioScene:
                 check_number(name, float(value), -FARTHEST, FARTHEST, "m")
             check_height(self.building, float(z), f"height of {name} ({x:g}, {y:g})")
             point = shapely.Point(x, y)
-            if self.building.free.distance(point) > ON_EDGE_M:
+            free = self.building.free_at(float(z))
+            if free.distance(point) > ON_EDGE_M:
                 # Rounded to centimetres it must not be in a wall again.
-                inside = self.building.free.buffer(-0.01)
-                room = self.building.free if inside.is_empty else inside
+                inside = free.buffer(-0.01)
+                room = free if inside.is_empty else inside
                 near = shapely.shortest_line(room, point).coords[0]
+                within = " at this height" if self.building.furnishings else ""
                 raise ValueError(
-                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}; the "
+                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}{within}; the "
                     f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."
                 )
         return at

@@ -15,7 +15,7 @@ CLEARANCE_M = 0.1
 def random_transmitters(
     building: Building, count: int, height_m: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "count 3"]:
-    """Places drawn evenly over free space within the building [m], rounded to millimetres.
+    """Places drawn evenly over free space at a height within the building [m], rounded to millimetres.
 
     More of them begin with the same ones.
 
@@ -28,8 +28,9 @@ def random_transmitters(
     Raises:
         MapError: If there is no free space.
     """
-    room = building.free.buffer(-CLEARANCE_M)
-    room = building.free if room.is_empty else room
+    free = building.free_at(height_m)
+    room = free.buffer(-CLEARANCE_M)
+    room = free if room.is_empty else room
     if room.is_empty:
         raise MapError(f"{building.plan.name}: no free space for a transmitter.")
     shapely.prepare(room)

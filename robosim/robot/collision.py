@@ -10,7 +10,9 @@ each wall, as thick as there is room for, and where the solid is too narrow for 
 triangle that the constrained Delaunay triangulation has there. Rectangles are preferred because MuJoCo
 knows the distance of a sphere from a box in closed form.
 
-Left out: the solid further inside, which nothing can reach, and walls lower than the robot.
+What is placed in a building is convex pieces of the floor that it takes from a robot of some height, and these are as
+high as walls: what is lower than the robot stops its whole hull, and what is higher does not touch it.
+Left out: the solid further inside, which nothing can reach.
 """
 
 import logging
@@ -20,6 +22,7 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
+from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.rectangles import lattice_solids
 
@@ -60,6 +63,22 @@ def wall_segments(free: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
     return np.stack([points[starts], points[starts + 1]], axis=1)
 
 
+def solids(building: Building, height_m: float) -> WallSolids:
+    """Convex pieces of all that stops a robot of some height [m] in a building: walls, and what is placed."""
+    walls, placed = wall_solids(building.free, building.plan), placed_solids(building, height_m)
+    return WallSolids(np.vstack([walls.boxes, placed.boxes]), walls.prisms + placed.prisms)
+
+
+def placed_solids(building: Building, height_m: float) -> WallSolids:
+    """Convex pieces of the floor that placed things take from a robot of some height [m]."""
+    things = building.taken(height_m)
+    if things.is_empty:
+        return WallSolids(np.empty((0, 5)))
+    found = _behind_walls(things, wall_segments(things)[:, ::-1])  # free floor is on the left of them
+    logger.info("%s: %d boxes and %d prisms placed", building.plan.name, len(found.boxes), len(found.prisms))
+    return found
+
+
 def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
     """Convex pieces of solid along the boundary of free space.
 
@@ -71,7 +90,7 @@ def wall_solids(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
         Pieces that cover the solid side of each wall line, and no free space.
     """
     segments = wall_segments(free)
-    solids = _along_lattice(segments, plan) or _behind_walls(free, segments)
+    solids = _along_lattice(segments, plan) or _behind_walls(_around(free).difference(free), segments)
     logger.info("%s: walls made of %d boxes and %d prisms", plan.name, len(solids.boxes), len(solids.prisms))
     return solids
 
@@ -122,11 +141,8 @@ def _along_lattice(segments: Float[np.ndarray, "n 2 2"], plan: FloorPlan) -> Wal
     return WallSolids(boxes, [plan.to_map(prism + shift) for prism in prisms])
 
 
-def _behind_walls(free: shapely.MultiPolygon, segments: Float[np.ndarray, "n 2 2"]) -> WallSolids:
-    """A rectangle behind each wall, or a triangle where none fits."""
-    xmin, ymin, xmax, ymax = free.bounds
-    margin = max(DEPTHS_M) + 1
-    solid = shapely.difference(shapely.box(xmin - margin, ymin - margin, xmax + margin, ymax + margin), free)
+def _behind_walls(solid: shapely.Geometry, segments: Float[np.ndarray, "n 2 2"]) -> WallSolids:
+    """A rectangle behind each wall, on its right, or a triangle of the solid where none fits."""
     shapely.prepare(solid)
     boxes, left = [], segments[np.hypot(*(segments[:, 1] - segments[:, 0]).T) > _EXACT]
     for depth_m in DEPTHS_M:
@@ -135,6 +151,13 @@ def _behind_walls(free: shapely.MultiPolygon, segments: Float[np.ndarray, "n 2 2
         boxes.append(behind[fits])
         left = left[~fits]
     return WallSolids(np.vstack(boxes), _triangles(solid, left))
+
+
+def _around(free: shapely.Geometry) -> shapely.Polygon:
+    """A rectangle around free space with room for what is behind walls."""
+    margin = max(DEPTHS_M) + 1
+    xmin, ymin, xmax, ymax = free.bounds
+    return shapely.box(xmin - margin, ymin - margin, xmax + margin, ymax + margin)
 
 
 def _rectangles(walls: Float[np.ndarray, "n 2 2"], depth_m: float) -> Float[np.ndarray, "n 5"]:

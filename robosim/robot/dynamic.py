@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import Building
-from robosim.robot.collision import check_pose, wall_solids
+from robosim.robot.collision import check_pose, solids
 from robosim.robot.motion import (
     BLOCKED_M,
     BLOCKED_RAD,
@@ -59,7 +59,7 @@ class World:
         """Build the model; takes some tenths of a second on a large plan.
 
         Args:
-            building: Its `free` area gives the walls.
+            building: Its `free` area gives the walls, and what is placed in it stands before a robot of this height.
             robot: The robot's body; by default a small one.
             config: Physics settings.
         """
@@ -69,7 +69,8 @@ class World:
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
         half_m = np.array([xmax - xmin, ymax - ymin]) / 2 + MARGIN_M
-        walls = wall_solids(building.free, building.plan)
+        self._room = building.floor(self.robot.height_m)
+        walls = solids(building, self.robot.height_m)
         spec = new_spec(self.config)
         add_floor(spec, half_m)
         add_walls(spec, walls, self.config, origin=self._origin, height_m=building.height_m)
@@ -97,7 +98,7 @@ class World:
         Raises:
             ValueError: If the hull does not fit there.
         """
-        check_pose(self.building.free, pose, self.robot.radius_m)
+        check_pose(self._room, pose, self.robot.radius_m)
         self._place(pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2])
 
     @property

@@ -44,16 +44,17 @@ class KinematicWorld:
         """Sort the walls of a building.
 
         Args:
-            building: Its `free` area gives the walls.
-            robot: The robot's body, of which size and speed matter here.
+            building: Its `floor` for a robot of this height gives the walls.
+            robot: The robot's body, of which size, height and speed matter here.
             slide: Whether a blocked robot goes on along the wall.
         """
         self.building = building
         self.robot = robot or RobotConfig()
         self.slide = slide
+        self._room = building.floor(self.robot.height_m)
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
-        self._walls = _Tiles(wall_segments(building.free) - self._origin, self.robot.radius_m + GAP_M)
+        self._walls = _Tiles(wall_segments(self._room) - self._origin, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
@@ -62,7 +63,7 @@ class KinematicWorld:
         Raises:
             ValueError: If the hull does not fit there.
         """
-        check_pose(self.building.free, pose, self.robot.radius_m)
+        check_pose(self._room, pose, self.robot.radius_m)
         self._x, self._y = float(pose[0] - self._origin[0]), float(pose[1] - self._origin[1])
         self._yaw = wrap(float(pose[2]))
 

@@ -6,6 +6,7 @@ damping): 2 mm at 0.5 m/s and steps of 5 ms.
 
 Wheels cannot move a robot sideways, but a real robot slips. So the floor is a heavy body that slides: the
 wheels hold on to it, and walls still stop the robot, with no more force than the wheels' grip.
+What is placed in a building is walls of the floor that it takes (`robosim.robot.collision`).
 Left out: anything but floor and walls, and what is above the robot.
 """
 
@@ -103,6 +104,8 @@ def add_walls(
     origin: Float[np.ndarray, "2"],
     height_m: float,
     body: mujoco.MjsBody | None = None,
+    name: str = "prism",
+    group: int = 0,
 ) -> None:
     """Add walls as upright prisms that go from below the floor to a height.
 
@@ -113,10 +116,13 @@ def add_walls(
         origin: Where the origin of the body lies in `map` [m].
         height_m: Their upper edge [m].
         body: What they belong to; the world if not given.
+        name: What meshes of them are called, before a number.
+        group: MuJoCo's group of geoms; viewers show 0 to 2.
     """
     body = spec.worldbody if body is None else body
     low, high = -1.0, height_m  # the hull must never meet an upper or lower edge
     common: dict[str, Any] = {"contype": WALL, "conaffinity": 0, "rgba": (0.85, 0.85, 0.82, 1), **config.hard}
+    common["group"] = group
     for x, y, length, width, yaw in walls.boxes:
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
@@ -128,6 +134,6 @@ def add_walls(
     for number, prism in enumerate(walls.prisms):
         corners = prism - origin
         vertices = np.vstack([np.insert(corners, 2, z, axis=1) for z in (low, high)])
-        mesh = spec.add_mesh(name=f"prism{number}", uservert=vertices.ravel())
+        mesh = spec.add_mesh(name=f"{name}{number}", uservert=vertices.ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
         body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=mesh.name, **common)

@@ -10,6 +10,8 @@ Walls see the hull as a sphere of the hull's radius at the height of the centre 
 walls its outline is a circle of exactly that radius however the body tilts, a push goes through the
 centre of mass, and there is no edge to climb on. (An upright capsule leans out when the
 body tilts; a cylinder sank 5 cm into corners of boxes in MuJoCo 4.0.0.)
+What is placed in a building stops the hull's circle wherever anything of it is lower than the robot (`height_m`): the
+robot is an upright cylinder to it, though its mast is slimmer.
 Left out: suspension, motor electronics, the mast's mass.
 """
 
@@ -34,6 +36,8 @@ from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
 SERVO_LAG_S = 0.015
+#: Half the height of the camera's housing on the mast, and upper edge of the deck, in radii of the hull.
+_CAMERA_R, _DECK_R = 0.15, 1.3
 #: Push of the wheels at which the motors stall, as a part of the robot's weight.
 STALL_GRIP = 0.5
 
@@ -53,7 +57,8 @@ class RobotConfig:
     rotor_inertia_kgm2: float = 0.0005
     """Inertia of a motor's rotor as felt at the wheel [kg m^2]."""
     mast_m: float = 1.25
-    """Height of the camera [m], as drawn; pictures follow the camera's own settings."""
+    """Height of the camera [m], which is the robot's too: it drives under what hangs higher. Pictures follow the
+    camera's own settings."""
     max_speed_mps: float = 0.5
     """Highest speed of a wheel [m/s]."""
     max_accel_mps2: float = 2.0
@@ -79,6 +84,16 @@ class RobotConfig:
                 f"track_m is {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "
                 "wheels outside of the hull would pass through walls."
             )
+
+    @property
+    def height_m(self) -> float:
+        """Height of the whole robot [m], with the camera on its mast: what hangs higher does not stop it."""
+        return max(self.mast_m + _CAMERA_R * self.radius_m, _DECK_R * self.radius_m)
+
+    @property
+    def hull_m(self) -> tuple[float, float]:
+        """Radius and height [m] of the upright cylinder that the robot is to what it may run into."""
+        return self.radius_m, self.height_m
 
     @property
     def servo_gain(self) -> float:
@@ -249,7 +264,7 @@ def _add_looks(body: mujoco.MjsBody, robot: RobotConfig) -> None:
         ("base", cylinder, (0, 0, 0.65 * R), (R, 0.25 * R, 0), (0.3, 0.3, 0.33, 1)),
         ("deck", cylinder, (0, 0, 1.15 * R), (0.85 * R, 0.15 * R, 0), (0.25, 0.45, 0.7, 1)),
         ("mast", cylinder, (0, 0, (top + R) / 2), (0.1 * R, 0, (top - R) / 2), (0.7, 0.7, 0.7, 1)),
-        ("camera", box, (0, 0, top), (0.15 * R, 0.4 * R, 0.15 * R), (0.9, 0.35, 0.1, 1)),
+        ("camera", box, (0, 0, top), (0.15 * R, 0.4 * R, _CAMERA_R * R), (0.9, 0.35, 0.1, 1)),
     )
     for name, kind, pos, size, rgba in looks:
         size = (size[0], size[2], 0) if name == "mast" else size

@@ -126,14 +126,17 @@ def _draw_pair(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Two points of one part and the drive between them [m]; the first is the given one, if there is one.
 
-    What is drawn is indoors, the second point one of `places` unless none is far enough.
+    What is drawn is indoors with nothing over it, the second point one of `places` unless none is far enough.
     """
-    cells = np.argwhere(reach.indoors)
+    # Nobody searches a target that is drawn into a table.
+    clear = reach.indoors & ~reach.overhung
+    clear = clear if clear.any() else reach.indoors
+    cells = np.argwhere(clear)
     best: tuple[float, np.ndarray, np.ndarray] | None = None
     for _ in range(1 if given is not None else _TRIES):
         anchor = given if given is not None else _centre(reach, cells[rng.integers(len(cells))])
         travel = reach.travel_m(anchor)
-        indoors = np.where(reach.indoors, travel, np.inf)
+        indoors = np.where(clear, travel, np.inf)
         travel = indoors if np.isfinite(indoors).any() else travel
         far = np.isfinite(travel) & (travel >= min_path_m)
         far_enough = np.argwhere(far & places if (far & places).any() else far)

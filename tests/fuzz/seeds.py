@@ -30,6 +30,7 @@ from robosim.plans.files import write_png, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.plans.formats.pgm import encode_pgm
 from robosim.plans.formats.plan_image import GREY
+from robosim.plans.furnishings.pieces import make_piece
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import COLUMNS as MEASURED
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
@@ -70,7 +71,7 @@ def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
         ros_maps, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
-        checkpoints, arrays, logs, robots,
+        checkpoints, arrays, logs, robots, furnishings,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -419,6 +420,20 @@ def robots(folder: Path) -> None:
         "- {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}\n"
         "- {material: glass, thickness_m: 0.006}\n"
     )
+
+
+def furnishings(folder: Path) -> None:
+    """What is placed in a building, with meshes of every format beside it."""
+    home = _into(folder, "furnishings")
+    table = make_piece("table", at=(1.0, 1.0))
+    entries = ["- {piece: chair, at: [2.0, 1.0], yaw_deg: 30, material: plywood, colour: [120, 90, 60]}"]
+    for suffix in ("stl", "obj", "ply", "glb"):
+        table.mesh.export(home / f"table.{suffix}")
+        entries.append(
+            f"- {{mesh: table.{suffix}, at: [2.0, 2.0], z_m: 0.1, unit_m: 0.5, name: one of {suffix}}}"
+        )
+    (home / "room.yaml").write_text("\n".join(entries) + "\n")
+    write_ros(replace(two_rooms(0.8), furnishings=(table,)), _into(folder, "ros-furnished") / "map.yaml")
 
 
 def real(folder: Path) -> None:

@@ -23,6 +23,7 @@ from robosim.evaluation.suite import is_suite, read_suite
 from robosim.figures.training import confusion_of, read_card, read_epochs
 from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
+from robosim.plans.formats.furnishing_file import read_furnishings
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
@@ -98,6 +99,15 @@ def _plan(folder: Path, file: Path) -> None:
 
 def _ros(folder: Path, file: Path) -> None:
     read_plan(next(iter(sorted(folder.glob("*.yaml"))), folder / "map.yaml"))
+
+
+def _furnished(folder: Path, file: Path) -> None:
+    read_plan(folder / "map.yaml")
+
+
+def _furnishings(folder: Path, file: Path) -> None:
+    for one in read_furnishings(folder / "room.yaml"):
+        assert np.isfinite(one.triangles).all()
 
 
 def _found_plans(folder: Path, file: Path) -> None:
@@ -290,6 +300,8 @@ TARGETS: dict[str, Target] = {
     "ros map": Target("ros-pgm", "map.*", _ros, names=".yaml"),
     "ros map with png": Target("ros-png", "map.*", _ros, names=".yaml"),
     "ros map in full": Target("ros-rich", "map.*", _ros, names=".yaml"),
+    "furnished ros map": Target("ros-furnished", "map*", _furnished, 0.5, names=".yaml"),
+    "furnishings": Target("furnishings", "*", _furnishings, 2, names="room.yaml"),
     "real ros map": Target("real-ros", "*", _ros, names=".yaml"),
     "image": Target("images", "*", _plan, 3),
     "grid, house, array": Target("plans", "*", _plan, 3),

@@ -243,6 +243,8 @@ class Tracer:
                 plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
             )
         else:
+            if self.config.scene == "auto":
+                logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
             self.scene = self._in_space()
 
     def trace(

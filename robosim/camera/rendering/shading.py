@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 
 from robosim.building.building import Building
 from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
+from robosim.camera.rendering.placed import placed_patches
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.support.checks import check_numbers
 
@@ -70,14 +71,20 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
         config: How finely.
 
     Returns:
-        A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours. The last one is kept,
-        since many episodes run in one building: copy it before changing it.
+        A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours; placed sheets have one on
+        either side. The last one is kept, since many episodes run in one building: copy it before changing it.
     """
-    patches = tessellate(building, step_m=config.step_m, heights_m=(_SKIRTING_M,))
+    bare = building.bare
+    patches = tessellate(bare, step_m=config.step_m, heights_m=(_SKIRTING_M,))
+    facing, albedo = _facing(bare)[patches.source], _albedo(bare, patches)
+    if building.furnishings:
+        placed, paint = placed_patches(building.furnishings, step_m=config.step_m)
+        patches = Patches.joined([patches, placed])
+        facing, albedo = np.vstack([facing, placed.normals]), np.vstack([albedo, paint])
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
-    facing = _facing(building)[patches.source] @ (0.75, 0.25, 0.15)  # four even steps around a room
-    tint = 1.0 + facing[:, None] * np.array([0.25, 0.22, 0.17])  # warmer on the bright side
-    colours = _albedo(building, patches) * tint * (0.35 + 0.75 * light)[:, None]
+    # Four even steps around a room, warmer on the bright side.
+    tint = 1.0 + (facing @ (0.75, 0.25, 0.15))[:, None] * np.array([0.25, 0.22, 0.17])
+    colours = albedo * tint * (0.35 + 0.75 * light)[:, None]
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)

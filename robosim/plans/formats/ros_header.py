@@ -1,10 +1,13 @@
 """The YAML file of a ROS map: its keys, each checked, with a message that teaches where one is wrong.
 
 Needed are `image`, `resolution`, `origin`, `negate`, `occupied_thresh` and `free_thresh`, as by map_server;
-`mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line`, `eroded_m` and `materials` are keys of our
-own; the last says which colours of the image are walls of which radio material:
+`mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line`, `eroded_m`, `materials` and `furnishings`
+are keys of our own. `materials` says which colours of the image are walls of which radio material, `furnishings` names
+the file of what is placed in the building (`robosim.plans.formats.furnishing_file`):
 
     materials: {"#0000ff": glazing, "#008000": door, "#800000": my_wall.yaml}
+    furnishings: room-furnishings.yaml
+
 What the values do to the image is told in `robosim.plans.formats.ros_map`.
 """
 
@@ -51,6 +54,8 @@ class RosHeader:
     eroded_m: float
     materials: dict[tuple[int, int, int], str]
     """Radio material of each colour (red, green, blue) that has one; files with their folder."""
+    furnishings: Path | None
+    """File of what is placed in the building."""
 
 
 def read_header(path: Path) -> RosHeader:
@@ -126,7 +131,17 @@ def _checked(keys: _Keys) -> RosHeader:
         wall_line=keys.choice("wall_line", get_args(WallLine), "cell_edge"),  # type: ignore[arg-type]
         eroded_m=eroded_m,
         materials=_materials(keys),
+        furnishings=_furnishings(keys),
     )
+
+
+def _furnishings(keys: _Keys) -> Path | None:
+    if "furnishings" not in keys.keys:
+        return None
+    value = keys.keys["furnishings"]
+    if not isinstance(value, str) or not value.strip() or "\0" in value:
+        raise keys.fail("furnishings", "the name of a YAML file, for example room-furnishings.yaml")
+    return keys.path.parent / value
 
 
 def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:

@@ -12,8 +12,8 @@ probability p of a cell being occupied is (255 - value) / 255, or value / 255 if
 
 One departure: Nav2's map_saver writes unknown as 205 together with `free_thresh: 0.25`, by which map_server
 takes it for free. In images of map_saver's three greys only, 205 is unknown here, and a warning says so.
-`name`, `wall_line`, `eroded_m` and `materials` are keys of our own, which map_server ignores. Pixels of a colour that
-stands for a radio material are walls, however light they are.
+`name`, `wall_line`, `eroded_m`, `materials` and `furnishings` are keys of our own, which map_server ignores. Pixels of
+a colour that stands for a radio material are walls, however light they are.
 
 References: nav2_map_server `map_io.cpp` (up to Jazzy), ROS 1 map_server `image_loader.cpp` and wiki page.
 """
@@ -27,6 +27,7 @@ import yaml
 from jaxtyping import UInt8, UInt16
 
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.formats.furnishing_file import read_furnishings, write_furnishings
 from robosim.plans.formats.plan_image import (
     FREE_THRESH,
     GREY,
@@ -71,6 +72,7 @@ def read_ros(path: Path) -> FloorPlan:
         name=header.name,
         wall_line=header.wall_line,
         eroded_m=header.eroded_m,
+        furnishings=() if header.furnishings is None else read_furnishings(header.furnishings),
     )
 
 
@@ -163,7 +165,8 @@ def _map_saver_unknown(image: PlanImage, header: RosHeader, states: np.ndarray) 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:
     """Write a plan as map_server YAML, and its image beside it under the same name.
 
-    Reads back the same bit for bit. Each of the two files appears whole or not at all, the image first.
+    Reads back the same bit for bit. Each of the two files appears whole or not at all, the image first. What is placed
+    in the building goes into a third one, NAME-furnishings.yaml.
 
     Args:
         plan: What to write.
@@ -208,5 +211,9 @@ def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"]
             else name
             for colour, name in zip(colours, plan.materials, strict=True)
         }
+    if plan.furnishings:
+        keys["furnishings"] = write_furnishings(
+            plan.furnishings, path.with_name(f"{path.stem}-furnishings.yaml")
+        ).name
     text = yaml.safe_dump(keys, sort_keys=False, default_flow_style=None, width=1_000_000)
     write_whole(path, text.encode("utf-8"))

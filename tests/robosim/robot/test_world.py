@@ -15,7 +15,7 @@ import shapely
 import robosim.robot.dynamic as world_module
 from robosim.building.building import Building, make_building
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.robot.collision import WallSolids, wall_solids
+from robosim.robot.collision import WallSolids, solids
 from robosim.robot.dynamic import PhysicsConfig, World
 from robosim.robot.odometry import NoiseModel
 from slam.actions import FORWARD_M, TURN_RAD, Action
@@ -238,10 +238,10 @@ def test_slip_into_a_wall_is_stopped_by_it():
 
 
 def split(boxes: int):
-    """`wall_solids` with the upper wall of a room cut into that many boxes."""
+    """`solids` with the upper wall of a room cut into that many boxes."""
 
-    def pieces(free: shapely.MultiPolygon, plan: FloorPlan) -> WallSolids:
-        whole = wall_solids(free, plan).boxes
+    def pieces(building: Building, height_m: float) -> WallSolids:
+        whole = solids(building, height_m).boxes
         upper = int(np.argmax(whole[:, 1]))
         x, y, half, thick, yaw = whole[upper]
         parts = np.linspace(x - half, x + half, 2 * boxes + 1)[1::2]
@@ -259,7 +259,7 @@ def test_seams_between_pieces_do_not_snag(monkeypatch):
     """
     ends = {}
     for boxes in (1, 240):
-        monkeypatch.setattr(world_module, "wall_solids", split(boxes))
+        monkeypatch.setattr(world_module, "solids", split(boxes))
         world = World(make_building(room()))
         assert world.model.ngeom > boxes
         world.reset(turned_to(1.0, 3 - 0.101, 12))

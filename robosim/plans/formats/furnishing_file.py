@@ -1,0 +1,239 @@
+"""What is placed in a building, as a YAML file: a list of pieces of furniture and of meshes, each at its place.
+
+- piece: table              # one of robosim.plans.furnishings.pieces.PIECES, and any of its sizes
+width_m: 1.6
+at: [2.0, 1.5]            # x, y of its middle [m], in the frame of the plan
+yaw_deg: 90               # counter-clockwise
+- mesh: chair.stl           # STL, OBJ, PLY, GLB, GLTF or OFF; relative to this file
+unit_m: 0.001             # of its coordinates; metres if not given
+up: z                     # y for GLB and GLTF if not given, z for others
+origin: middle            # of the mesh: the middle of its lowest level, or "own"
+at: [3.1, 1.5]
+z_m: 0.0                  # its lowest point above the floor
+material: plywood         # radio material: a name, or a file of layers relative to this file
+colour: [120, 90, 60]
+name: chair by the window
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import trimesh
+import yaml
+
+from robosim.parts import MATERIAL
+from robosim.plans.floorplan import MapError
+from robosim.plans.formats.mesh_file import MOST_BYTES, load_triangles
+from robosim.plans.formats.mesh_slice import turned_up
+from robosim.plans.formats.plan_image import write_whole
+from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.plans.furnishings.pieces import PIECES, make_piece
+from robosim.support.checks import check_choice, check_number
+from robosim.support.parts import told
+from robosim.support.reading import FileError, reading
+from robosim.support.text_in import check_object, parse_yaml
+
+Up = Literal["auto", "y", "z"]
+Origin = Literal["middle", "own"]
+
+#: Entries of a file, and triangles of all its meshes together.
+_MOST_ENTRIES, _MOST_TRIANGLES = 10_000, 2_000_000
+_WHAT = "a list of what is placed in a building"
+_REMEDY = "Give entries such as '- {piece: table, at: [2, 1.5]}' or '- {mesh: chair.stl, at: [3, 1.5]}'."
+#: Keys of any entry, and those of a mesh.
+_OF_ANY = ("at", "z_m", "yaw_deg", "name", "material", "colour")
+_OF_MESH = ("mesh", "unit_m", "up", "origin")
+_YAW_DEG, _UNIT_M = (-36_000, 36_000, "degrees"), (1e-9, 1e6, "m, such as 0.001 for millimetres")
+
+
+def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
+    """What a file says is placed in a building.
+
+    Raises:
+        FileError: If it, or a file that it names, is damaged, or an entry makes no sense.
+    """
+    path = Path(path)
+    with reading(path, _WHAT, _REMEDY, kind=MapError) as file:
+        entries = parse_yaml(file.read())
+        if not isinstance(entries, list) or len(entries) > _MOST_ENTRIES:
+            raise ValueError(f"it holds no list of at most {_MOST_ENTRIES} entries")
+        found: list[Furnishing] = []
+        for number, entry in enumerate(entries, 1):
+            try:
+                found.append(_furnishing(check_object(entry, ("at",)), path.parent))
+            except FileError:
+                raise
+            except ValueError as error:
+                raise ValueError(f"entry {number}: {error}") from error
+            if sum(len(one.mesh.faces) for one in found) > _MOST_TRIANGLES:
+                raise ValueError(f"more than {_MOST_TRIANGLES} triangles up to entry {number}")
+        return tuple(found)
+
+
+def furnishing_from_file(
+    mesh: str | Path,
+    *,
+    at: tuple[float, float],
+    z_m: float = 0.0,
+    yaw_rad: float = 0.0,
+    unit_m: float = 1.0,
+    up: Up = "auto",
+    origin: Origin = "middle",
+    name: str | None = None,
+    material: Any = "wood",
+    colour: tuple[int, int, int] = Furnishing.colour,
+) -> Furnishing:
+    """A mesh file at a place.
+
+    Args:
+        mesh: STL, OBJ, PLY, GLB, GLTF or OFF.
+        at: Where it stands, x, y [m] in `map`.
+        z_m: How high above the floor its origin lies [m].
+        yaw_rad: By what it is turned, counter-clockwise [rad].
+        unit_m: The file's unit of length [m].
+        up: The axis that points up; "auto" is y for glTF and z for others.
+        origin: "middle" of its lowest level, or the file's "own".
+        name: What messages call it; the file's name if not given.
+        material: Its radio material.
+        colour: Red, green and blue, 0 to 255.
+
+    Raises:
+        FileError: If the file is damaged, or has no triangles.
+        ValueError: If an option has a senseless value.
+    """
+    mesh = Path(mesh)
+    check_choice("up", up, get_args(Up))
+    check_choice("origin", origin, get_args(Origin))
+    check_number("unit_m", unit_m, *_UNIT_M)
+    remedy = "Export it again, as GLB, PLY, OBJ or STL."
+    with reading(mesh, "a mesh", remedy, most_bytes=MOST_BYTES, kind=MapError) as file:
+        axis = up if up != "auto" else "y" if mesh.suffix.lower() in (".glb", ".gltf") else "z"
+        triangles = turned_up(load_triangles(file.read(), mesh, unit_m), axis)
+        if origin == "middle":
+            low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
+            triangles = triangles - [*(low + high)[:2] / 2, low[2]]
+        said = {"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin}
+        return Furnishing(
+            mesh=_mesh_of(triangles),
+            at=at,
+            z_m=z_m,
+            yaw_rad=yaw_rad,
+            name=name or mesh.stem,
+            material=material,
+            colour=colour,
+            said=said,
+        )
+
+
+def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Path:
+    """Write a file that `read_furnishings` reads back; meshes from memory go into OBJ files beside it.
+
+    Angles are written in degrees, so that they may come back changed in the last digit.
+    """
+    path = Path(path)
+    entries = []
+    for number, one in enumerate(furnishings, 1):
+        said = dict(one.said)
+        if not said:
+            beside = path.with_name(f"{path.stem}-{number}.obj")
+            write_whole(beside, _obj(one.mesh))
+            said = {"mesh": beside.name, "up": "z", "origin": "own"}
+        material = told(one.material)
+        if not MATERIAL.is_name(material) and ":" not in material:
+            material = str(Path(material).resolve())
+        entries.append(
+            {
+                **{
+                    key: value if isinstance(value, (str, int)) else float(value)
+                    for key, value in said.items()
+                },
+                "at": [float(value) for value in one.at],
+                "yaw_deg": float(np.degrees(one.yaw_rad)),
+                "z_m": float(one.z_m),
+                "name": one.name,
+                "material": material,
+                "colour": [int(value) for value in one.colour],
+            }
+        )
+    text = yaml.safe_dump(
+        entries, sort_keys=False, default_flow_style=None, width=1_000_000, allow_unicode=True
+    )
+    write_whole(path, text.encode("utf-8"))
+    return path
+
+
+def _obj(mesh: trimesh.Trimesh) -> bytes:
+    """A mesh as an OBJ file with all digits of its corners."""
+    corners = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(mesh.vertices, float).tolist()]
+    faces = [f"f {a} {b} {c}" for a, b, c in (np.asarray(mesh.faces) + 1).tolist()]
+    return "\n".join([*corners, *faces, ""]).encode()
+
+
+def _mesh_of(triangles: np.ndarray) -> trimesh.Trimesh:
+    faces = np.arange(3 * len(triangles)).reshape(-1, 3)
+    return trimesh.Trimesh(triangles.reshape(-1, 3), faces, process=False, validate=False)
+
+
+def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
+    """One entry; raises ValueError in a few words."""
+    if ("piece" in keys) == ("mesh" in keys):
+        raise ValueError("expected one of piece and mesh")
+    place = _place(keys, folder)
+    if "piece" in keys:
+        check_choice("piece", keys["piece"], PIECES)
+        known = ("piece", *_OF_ANY, *PIECES[keys["piece"]].__dataclass_fields__)  # type: ignore[attr-defined]
+        _check_keys(keys, known)
+        sizes = {key: value for key, value in keys.items() if key not in ("piece", *_OF_ANY)}
+        for key, value in sizes.items():
+            check_number(key, value, 0, 100)
+        return make_piece(keys["piece"], **place, **sizes)
+    _check_keys(keys, (*_OF_MESH, *_OF_ANY))
+    if not isinstance(keys["mesh"], str) or "\0" in keys["mesh"]:
+        raise ValueError(f"mesh is {str(keys['mesh'])[:80]!r}, expected the name of a file")
+    options = {key: keys[key] for key in _OF_MESH[1:] if key in keys}
+    check_choice("up", options.get("up", "auto"), get_args(Up))
+    check_choice("origin", options.get("origin", "middle"), get_args(Origin))
+    if "unit_m" in options:
+        check_number("unit_m", options["unit_m"], *_UNIT_M)
+    return furnishing_from_file(folder / keys["mesh"], **place, **options)
+
+
+def _check_keys(keys: Mapping[str, Any], known: Sequence[str]) -> None:
+    for key in keys:
+        check_choice("a key", key, known)
+
+
+def _place(keys: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """What all entries may say."""
+    at = keys["at"]
+    if not isinstance(at, list) or len(at) != 2:
+        raise ValueError(f"at is {str(at)[:80]}, expected [x, y] in metres")
+    for name, value in zip("xy", at, strict=True):
+        check_number(f"{name} of at", value, -1e7, 1e7, "m")
+    place: dict[str, Any] = {"at": (float(at[0]), float(at[1]))}
+    if "yaw_deg" in keys:
+        check_number("yaw_deg", keys["yaw_deg"], *_YAW_DEG)
+        place["yaw_rad"] = float(np.radians(keys["yaw_deg"]))
+    if "z_m" in keys:
+        check_number("z_m", keys["z_m"], -100, 100, "m above the floor")
+        place["z_m"] = float(keys["z_m"])
+    if "colour" in keys:
+        colour = keys["colour"]
+        if not isinstance(colour, list) or len(colour) != 3:
+            raise ValueError(f"colour is {str(colour)[:80]}, expected [red, green, blue], 0 to 255")
+        for value in colour:
+            check_number("colour", value, 0, 255, whole=True)
+        place["colour"] = tuple(colour)
+    for key in ("name", "material"):
+        if key in keys and not isinstance(keys[key], str):
+            raise ValueError(f"{key} is {str(keys[key])[:80]!r}, expected text")
+    if "name" in keys:
+        place["name"] = keys["name"]
+    if "material" in keys:
+        material = keys["material"]
+        if not MATERIAL.is_name(material) and ":" not in material:
+            material = str(folder / material)
+        place["material"] = material
+    return place

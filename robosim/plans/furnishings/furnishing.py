@@ -1,0 +1,90 @@
+"""A mesh at a place in a building: a table, a shelf, anything that a robot sees and hears over and under."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import trimesh
+from jaxtyping import Float
+
+from robosim.parts import MATERIAL, MaterialPart
+from robosim.plans.furnishings.bodies import Bodies, find_bodies
+from robosim.support.checks import FARTHEST, check_number
+
+#: Heights above the floor that anything stands at, and sizes of things [m].
+_HEIGHT_M, _SIZE_M = 100.0, 1000.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Furnishing:
+    """A mesh at a place in a building."""
+
+    mesh: trimesh.Trimesh
+    """Triangles [m] in a frame of its own: z up, the floor at z = 0. Closed bodies may turn their normals either way;
+    a mesh may have several bodies, and sheets of no thickness."""
+    at: tuple[float, float]
+    """Where its origin stands, x, y [m] in `map`."""
+    z_m: float = 0.0
+    """How high above the floor its z = 0 lies [m]."""
+    yaw_rad: float = 0.0
+    """By what it is turned about its z axis, counter-clockwise [rad]."""
+    name: str = "furnishing"
+    """What messages call it."""
+    material: MaterialPart = "wood"
+    """Its radio material."""
+    colour: tuple[int, int, int] = (166, 124, 82)
+    """Red, green and blue of it, 0 to 255."""
+    said: Mapping[str, Any] = field(default_factory=dict)
+    """What a file says in place of the mesh, such as {"piece": "table"}; empty for a mesh from memory."""
+
+    def __post_init__(self) -> None:
+        if not self.name.strip() or not self.name.isprintable() or len(self.name) > 200:
+            raise ValueError(
+                f"name is {self.name[:80]!r}, expected printable text of at most 200 letters, such as 'table'."
+            )
+        for what, value, most, unit in (
+            ("x", self.at[0], FARTHEST, "m"),
+            ("y", self.at[1], FARTHEST, "m"),
+            ("z_m", self.z_m, _HEIGHT_M, "m above the floor"),
+            ("yaw_rad", self.yaw_rad, 100.0, "rad. Files have degrees"),
+        ):
+            check_number(f"{what} of {self.name}", float(value), -most, most, unit)
+        if len(self.colour) != 3 or not all(0 <= value <= 255 for value in self.colour):
+            raise ValueError(
+                f"colour of {self.name} is {self.colour}, expected red, green and blue from 0 to 255."
+            )
+        MATERIAL.check(f"material of {self.name}", self.material)
+        vertices, faces = np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces)
+        if not len(faces) or not np.isfinite(vertices).all():
+            raise ValueError(
+                f"mesh of {self.name} has {len(faces)} triangles, expected some, with finite corners."
+            )
+        size_m = float(np.abs(vertices).max())
+        if size_m > _SIZE_M:
+            raise ValueError(
+                f"mesh of {self.name} reaches {size_m:.4g} m from its origin, expected at most {_SIZE_M:g} m. Is it "
+                "in millimetres? Give unit_m: 0.001."
+            )
+
+    def __repr__(self) -> str:
+        return f"<Furnishing {self.name!r} at ({self.at[0]:g}, {self.at[1]:g}) m: {len(self.mesh.faces)} triangles>"
+
+    def to_map(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+        """Points of its own frame in `map` [m]. Heights stay what they are, but for `z_m`."""
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        turned = np.asarray(points, float) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+        return turned + np.array([*self.at, self.z_m])
+
+    @cached_property
+    def bodies(self) -> Bodies:
+        """Its triangles in `map`, sorted into bodies."""
+        found = find_bodies(np.asarray(self.mesh.vertices, float), np.asarray(self.mesh.faces, np.int64))
+        return found._replace(vertices=self.to_map(found.vertices))
+
+    @property
+    def triangles(self) -> Float[np.ndarray, "n 3 3"]:
+        """Its triangles in `map` [m]."""
+        return self.bodies.vertices[self.bodies.faces]

@@ -1,0 +1,381 @@
+"""Pieces of furniture made from boxes, in the sizes that shops sell, and a plant of free form.
+
+Each stands on the floor around its origin, with its back, if it has one, to -y. Seats are 0.42 to 0.48 m high, tables
+0.72 to 0.76 m, which is what EN 1335-1 and EN 527-1 have for offices; the rest is common.
+Left out: doors, drawers, cushions, and all that is rounded but the plant.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Protocol
+
+import numpy as np
+import trimesh
+
+from robosim.plans.furnishings.boxes import Box, solid_of_boxes
+from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.support.checks import check_choice, check_numbers
+
+_SIDE_M, _BOARD_M = (0.05, 20, "m"), (0.002, 1, "m")
+
+
+class PieceOfFurniture(Protocol):
+    """Sizes that a mesh can be made of."""
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m], z up, on the floor around the origin."""
+
+
+def _check_below(one: object, low: str, high: str) -> None:
+    """See that one size is below another one."""
+    if not getattr(one, low) < getattr(one, high):
+        raise ValueError(
+            f"{low} is {getattr(one, low)}, expected less than {high} = {getattr(one, high)} m of a "
+            f"{type(one).__name__.lower()}."
+        )
+
+
+def _legs(width_m: float, depth_m: float, leg_m: float, top_m: float) -> list[Box]:
+    """Four square legs at the corners of a rectangle, from the floor to a height."""
+    x, y = width_m / 2 - leg_m, depth_m / 2 - leg_m
+    starts = product((-width_m / 2, x), (-depth_m / 2, y))
+    return [((a, b, 0.0), (a + leg_m, b + leg_m, top_m)) for a, b in starts]
+
+
+def _slab(width_m: float, depth_m: float, low_m: float, high_m: float) -> Box:
+    return (-width_m / 2, -depth_m / 2, low_m), (width_m / 2, depth_m / 2, high_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """A top on four legs; what is lower than its underside passes below."""
+
+    width_m: float = 1.4
+    """Along x [m]."""
+    depth_m: float = 0.8
+    """Along y [m]."""
+    height_m: float = 0.74
+    """Of the top's upper side [m]."""
+    top_m: float = 0.03
+    """Thickness of the top [m]."""
+    leg_m: float = 0.06
+    """Side of a leg [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M, top_m=_BOARD_M, leg_m=_BOARD_M
+        )
+        _check_below(self, "top_m", "height_m")
+
+    @property
+    def clearance_m(self) -> float:
+        """Height of the top's underside [m]."""
+        return self.height_m - self.top_m
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        legs = _legs(self.width_m, self.depth_m, self.leg_m, self.clearance_m)
+        return solid_of_boxes([_slab(self.width_m, self.depth_m, self.clearance_m, self.height_m), *legs])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chair:
+    """A seat on four legs with a back."""
+
+    width_m: float = 0.44
+    """Along x [m]."""
+    depth_m: float = 0.44
+    """Along y [m]."""
+    seat_m: float = 0.45
+    """Height of the seat [m]."""
+    height_m: float = 0.85
+    """Of the back's upper edge [m]."""
+    board_m: float = 0.03
+    """Thickness of seat and back [m]."""
+    leg_m: float = 0.04
+    """Side of a leg [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            width_m=_SIDE_M,
+            depth_m=_SIDE_M,
+            seat_m=_SIDE_M,
+            height_m=_SIDE_M,
+            board_m=_BOARD_M,
+            leg_m=_BOARD_M,
+        )
+        _check_below(self, "board_m", "seat_m")
+        _check_below(self, "seat_m", "height_m")
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        half, below = self.width_m / 2, self.seat_m - self.board_m
+        back = (
+            (-half, -self.depth_m / 2, self.seat_m),
+            (half, -self.depth_m / 2 + self.board_m, self.height_m),
+        )
+        seat = _slab(self.width_m, self.depth_m, below, self.seat_m)
+        return solid_of_boxes([seat, back, *_legs(self.width_m, self.depth_m, self.leg_m, below)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shelf:
+    """Boards between two sides, with a back."""
+
+    width_m: float = 0.8
+    """Along x [m]."""
+    depth_m: float = 0.3
+    """Along y [m]."""
+    height_m: float = 1.8
+    """Of the uppermost board's upper side [m]."""
+    boards: int = 5
+    """How many, the lowest and the uppermost among them."""
+    board_m: float = 0.02
+    """Thickness of boards, sides and back [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M, boards=(2, 50), board_m=_BOARD_M
+        )
+        for side in ("width_m", "depth_m"):
+            _check_below(self, "board_m", side)
+        if self.boards * self.board_m >= self.height_m:
+            raise ValueError(
+                f"boards is {self.boards}, expected so few of {self.board_m} m that they leave room in "
+                f"{self.height_m} m."
+            )
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        x, y, thick = self.width_m / 2, self.depth_m / 2, self.board_m
+        sides: list[Box] = [
+            ((-x, -y, 0.0), (-x + thick, y, self.height_m)),
+            ((x - thick, -y, 0.0), (x, y, self.height_m)),
+            ((-x, -y, 0.0), (x, -y + thick, self.height_m)),
+        ]
+        lows = np.linspace(0.0, self.height_m - thick, self.boards).tolist()
+        return solid_of_boxes(
+            [*sides, *(_slab(self.width_m, self.depth_m, low, low + thick) for low in lows)]
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sofa:
+    """A seat with a back and two arms on low feet."""
+
+    width_m: float = 1.9
+    """Along x [m]."""
+    depth_m: float = 0.9
+    """Along y [m]."""
+    seat_m: float = 0.43
+    """Height of the seat [m]."""
+    height_m: float = 0.82
+    """Of the back [m]."""
+    foot_m: float = 0.12
+    """Height of the feet, which leave the floor below free [m]."""
+    arm_m: float = 0.18
+    """Width of an arm, and depth of the back [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            width_m=_SIDE_M,
+            depth_m=_SIDE_M,
+            seat_m=_SIDE_M,
+            height_m=_SIDE_M,
+            foot_m=_BOARD_M,
+            arm_m=_BOARD_M,
+        )
+        _check_below(self, "foot_m", "seat_m")
+        _check_below(self, "seat_m", "height_m")
+        if 2 * self.arm_m >= self.width_m or self.arm_m >= self.depth_m:
+            raise ValueError(
+                f"arm_m is {self.arm_m}, expected so little that a seat is left in {self.width_m} by {self.depth_m} m."
+            )
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        x, y, arm = self.width_m / 2, self.depth_m / 2, self.arm_m
+        arms_m = (self.seat_m + self.height_m) / 2
+        upper: list[Box] = [
+            ((-x, -y, self.foot_m), (x, -y + arm, self.height_m)),
+            ((-x, -y, self.foot_m), (-x + arm, y, arms_m)),
+            ((x - arm, -y, self.foot_m), (x, y, arms_m)),
+        ]
+        seat = _slab(self.width_m, self.depth_m, self.foot_m, self.seat_m)
+        return solid_of_boxes([seat, *upper, *_legs(self.width_m, self.depth_m, 0.06, self.foot_m)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bed:
+    """A mattress in a frame on four legs, with a headboard."""
+
+    width_m: float = 1.4
+    """Along x [m]."""
+    depth_m: float = 2.05
+    """Along y, from head to foot [m]."""
+    height_m: float = 0.5
+    """Of the mattress [m]."""
+    clearance_m: float = 0.22
+    """Of the frame above the floor [m]."""
+    head_m: float = 0.95
+    """Height of the headboard [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            width_m=(0.2, 20, "m"),
+            depth_m=(0.2, 20, "m"),
+            height_m=_SIDE_M,
+            clearance_m=_BOARD_M,
+            head_m=_SIDE_M,
+        )
+        _check_below(self, "clearance_m", "height_m")
+        _check_below(self, "height_m", "head_m")
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        x, y = self.width_m / 2, self.depth_m / 2
+        head = (-x, -y, self.clearance_m), (x, -y + 0.05, self.head_m)
+        frame = _slab(self.width_m, self.depth_m, self.clearance_m, self.height_m)
+        return solid_of_boxes([frame, head, *_legs(self.width_m, self.depth_m, 0.07, self.clearance_m)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cupboard:
+    """A closed box on the floor: wardrobes, sideboards, kitchen counters, machines."""
+
+    width_m: float = 1.0
+    """Along x [m]."""
+    depth_m: float = 0.6
+    """Along y [m]."""
+    height_m: float = 2.0
+    """Along z [m]."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M)
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        return solid_of_boxes([_slab(self.width_m, self.depth_m, 0.0, self.height_m)])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plant:
+    """A pot, a stem and a crown of uneven leaves: a coarse form of revolution, made smooth by Loop's subdivision.
+
+    Reference: Loop, "Smooth subdivision surfaces based on triangles", master's thesis, University of Utah (1987).
+    """
+
+    width_m: float = 0.6
+    """Across the crown, along x and y [m]."""
+    height_m: float = 1.2
+    """Along z [m]."""
+    sides: int = 6
+    """Of the coarse form."""
+    subdivisions: int = 1
+    """How often each triangle becomes four."""
+
+    def __post_init__(self) -> None:
+        check_numbers(self, width_m=_SIDE_M, height_m=_SIDE_M, sides=(3, 64), subdivisions=(0, 4))
+
+    def mesh(self) -> trimesh.Trimesh:
+        """The closed surface [m]."""
+        # Radius and height of the rings: pot, stem, crown; leaves stand out on every other corner of the crown.
+        ring = np.array(
+            [(0.45, 0), (0.6, 0.25), (0.1, 0.3), (0.1, 0.45), (0.8, 0.55), (1, 0.75), (0.5, 0.95)]
+        )
+        n, angle = self.sides, np.arange(self.sides) * 2 * np.pi / self.sides
+        leaf = np.where(np.arange(n) % 2, 0.75, 1.0)
+        radius = np.where((np.arange(len(ring)) >= 4)[:, None], ring[:, :1] * leaf, ring[:, :1])
+        xyz = np.stack(
+            [radius * np.cos(angle), radius * np.sin(angle), np.broadcast_to(ring[:, 1:], radius.shape)],
+            axis=-1,
+        )
+        vertices = np.vstack([xyz.reshape(-1, 3), [(0, 0, 0), (0, 0, 1)]])
+        here, beside = np.arange(n), (np.arange(n) + 1) % n
+        faces = [np.column_stack([beside, here, np.full(n, len(vertices) - 2)])]
+        for k in range(len(ring) - 1):
+            low, high = k * n, (k + 1) * n
+            faces.append(np.column_stack([low + here, low + beside, high + beside]))
+            faces.append(np.column_stack([low + here, high + beside, high + here]))
+        last = (len(ring) - 1) * n
+        faces.append(np.column_stack([last + here, last + beside, np.full(n, len(vertices) - 1)]))
+        made = trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
+        if self.subdivisions:
+            made = made.subdivide_loop(iterations=self.subdivisions)
+        low, high = made.bounds
+        size = np.array([self.width_m, self.width_m, self.height_m])
+        moved = (made.vertices - [*(low + high)[:2] / 2, low[2]]) * (size / (high - low))
+        return trimesh.Trimesh(moved, made.faces, process=False)
+
+
+#: Pieces by name.
+PIECES: dict[str, type[PieceOfFurniture]] = {
+    "table": Table,
+    "chair": Chair,
+    "shelf": Shelf,
+    "sofa": Sofa,
+    "bed": Bed,
+    "cupboard": Cupboard,
+    "plant": Plant,
+}
+#: What they are made of and painted like; the others are of wood in its colour.
+_MATERIAL = {
+    "plant": "wood",
+    "sofa": "chipboard",
+    "bed": "chipboard",
+    "cupboard": "chipboard",
+    "shelf": "chipboard",
+}
+_COLOUR = {
+    "plant": (74, 124, 68),
+    "sofa": (112, 128, 158),
+    "bed": (196, 190, 206),
+    "cupboard": (206, 192, 170),
+    "shelf": (188, 160, 124),
+    "chair": (150, 96, 62),
+}
+
+
+def make_piece(
+    piece: str,
+    *,
+    at: tuple[float, float],
+    yaw_rad: float = 0.0,
+    z_m: float = 0.0,
+    name: str | None = None,
+    material: Any = None,
+    colour: tuple[int, int, int] | None = None,
+    **sizes: float,
+) -> Furnishing:
+    """A piece of furniture at a place.
+
+    Args:
+        piece: One of `PIECES`.
+        at: Where its middle stands, x, y [m] in `map`.
+        yaw_rad: By what it is turned, counter-clockwise [rad]; its back is at -y.
+        z_m: How high above the floor it stands [m].
+        name: What messages call it; the piece's name if not given.
+        material: Its radio material; what such pieces are usually made of if not given.
+        colour: Red, green and blue, 0 to 255.
+        sizes: Fields of the piece, such as width_m.
+
+    Raises:
+        ValueError: If there is no such piece, a size is unknown or out of its bounds.
+    """
+    check_choice("piece", piece, PIECES)
+    kind = PIECES[piece]
+    for size in sizes:
+        check_choice(f"a size of a {piece}", size, kind.__dataclass_fields__)  # type: ignore[attr-defined]
+    return Furnishing(
+        mesh=kind(**sizes).mesh(),
+        at=at,
+        z_m=z_m,
+        yaw_rad=yaw_rad,
+        name=name or piece,
+        material=_MATERIAL.get(piece, "wood") if material is None else material,
+        colour=_COLOUR.get(piece, Furnishing.colour) if colour is None else colour,
+        said={"piece": piece, **sizes},
+    )
