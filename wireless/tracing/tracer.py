@@ -77,6 +77,9 @@ class TracerConfig:
     """Most reflections, before and after together, on a path with diffraction; 12 at most."""
     diffraction_side_reflections: int | None = None
     """Most of them on either side of the edge; None for no such limit."""
+    diffraction_law: Literal["nearer_face", "bisector"] = "nearer_face"
+    """Angle at which the faces of an edge reflect: that of source or observer, whichever is nearer to the face, or half
+    the angle between both. The former agrees with full-wave solutions, the latter with one commercial ray tracer."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 1
@@ -104,6 +107,10 @@ class TracerConfig:
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "space"):
             raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        if self.diffraction_law not in ("nearer_face", "bisector"):
+            raise ValueError(
+                f"diffraction_law is {_cut(self.diffraction_law)!r}, expected nearer_face or bisector."
+            )
         if self.search not in ("auto", "exhaustive", "rays"):
             raise ValueError(f"search is {self.search!r}, expected auto, exhaustive or rays.")
         for name, low, high in (
@@ -315,6 +322,7 @@ class Tracer:
             horizontal=horizontal,
             crossed=crossed,
             keep=config.max_paths,
+            bisector=config.diffraction_law == "bisector",
         )
 
     def _paths(
