@@ -22,7 +22,7 @@ from jaxtyping import Complex, Float, Int
 from wireless.em.diffraction import wedge_terms
 from wireless.support.compiled import compiled
 
-REFLECTION, DIFFRACTION, TRANSMISSION = 1, 2, 4
+REFLECTION, DIFFRACTION, SCATTERING, TRANSMISSION = 1, 2, 3, 4
 #: Ways shorter than this [m] are none, and have no direction.
 NOWHERE_M = 1e-9
 
