@@ -157,11 +157,11 @@ def _alone(
         j = start[i] + int(np.argmax(heard[some]))
         if paths.order[j] != 1 or paths.interaction[j, 0] == Interaction.TRANSMISSION:
             continue
-        near = _apart(paths.aoa_az[some], paths.aoa_az[j]) < NEAR_RAD
+        near = _apart(paths.aoa_az[some], float(paths.aoa_az[j])) < NEAR_RAD
         beside, others = heard[some][near].sum() - heard[j], heard[some].sum() - heard[j]
         if beside > heard[j] * 10 ** (-ALONE_DB / 10) or others > heard[j] * 10 ** (-STRONGEST_DB / 10):
             continue
-        if _apart(measured.aoa_az[i, top[i]], paths.aoa_az[j]) < SAME_RAD:
+        if _apart(measured.aoa_az[i, top[i]][None], float(paths.aoa_az[j]))[0] < SAME_RAD:
             links.append(i)
             chosen.append(j)
     return np.array(links, np.int64), np.array(chosen, np.int64)
@@ -196,6 +196,6 @@ def _received(
     return np.median(got, axis=0)[np.searchsorted(np.unique(links), links)]
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle between directions [rad]."""
+def _apart(a: Float[np.ndarray, "*n"], b: float) -> Float[np.ndarray, "*n"]:
+    """Angle between directions and one [rad]."""
     return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)

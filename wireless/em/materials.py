@@ -158,12 +158,10 @@ class Material:
             raise ValueError(
                 f"layers of {self.name!r} are {len(self.layers)}, expected 1 to {MOST_LAYERS}, from face to face."
             )
-        if self.scattering is not None and not 0 <= self.scattering <= 1:
-            raise ValueError(f"scattering of {self.name!r} is {self.scattering}, expected 0 (smooth) to 1.")
-        if self.lobe is not None and not 0 <= self.lobe <= MOST_NARROW:
-            raise ValueError(
-                f"lobe of {self.name!r} is {self.lobe}, expected an exponent from 0 to {MOST_NARROW}."
-            )
+        for name, most in (("scattering", 1), ("lobe", MOST_NARROW)):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= most:
+                raise ValueError(f"{name} of {self.name!r} is {str(value)[:40]}, expected 0 to {most}.")
         if self.layers != self.layers[::-1]:
             raise ValueError(
                 f"layers of {self.name!r} differ from its two sides, expected the same order from both: walls here "
