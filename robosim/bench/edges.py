@@ -175,7 +175,8 @@ def draw(result: dict[str, Any], path: Path) -> None:
             alpha=0.15,
             lw=0,
         )
-        over.plot(middle, [row["median"] for row in rows], "o-", color=colour, ms=4, label=name)
+        style = "o--" if name.startswith("Luebbers") else "o-"
+        over.plot(middle, [row["median"] for row in rows], style, color=colour, ms=4, label=name)
     over.axhline(0, color="0.5", lw=0.8)
     over.axvline(0, color="0.5", lw=0.8, ls=":")
     over.set(
