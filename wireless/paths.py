@@ -51,7 +51,10 @@ _MEANING = {
     "aoa_": ("rad", "direction that the path arrives from"),
     "aod_": ("rad", "direction in which it departs"),
     "order": ("", "number of interactions, 0 for line of sight"),
-    "interaction": ("", "kind at each point: 1 reflection, 2 diffraction, 4 transmission, 0 beyond the last"),
+    "interaction": (
+        "",
+        "kind at each point: 1 reflection, 2 diffraction, 3 scattering, 4 transmission, 0 beyond the last",
+    ),
     "primitive": ("", "number of the wall or edge at each point, -1 beyond the last"),
     "point_m": ("m", "x, y, z of each point, one after the other, NaN beyond the last"),
 }
@@ -74,6 +77,7 @@ class Interaction(IntEnum):
     NONE = 0
     REFLECTION = 1
     DIFFRACTION = 2
+    SCATTERING = 3
     TRANSMISSION = 4
 
 
@@ -172,8 +176,8 @@ class Paths:
         """`LinkState` of each link.
 
         Line of sight: the strongest path is the direct one; as in the published data also if it passes walls, when it
-        tells the direction of the transmitter and not the way there. First order: a path with a single reflection or
-        diffraction that passes no wall. Higher order: whatever else arrives.
+        tells the direction of the transmitter and not the way there. First order: a path with a single reflection,
+        diffraction or scattering that passes no wall. Higher order: whatever else arrives.
 
         Args:
             threshold_db: Paths of less power gain do not count.

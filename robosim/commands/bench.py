@@ -341,6 +341,65 @@ def labels(
     tell_file(folder / "labels.json")
 
 
+def edges(
+    data: Positional[Path],
+    plans: Positional[Path],
+    *,
+    transmitters: int = 4,
+    out: Path | None = None,
+) -> None:
+    """Compare the strength of lone diffractions with the published data of mmwRobotNav, by one law after the other.
+
+    Strengths are told by SNRs that saturate, so traced paths are received by the published receiver too; the offset is
+    that of far links in line of sight. Seven seconds a transmitter.
+
+    Example: robosim bench edges mmwRobotNav/data mmwRobotNav/maps --out out/edges
+
+    Args:
+        data: Folder with a folder of measurements for each building.
+        plans: Folder with the buildings' top-down grids.
+        transmitters: How many of each building, at most.
+        out: Folder for the table and the figure; a new one under runs/ if not given.
+    """
+    from robosim.bench.edges import run
+
+    check_number("transmitters", transmitters, 1, 1000, "of each building", whole=True)
+    with results_in(out, "bench edges") as folder:
+        console.print(run(data, plans, transmitters=transmitters, out=folder, console=console))
+    tell_file(folder / "edges.json")
+    console.print(f"Wrote edges.json and edges.png in {folder}")
+
+
+def scattering(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    links: int = 200,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Measure what rough walls change: power and link states of random links with and without scattering.
+
+    Example: robosim bench scattering flat office --out out/scattering
+
+    Args:
+        plans: Floor plans, or folders of them.
+        links: Links of each plan, in tens.
+        seed: Seed of the places.
+        out: Folder for the table; a new one under runs/ if not given.
+    """
+    from robosim.bench.scattering import run
+    from robosim.plans.files import find_plans
+
+    check_some("plans", plans, PLANS)
+    check_number("links", links, 10, 100_000, "in each plan", whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    found = [read(str(plan)) for plan in find_plans(plans)]
+    with results_in(out, "bench scattering") as folder:
+        console.print(run(found, links=links, seed=seed, out=folder, console=console))
+    tell_file(folder / "scattering.json")
+    console.print(f"Wrote scattering.json in {folder}")
+
+
 def estimation(
     plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,

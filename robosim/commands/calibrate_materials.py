@@ -20,6 +20,7 @@ def calibrate_materials(
     turn_deg: float = 0.0,
     height: float = 1.5,
     range_db: float = 40.0,
+    scattering: bool = False,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
@@ -41,6 +42,7 @@ def calibrate_materials(
         turn_deg: What the transmitter's heading in the table is corrected by [deg].
         height: Of both ends [m].
         range_db: Traced paths weaker than the strongest of their place by more explain nothing [dB].
+        scattering: Also tell how rough walls would have to be to scatter what reflections leave over.
         reading: How to read the plan, where it does not say.
         out: Folder for the results; a new one under runs/ if not given.
     """
@@ -58,6 +60,7 @@ def calibrate_materials(
     from robosim.published.measured_figure import draw_measured
     from robosim.published.measured_match import MatchConfig, match, trace_hall
     from robosim.published.measured_paths import read_measured_paths
+    from robosim.published.scattering_fit import fit_scattering
     from robosim.support.files import write_json
     from robosim.support.progress import told_units
 
@@ -92,7 +95,11 @@ def calibrate_materials(
         if fitted.materials:
             write_ros(fitted, folder / "plan" / f"{fitted.name}.yaml")
         explained_by = {name: asdict(row) for name, row in rows.items()}
-        write_json(folder / "materials.json", {"fit": asdict(fit), "explained": explained_by})
+        rough = fit_scattering(hall, fitted, fit.wall, frequency_hz, config) if scattering else None
+        write_json(
+            folder / "materials.json",
+            {"fit": asdict(fit), "explained": explained_by, "scattering": asdict(rough) if rough else None},
+        )
     tell_file(folder / "materials.json")
     table = Table("traced", "paths explained", "by chance", "power explained", "off [dB]")
     for name, row in rows.items():
@@ -106,5 +113,14 @@ def calibrate_materials(
         f"Walls fit {fit.wall} best: reflections are off by {fit.after_db[0]:.1f} dB, at the places that had no say "
         f"{fit.after_db[1]:.1f} dB; with {material} {fit.before_db[0]:.1f} and {fit.before_db[1]:.1f} dB."
     )
+    if rough:
+        console.print(
+            f"Reflections leave {rough.paths} paths with {100 * rough.power:.0f} % of the power. By delay and "
+            f"directions walls scatter from {100 * rough.explained:.0f} % of them ({100 * rough.by_chance:.0f} % by "
+            f"chance), as strongly as measured if S = {rough.coefficient:.1f}; with 0.4 they are "
+            f"{rough.off_db['0.4']:.0f} dB too weak. "
+            f"{100 * rough.near:.0f} % are within 5 dB then at the places that had no say, of one strength for all "
+            f"{100 * rough.near_constant:.0f} %."
+        )
     console.print(f"Wrote materials.json and measured.png in {folder}")
     console.print(f"Next: robosim trace {plan} --material {fit.wall} --frequency-ghz {frequency_ghz:g}")

@@ -29,6 +29,8 @@ class RadioOptions:
     """Thickness of walls of one --material, such as drywall [m]; half-spaces if not given."""
     wall_gap: float = 0.0
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
+    scattering: float | None = None
+    """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
     max_paths: int = 25
     """Most paths of a link; the strongest are kept."""
     material: MaterialPart = "partition"
@@ -67,6 +69,7 @@ class RadioOptions:
                 max_transmissions=self.max_transmissions,
                 wall_thickness_m=self.wall_thickness,
                 wall_gap_m=self.wall_gap,
+                scattering=self.scattering,
                 max_paths=self.max_paths,
                 polarisation=polarisation,
             ),

@@ -30,6 +30,8 @@ COMMANDS = {
     "bench wireless": "bench:wireless",
     "bench estimation": "bench:estimation",
     "bench labels": "bench:labels",
+    "bench edges": "bench:edges",
+    "bench scattering": "bench:scattering",
     "bench positioning": "bench:positioning",
     "figures plans": "figures:plans",
     "figures arrays": "figures:arrays",

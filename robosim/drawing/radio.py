@@ -38,6 +38,7 @@ STATES = {
 KINDS = {
     Interaction.REFLECTION: ("reflection", "o"),
     Interaction.DIFFRACTION: ("diffraction", "^"),
+    Interaction.SCATTERING: ("scattering", "D"),
     Interaction.TRANSMISSION: ("transmission", "s"),
 }
 #: Arrows of arrival are about this far apart, as a share of the plan's longer side.

@@ -51,6 +51,7 @@ RAY_COLOURS = {
     "diffraction": (204, 121, 167),
     "reflection and diffraction": (230, 159, 0),
     "transmission": (120, 120, 120),
+    "scattering": (213, 94, 0),
 }
 
 
@@ -216,6 +217,8 @@ def ray_kind(interaction: UInt8[np.ndarray, " m"]) -> str:
     met = {Interaction(int(kind)) for kind in interaction} - {Interaction.NONE}
     if Interaction.TRANSMISSION in met:
         return "transmission"
+    if Interaction.SCATTERING in met:
+        return "scattering"
     names = [kind.name.lower() for kind in (Interaction.REFLECTION, Interaction.DIFFRACTION) if kind in met]
     return " and ".join(names) or "line of sight"
 

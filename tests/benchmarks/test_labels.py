@@ -17,7 +17,7 @@ from robosim.published.label_links import received_azimuth
 from robosim.published.label_walls import published_walls
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav import link_states, read_measurements
-from wireless.paths import Interaction, LinkState
+from wireless.paths import LinkState
 from wireless.sounding.sounder import Rays
 from wireless.tracing.tracer import Tracer
 
@@ -146,32 +146,6 @@ def test_a_run_goes_on_where_it_was_killed(published, monkeypatch, in_process):
     assert json.loads(texts[0])["total"]["clear"] == 1.0
     assert (published / "whole" / "Ell.png").stat().st_size > 10_000
     assert not list((published / "whole").rglob("*partial*"))
-
-
-def test_published_edges_are_twice_as_strong_and_may_come_first():
-    """Behind a short wall: the paths round its ends have twice the power that the tracer gives them, in falling order.
-
-    A wall aside reflects: the tracer has it first, and both ways round come before it then.
-    """
-    walls = [[(-0.5, 0.0), (0.6, 0.0)], [(13.0, -3.0), (13.0, 3.0)]]
-    vertices = [(x, y, z) for wall in walls for x, y in wall for z in (0.0, 3.0)]
-    mesh = trimesh.Trimesh(vertices, [(0, 1, 3), (0, 3, 2), (4, 5, 7), (4, 7, 6)], process=False)
-    tx, rx = np.array([0.0, 1.0, 1.5]), np.array([[0.0, -1.05, 1.5], [0.15, -1.05, 1.5]])
-    tracer = Tracer(mesh)
-    plain = tracer.trace(tx[None], rx)
-    found = label_links.published_paths(tx, rx, np.array([[2, 1], [2, 2]]), tracer)
-    assert set(found.rx) == {0, 1}
-    for i in (0, 1):
-        assert plain.interaction[plain.rx == i][0, 0] == Interaction.REFLECTION
-        assert (found.interaction[found.rx == i][:2, 0] == Interaction.DIFFRACTION).all()
-        assert (np.diff(found.power[found.rx == i]) <= 0).all()
-    for i in range(len(found)):
-        same = (plain.rx == found.rx[i]) & np.isclose(plain.delay_s, found.delay_s[i], atol=1e-14, rtol=0)
-        bent = (found.interaction[i] == Interaction.DIFFRACTION).any()
-        expected = plain.power[same] * (10**0.3 if bent else 1)
-        np.testing.assert_allclose(found.power[i], expected[0], rtol=1e-9)
-        np.testing.assert_allclose(abs(found.gain[i, 0, 0]) ** 2, found.power[i], rtol=1e-9)
-    assert (found.interaction == Interaction.DIFFRACTION).any() and (found.order == 1).sum() > 2
 
 
 def test_two_weak_paths_in_one_beam_beat_a_strong_one():

@@ -94,6 +94,9 @@ REFUSED = [
     ("bench wireless flat --workers 0", "workers is 0, expected a whole number from 1 to 1024 threads"),
     ("bench wireless flat --seed -1", "seed is -1"),
     ("bench estimation flat --links 0", "links is 0"),
+    ("bench scattering flat --links 0", "links is 0"),
+    ("bench scattering flat --seed -1", "seed is -1"),
+    ("bench edges data plans --transmitters 0", "transmitters is 0"),
     ("bench estimation flat --tolerance 9", "tolerance_m is 9.0"),
     ("bench estimation flat --workers 0", "workers is 0"),
     ("bench episode flat --targets 0", "targets is 0"),
@@ -162,6 +165,7 @@ FRUITLESS = [
     ("figures search {}", "{}"),
     ("bench render --plan {}/damaged.yaml", "no.pgm"),
     ("bench labels {} {}", "{}"),
+    ("bench edges {} {}", "{}"),
 ]
 
 

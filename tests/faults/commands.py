@@ -92,6 +92,7 @@ COMMANDS = {
     "bench render": Command("bench render --plan {plan} --sizes 32", goes_on=False),
     "bench physics": Command("bench physics --plans {plan}", goes_on=False),
     "bench wireless": Command("bench wireless {plan} --receivers 6 --workers 1", goes_on=False),
+    "bench scattering": Command("bench scattering {plan} --links 10", goes_on=False),
     "bench estimation": Command("bench estimation {plan} --links 40 --workers 1", goes_on=False),
 }
 

@@ -30,6 +30,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from slam.exploration.explorer import ExplorerConfig
 from slam.grid import GridFrame
+from wireless.em.materials import Layer
 
 #: Frozen dataclasses with numbers by default that are no configurations.
 EXEMPT = {
@@ -42,6 +43,7 @@ NEEDED = {
     "ExplorationSettings": {"mapper": "classical"},
     "GridFrame": {"origin_xy": (0.0, 0.0)},
     "Layer": {"thickness_m": 0.01, "relative_permittivity": 2.0},
+    "Material": {"name": "wall", "layers": (Layer(thickness_m=0.01, material="wood"),)},
 }
 BAD = {
     float: (math.nan, math.inf, -math.inf, -1e300, 1e300),

@@ -22,7 +22,7 @@ from jaxtyping import Complex, Float, Int
 from wireless.em.diffraction import wedge_terms
 from wireless.support.compiled import compiled
 
-REFLECTION, DIFFRACTION, TRANSMISSION = 1, 2, 4
+REFLECTION, DIFFRACTION, SCATTERING, TRANSMISSION = 1, 2, 3, 4
 #: Ways shorter than this [m] are none, and have no direction.
 NOWHERE_M = 1e-9
 
@@ -183,6 +183,7 @@ def _face_ratios(
     sin_b0: float,
     wall: Complex[np.ndarray, " l"],
     wavenumber: float,
+    bisector: bool,
 ) -> tuple[complex, complex, complex]:
     """Reflection of a face in the coordinates of its edge, angles counted from that face.
 
@@ -190,10 +191,13 @@ def _face_ratios(
     is (b0 from b0) = b^2 r_tm - a^2 r_te, (phi from phi) = b^2 r_te - a^2 r_tm and (b0 from phi) = -(phi
     from b0) = a b (r_te + r_tm). Away from the reflection boundary a b is the mean of source and observer.
 
+    The angle of incidence is that of the nearer of source and observer, or (`bisector`) that at which a plane mirror
+    would turn the incoming ray into the outgoing one. On the reflection boundary these are the same.
+
     Returns:
         (b0 from b0), (phi from phi), (b0 from phi).
     """
-    sine = np.sin(min(phi, phi_source))
+    sine = abs(np.cos((phi - phi_source) / 2)) if bisector else np.sin(min(phi, phi_source))
     cos_i = min(abs(sin_b0 * sine), 1.0)
     te, tm, _, _ = fresnel(cos_i, wall, wavenumber)
     q2 = 1 - cos_i * cos_i
@@ -216,6 +220,7 @@ def diffract(
     before_m: float,
     after_m: float,
     work: Float[np.ndarray, "4 3"],
+    bisector: bool,
 ) -> None:
     """Turn two fields into what an edge sends into a direction, in place; spreading is left to the caller.
 
@@ -230,6 +235,7 @@ def diffract(
         before_m: Unfolded distance s' from the source.
         after_m: Unfolded distance s to the observer.
         work: Room for vectors.
+        bisector: Which angle of incidence the faces reflect at, see `_face_ratios`.
     """
     edge = wedge[0]
     cos_b0 = _dot(way, edge)
@@ -240,9 +246,9 @@ def diffract(
     distance = before_m * after_m * sin_b0 * sin_b0 / (before_m + after_m)
     tie = NOWHERE_M * (1 / before_m + 1 / after_m) / sin_b0
     direct, on_0, on_n = wedge_terms(phi, phi_source, n, wavenumber, distance, sin_b0, tie)
-    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, faces[0], wavenumber)
+    bb_0, ff_0, bf_0 = _face_ratios(phi, phi_source, cos_b0, sin_b0, faces[0], wavenumber, bisector)
     bb_n, ff_n, bf_n = _face_ratios(
-        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, faces[1], wavenumber
+        n * np.pi - phi, n * np.pi - phi_source, -cos_b0, sin_b0, faces[1], wavenumber, bisector
     )
     d_bb = -direct + on_0 * bb_0 + on_n * bb_n
     d_ff = -direct + on_0 * ff_0 + on_n * ff_n
@@ -287,6 +293,7 @@ def path_gain(
     gain: Complex[np.ndarray, "2 2"],
     work: Float[np.ndarray, "w 3"],
     field: Complex[np.ndarray, "2 3"],
+    bisector: bool,
 ) -> float:
     """Gain of one path of at most one diffraction.
 
@@ -303,6 +310,7 @@ def path_gain(
         gain: Takes the result: [theta, phi at the receiver, theta, phi at the transmitter].
         work: Room for 8 vectors.
         field: Room for two fields.
+        bisector: Which angle of incidence the faces of an edge reflect at, see `_face_ratios`.
 
     Returns:
         Unfolded length [m]; -1, with no gain set, for a path that starts, ends or diffracts at no distance.
@@ -346,6 +354,7 @@ def path_gain(
                 before,
                 total - before,
                 work[:4],
+                bisector,
             )
         for i in range(3):
             way[i] = out[i]

@@ -13,7 +13,7 @@ between, as these data sets have them, is what ``"partition"`` says.
 `WALLS` are made of layers, and so is a `Material` of your own, each of a material of the table or of a permittivity
 of its own; the rest are half-spaces, or layers as thick as `wireless.tracing.tracer.TracerConfig` says.
 
-Left out: magnetic materials, moisture, roughness, and walls whose sides differ.
+Left out: magnetic materials, moisture, and walls whose sides differ.
 """
 
 import difflib
@@ -24,6 +24,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Complex
 from scipy.constants import epsilon_0
+
+from wireless.em.scattering import MOST_NARROW
 
 #: Thicker layers and more of them are taken for a mistake.
 THICKEST_M, MOST_LAYERS = 10.0, 20
@@ -145,12 +147,21 @@ class Material:
     """What pictures and files call it."""
     layers: tuple[Layer, ...]
     """From one face to the other."""
+    scattering: float | None = None
+    """Scattering coefficient S of its faces, see `wireless.em.scattering`; None for what the tracer is told of all
+    walls that do not say."""
+    lobe: int | None = None
+    """Exponent of the scattered lobe, likewise."""
 
     def __post_init__(self) -> None:
         if not self.layers or len(self.layers) > MOST_LAYERS:
             raise ValueError(
                 f"layers of {self.name!r} are {len(self.layers)}, expected 1 to {MOST_LAYERS}, from face to face."
             )
+        for name, most in (("scattering", 1), ("lobe", MOST_NARROW)):
+            value = getattr(self, name)
+            if value is not None and not 0 <= value <= most:
+                raise ValueError(f"{name} of {self.name!r} is {str(value)[:40]}, expected 0 to {most}.")
         if self.layers != self.layers[::-1]:
             raise ValueError(
                 f"layers of {self.name!r} differ from its two sides, expected the same order from both: walls here "

@@ -66,7 +66,7 @@ COLUMNS: dict[str, tuple[pa.DataType, str, str]] = {
         pa.list_(pa.int64()),
         "",
         "true paths: kinds of interaction from the transmitter on, as decimal digits: 1 reflection, 2 diffraction, "
-        "4 transmission; 0 for line of sight",
+        "3 scattering, 4 transmission; 0 for line of sight",
     ),
     "n_estimates": (pa.uint8(), "", "number of estimated paths"),
     **{f"aoa_az_rad_{k}": (pa.float32(), "rad", f"estimate {k}: azimuth of arrival") for k in _PLACES},

@@ -43,15 +43,15 @@ class PlanScene:
         plan = make_plan(extruded.walls, snap_m)
         self.extruded = extruded
         self.origin = np.append(plan.origin, 0.0)
-        self._locate = Locator(plan, 2 * snap_m)
+        self.locate = Locator(plan, 2 * snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
-        self._setting = setting(face_wall[faces])._replace(
+        self.setting = setting(face_wall[faces])._replace(
             low_m=extruded.low_m,
             high_m=extruded.high_m,
             has_floor=floor_ceiling and extruded.floor_face >= 0,
             has_ceiling=floor_ceiling and extruded.ceiling_face >= 0,
         )
-        thin = self._setting.walls[:, 1].real > 0
+        thin = self.setting.walls[:, 1].real > 0
         self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
         self._region = regions(plan)
         logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
@@ -68,15 +68,15 @@ class PlanScene:
                     f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
                     "floor and ceiling. Trace other points with scene='space'."
                 )
-        around_tx, around_rx = self._locate(tx[:, :2]), self._locate(rx[:, :2])
+        around_tx, around_rx = self.locate(tx[:, :2]), self.locate(rx[:, :2])
         plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
         order, through = setting.side_reflections, setting.max_through
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some, (start, triangle) = rx[rxs], _part(*around_rx, rxs)
+            some, (start, triangle) = rx[rxs], part(*around_rx, rxs)
             views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
-            targets = _by_triangle(start, triangle, len(plan.tri_vertex))
-            tx_start, tx_triangle = _part(*around_tx, txs)
+            targets = by_triangle(start, triangle, len(plan.tri_vertex))
+            tx_start, tx_triangle = part(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
                 yield trace_links(plan, setting, one, around, some, *targets, views)
@@ -94,7 +94,7 @@ class PlanScene:
         Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
         wall between rooms is passed by its two sides.
         """
-        plan, setting = self.plan, self._setting
+        plan, setting = self.plan, self.setting
         if setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
             both = (self._region[:, None] == found[0]) & (self._region[plan.tri_next] == found[0])
             plan = plan._replace(tri_open=plan.tri_open & both)
@@ -182,7 +182,7 @@ class SpaceScene:
         return trace_blocks(len(tx), len(rx), trace, workers)
 
 
-def _by_triangle(
+def by_triangle(
     start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
 ) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
     """Points of each triangle, from the triangles of each point."""
@@ -191,7 +191,7 @@ def _by_triangle(
     return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
 
 
-def _part(
+def part(
     start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
 ) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
     """The triangles of some points in a row, counted from their own first."""

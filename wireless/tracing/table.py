@@ -45,6 +45,8 @@ class Setting(NamedTuple):
     """Weight of the power from either to the other."""
     keep: int
     """Most paths of a link."""
+    bisector: bool
+    """At which angle the faces of an edge reflect, see `TracerConfig.diffraction_law`."""
 
 
 class Table(NamedTuple):
@@ -166,6 +168,7 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
         scratch.gain,
         scratch.work,
         scratch.field,
+        setting.bisector,
     )
     if length < 0:
         return length, 0.0

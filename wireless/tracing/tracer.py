@@ -9,7 +9,7 @@ above a plan's ceiling or below its floor, are traced in space (`wireless.tracin
 paths. All decide in double precision. The building's own work (outline, corners, triangulation; facets, edges, boxes)
 is done once, when the tracer is made.
 
-Left out: more than one diffraction on a path, scattering by rough walls.
+Left out: more than one diffraction on a path; scattering by rough walls unless `TracerConfig.scattering` asks for it.
 """
 
 import logging
@@ -19,14 +19,16 @@ from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
-from jaxtyping import Complex, Float, Integer
+from jaxtyping import Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
 from wireless.em.materials import Material, wall_row
+from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
+from wireless.tracing.scattered import Scattering
 from wireless.tracing.scenes import PlanScene, SpaceScene
 from wireless.tracing.table import Setting
 
@@ -40,6 +42,11 @@ MOST_IN_A_ROW, MOST_PATHS = 12, 5000
 THICKEST_M = 100.0
 #: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
 MOST_INTERACTIONS = 4 * MOST_IN_A_ROW + 1
+#: Why scattering cannot be had.
+NO_SPACE = (
+    "scattering is traced in floor plans only, from floor to ceiling. Leave it out (scattering=None), or trace a "
+    "building whose walls and furniture reach the ceiling, between floor and ceiling."
+)
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
 
@@ -77,6 +84,9 @@ class TracerConfig:
     """Most reflections, before and after together, on a path with diffraction; 12 at most."""
     diffraction_side_reflections: int | None = None
     """Most of them on either side of the edge; None for no such limit."""
+    diffraction_law: Literal["nearer_face", "bisector"] = "nearer_face"
+    """Angle at which the faces of an edge reflect: that of source or observer, whichever is nearer to the face, or half
+    the angle between both. The former agrees with full-wave solutions, the latter with one commercial ray tracer."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
     max_transmissions: int = 1
@@ -88,6 +98,13 @@ class TracerConfig:
     their own, such as partition, keep them."""
     wall_gap_m: float = 0.0
     """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
+    scattering: float | None = None
+    """Scattering coefficient S, 0 to 1, of walls whose material says none; 0 scatters only from those that do, None
+    from none. In floor plans, one scattering a path (`wireless.tracing.scattered`)."""
+    scattering_lobe: int | None = 4
+    """Exponent of the scattered lobe of such walls, 0 to 1000; None for Lambert's law."""
+    scattering_tile_m: float = 0.5
+    """Largest side of the pieces that walls scatter by, each a path [m]."""
     max_paths: int = 25
     """Most paths of a link, 5000 at most; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -104,6 +121,10 @@ class TracerConfig:
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "space"):
             raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        if self.diffraction_law not in ("nearer_face", "bisector"):
+            raise ValueError(
+                f"diffraction_law is {_cut(self.diffraction_law)!r}, expected nearer_face or bisector."
+            )
         if self.search not in ("auto", "exhaustive", "rays"):
             raise ValueError(f"search is {self.search!r}, expected auto, exhaustive or rays.")
         for name, low, high in (
@@ -136,6 +157,17 @@ class TracerConfig:
                 f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
                 "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
             )
+        if self.scattering is not None and not 0 <= self.scattering <= 1:
+            raise ValueError(f"scattering is {self.scattering}, expected 0 to 1, or None for none.")
+        lobe = self.scattering_lobe
+        if lobe is not None and not (_whole(lobe) and 0 <= lobe <= MOST_NARROW):
+            raise ValueError(
+                f"scattering_lobe is {_cut(lobe)}, expected a whole number from 0 to {MOST_NARROW}, or None."
+            )
+        if not 0.05 <= self.scattering_tile_m <= 10:
+            raise ValueError(f"scattering_tile_m is {self.scattering_tile_m}, expected 0.05 to 10 m.")
+        if self.scattering is not None and self.scene == "space":
+            raise ValueError(NO_SPACE)
         if self.polarisation not in POLARISATIONS:
             raise ValueError(
                 f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
@@ -246,6 +278,11 @@ class Tracer:
             if self.config.scene == "auto":
                 logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
             self.scene = self._in_space()
+        self._scattering: Scattering | None = None
+        if c.scattering is not None:
+            if not isinstance(self.scene, PlanScene):
+                raise SceneError(NO_SPACE)
+            self._scattering = self._rough(self.scene, materials, of_face)
 
     def trace(
         self,
@@ -290,9 +327,29 @@ class Tracer:
         in_plan = not isinstance(scene, PlanScene) or (scene.holds(tx) and scene.holds(rx))
         if not in_plan and self.config.scene == "auto":
             logger.info("Points below the floor or above the ceiling: traced in space")
+            if self._scattering is not None:
+                raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
             scene = self._in_space()
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
+        if self._scattering is not None:
+            tables = self._scattering.added(
+                tables, tx - scene.origin, rx - scene.origin, self.config.max_paths
+            )
         return self._paths(tx, rx, tables, scene.origin)
+
+    def _rough(
+        self, scene: PlanScene, materials: tuple[str | Material, ...], of_face: Int[np.ndarray, " n"]
+    ) -> Scattering:
+        """Scattering by walls as rough as their materials say, or else the configuration."""
+        c = self.config
+        share, alpha = np.zeros(len(materials)), np.zeros(len(materials), np.int64)
+        for i, one in enumerate(materials):
+            own = one if isinstance(one, Material) else None
+            share[i] = c.scattering if own is None or own.scattering is None else own.scattering
+            lobe = c.scattering_lobe if own is None or own.lobe is None else own.lobe
+            alpha[i] = -1 if lobe is None else lobe
+        wall = of_face[scene.extruded.wall_face]
+        return Scattering(scene, share[wall], alpha[wall], c.scattering_tile_m)
 
     def _setting(self, walls: Complex[np.ndarray, "n l"]) -> Setting:
         """Physics and limits of this tracer, for walls or facets of some layers."""
@@ -316,7 +373,9 @@ class Tracer:
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
-            keep=config.max_paths,
+            # What reflections lose by scattering may change the order of the last ones.
+            keep=config.max_paths if config.scattering is None else 2 * config.max_paths,
+            bisector=config.diffraction_law == "bisector",
         )
 
     def _paths(

@@ -135,6 +135,9 @@ def test_grey_pictures_and_missing_colours_are_told(tmp_path, caplog):
         ("layers: [{material: glass, thickness_m: thin}]", "wall.yaml"),
         ("thickness: 3", "'layers' is missing"),
         ("layers: []\ncolour: red", "'colour' is no key"),
+        (OWN + "scattering: rough", "scattering is 'rough', expected a number"),
+        (OWN + "scattering: 1.5", "scattering of 'wall' is 1.5, expected 0 to 1"),
+        (OWN + "lobe: 2.5", "lobe is 2.5, expected a whole number"),
     ],
 )
 def test_layers_that_are_none_are_refused(tmp_path, text, words):
@@ -151,6 +154,15 @@ def test_a_file_of_layers_is_a_wall_material(tmp_path):
     plan = FloorPlan(occupancy=np.full((5, 5), FREE, np.uint8), resolution_m=1.0)
     building = make_building(plan, config=BuildingConfig(wall_material=str(tmp_path / "wall.yaml")))
     assert "pane" in map(str, building.materials)
+
+
+def test_a_file_of_layers_says_how_rough_they_are(tmp_path):
+    """Coefficient and lobe get into the wall; without them there are none."""
+    path = tmp_path / "wall.yaml"
+    path.write_text(OWN + "scattering: 0.3\nlobe: 6\n")
+    assert (read_material(path).scattering, read_material(path).lobe) == (0.3, 6)
+    path.write_text(OWN)
+    assert (read_material(path).scattering, read_material(path).lobe) == (None, None)
 
 
 def test_materials_of_free_cells_are_refused():

@@ -139,6 +139,7 @@ def test_kinds_of_rays():
         ((diffraction, none), "diffraction"),
         ((diffraction, reflection), "reflection and diffraction"),
         ((Interaction.TRANSMISSION, reflection), "transmission"),
+        ((Interaction.SCATTERING, none), "scattering"),
     ):
         assert ray_kind(np.array(met, np.uint8)) == kind
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wireless.em.fresnel import reflection
-from wireless.em.materials import MATERIALS, check_material, permittivity, properties
+from wireless.em.materials import MATERIALS, Layer, Material, check_material, permittivity, properties
 
 CARRIER_HZ = 28e9
 
@@ -57,3 +57,12 @@ def test_unknown_material_gets_a_suggestion():
         check_material("plasterbord", "wall_material")
     with pytest.raises(ValueError, match="Did you mean 'concrete'"):
         permittivity("itu_concrete", CARRIER_HZ)
+
+
+def test_roughness_is_bounded():
+    """A coefficient beyond 1 would scatter more than falls on a wall."""
+    board = (Layer(thickness_m=0.01, material="wood"),)
+    assert Material("rough", board, 0.3, 4).scattering == 0.3
+    for scattering, lobe in ((1.1, None), (-0.1, None), (float("nan"), None), (0.2, -1), (0.2, 5000)):
+        with pytest.raises(ValueError, match=r"scattering of 'rough'|lobe of 'rough'"):
+            Material("rough", board, scattering, lobe)
