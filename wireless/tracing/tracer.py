@@ -25,9 +25,11 @@ from scipy.constants import speed_of_light
 from wireless.em.materials import Material, wall_row
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
+from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
 from wireless.tracing.scenes import PlanScene, SpaceScene
+from wireless.tracing.stack_scene import NoStackError, StackScene
 from wireless.tracing.table import Setting
 
 logger = logging.getLogger(__name__)
@@ -92,8 +94,8 @@ class TracerConfig:
     """Most paths of a link, 5000 at most; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
-    scene: Literal["auto", "plan", "space"] = "auto"
-    """Trace as floor plan, in space, or as floor plan if it is one."""
+    scene: Literal["auto", "plan", "storeys", "space"] = "auto"
+    """Trace as floor plan, as storeys over each other, in space, or as what it is."""
     search: Literal["auto", "exhaustive", "rays"] = "auto"
     """How chains of facets are found in space: all that there are, by rays, or by rays if there are many facets."""
     rays: int = 100_000
@@ -102,8 +104,8 @@ class TracerConfig:
     """Ends of walls closer than this are one [m]."""
 
     def __post_init__(self) -> None:
-        if self.scene not in ("auto", "plan", "space"):
-            raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        if self.scene not in ("auto", "plan", "storeys", "space"):
+            raise ValueError(f"scene is {self.scene!r}, expected auto, plan, storeys or space.")
         if self.search not in ("auto", "exhaustive", "rays"):
             raise ValueError(f"search is {self.search!r}, expected auto, exhaustive or rays.")
         for name, low, high in (
@@ -219,12 +221,18 @@ class Tracer:
             face_wall[i, : len(row)] = row
         face_wall = face_wall[of_face]
         plan = None
-        if self.config.scene != "space":
-            plan = find_extruded(mesh, of_face, self.config.snap_m)
-        if plan is None and self.config.scene == "plan":
+        if c.scene in ("auto", "plan"):
+            plan = find_extruded(mesh, of_face, c.snap_m)
+        if plan is None and c.scene == "plan":
             raise SceneError(
                 "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
                 "Trace it with scene='space'."
+            )
+        stack = None if plan is not None else find_stack(mesh, of_face, c.snap_m)
+        if stack is None and c.scene == "storeys":
+            raise SceneError(
+                "The mesh is no storeys over each other: its walls are not all upright between the heights of two "
+                "floors and ceilings or more. Trace it with scene='space'."
             )
         self._in_space = cache(
             lambda: SpaceScene(
@@ -236,14 +244,25 @@ class Tracer:
                 floor_ceiling=c.floor_ceiling,
                 search=c.search,
                 rays=c.rays,
+                level_m=None if stack is None else stack.level_m,
             )
         )
+        limits = {"snap_m": c.snap_m, "floor_ceiling": c.floor_ceiling}
+        self.scene: PlanScene | StackScene | SpaceScene
         if plan is not None:
-            self.scene: PlanScene | SpaceScene = PlanScene(
-                plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
-            )
-        else:
-            self.scene = self._in_space()
+            self.scene = PlanScene(plan, face_wall, self._setting, **limits)
+            return
+        if stack is not None and c.scene != "space":
+            try:
+                self.scene = StackScene(mesh, stack, of_face, face_wall, self._setting, **limits)
+                return
+            except NoStackError as error:
+                if c.scene == "storeys":
+                    raise SceneError(
+                        f"The storeys cannot be traced as such because {error}. Trace them with scene='space'."
+                    ) from None
+                logger.info("Storeys are traced in space, which is slower, because %s", error)
+        self.scene = self._in_space()
 
     def trace(
         self,
@@ -285,10 +304,10 @@ class Tracer:
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
         scene = self.scene
-        in_plan = not isinstance(scene, PlanScene) or (scene.holds(tx) and scene.holds(rx))
-        if not in_plan and self.config.scene == "auto":
-            logger.info("Points below the floor or above the ceiling: traced in space")
-            scene = self._in_space()
+        if not isinstance(scene, SpaceScene) and self.config.scene == "auto":
+            if not all(scene.holds(points - scene.origin) for points in (tx, rx)):
+                logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
+                scene = self._in_space()
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
         return self._paths(tx, rx, tables, scene.origin)
 
