@@ -117,6 +117,18 @@ def _kept_left(
 
 
 @compiled
+def _apart(polygon: Float[np.ndarray, "k 2"], n: int) -> int:
+    """Drop corners that are another one but for rounding: nobody knows which way their side runs."""
+    m = 0
+    for k in range(n):
+        before = polygon[m - 1] if m > 0 else polygon[n - 1]
+        if (polygon[k, 0] - before[0]) ** 2 + (polygon[k, 1] - before[1]) ** 2 > NEAR_M**2:
+            polygon[m] = polygon[k]
+            m += 1
+    return m
+
+
+@compiled
 def _area(polygon: Float[np.ndarray, "k 2"], n: int) -> float:
     total = 0.0
     for k in range(1, n - 1):
@@ -271,7 +283,7 @@ def cast_layers(
                             continue
                         one, other = rise / to_m, rise / from_m if from_m > 0 else np.inf * rise
                         least, most = max(least, min(one, other)), min(most, max(one, other))
-                    if least > most:
+                    if (most - least) * length < NEAR_M:  # at best where its layer ends
                         continue
                     corner_stamp[c] = now
                     if n_corner_hits == len(corner_hit):
@@ -303,7 +315,8 @@ def cast_layers(
                             y + grown * (q[1] - y),
                             spare,
                         )
-                    if n == 0 or _area(polygon, n) < _NOTHING_M2:
+                    n = _apart(polygon, n)
+                    if n < 3 or _area(polygon, n) < _NOTHING_M2:
                         continue
                     if n_views == len(image):
                         image, sector, at = _longer(image), _longer(sector), _longer(at)

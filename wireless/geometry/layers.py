@@ -17,6 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from wireless.geometry.beams import NEAR_M
 from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions
 from wireless.geometry.stack import Stack
@@ -209,7 +210,7 @@ def _pieces(
             above.append(high[other])
     first, second = np.concatenate(below), np.concatenate(above)
     common = shapely.intersection(triangle[first], triangle[second])
-    real = shapely.area(common) > _NOTHING_M2
+    real = shapely.area(common) > _NOTHING_M2 + NEAR_M * shapely.length(common)
     return first[real], second[real], common[real]
 
 
@@ -256,7 +257,8 @@ def _by_triangle(
     n: int, below: Int[np.ndarray, " q"], above: Int[np.ndarray, " q"], pieces: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Pieces from either side: where those of each triangle and side begin, what is behind, and their corners."""
-    outlines = [shapely.get_coordinates(one)[:-1] for one in shapely.orient_polygons(shapely.convex_hull(pieces))]
+    hulls = shapely.orient_polygons(shapely.convex_hull(pieces))
+    outlines = [_apart(shapely.get_coordinates(one)[:-1]) for one in hulls]
     most = max((len(one) for one in outlines), default=3)
     corner = np.zeros((len(outlines), most, 2))
     for i, one in enumerate(outlines):
@@ -267,6 +269,12 @@ def _by_triangle(
     start = np.searchsorted(key[order], np.arange(2 * n + 1))
     behind = np.concatenate([above, below])[order]
     return start, behind, np.tile(count, 2)[order], np.tile(corner, (2, 1, 1))[order]
+
+
+def _apart(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "m 2"]:
+    """Corners of a polygon without those that are another one but for rounding: nobody knows their side's direction."""
+    step = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
+    return points[step > NEAR_M]
 
 
 def _sides_on(
