@@ -9,7 +9,7 @@ Where walls meet at a point with free space on two sides, each side has vertices
 manifold still; a file format that merges vertices by position joins them, which changes no surface. Walls in
 passages of no width (`robosim.building.outline`) are added as flat pockets of no volume, with a face on either side.
 
-Left out: doors and windows as such, walls with a thickness, more than one storey.
+Left out: doors and windows as such, walls with a thickness. Storeys over each other: `robosim.building.storeys`.
 """
 
 import logging
@@ -22,6 +22,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.extrusion import FURNITURE, WALL, Solid, extrude, pockets
+from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 logger = logging.getLogger(__name__)
-
-#: What a face can be; `Building.face_kind` counts along these, as `robosim.building.extrusion` does.
-KINDS = ("wall", "floor", "ceiling", "furniture")
 
 
 def material_of(given: Part, field: str) -> str | Material:
@@ -109,7 +107,7 @@ class BuildingConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Building:
+class Building(Faces):
     """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
 
     plan: FloorPlan
@@ -132,11 +130,6 @@ class Building:
             f"<Building {self.plan.name!r}: {self.free.area:.1f} m2 of free floor, {len(self.mesh.faces)} faces of "
             f"{', '.join(map(str, self.materials))}>"
         )
-
-    @property
-    def bounds(self) -> Float[np.ndarray, "2 3"]:
-        """Lowest and highest x, y, z [m] in `map`."""
-        return self.mesh.bounds
 
     @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:
@@ -171,31 +164,6 @@ class Building:
         from matplotlib.collections import LineCollection
 
         axes.add_collection(LineCollection(list(self.walls_2d), colors=WALL_COLOUR, linewidths=0.9))
-
-    def submesh(self, *kinds: str) -> trimesh.Trimesh:
-        """The faces of some kinds, as a mesh of their own.
-
-        Raises:
-            ValueError: If a kind is unknown.
-        """
-        if unknown := [kind for kind in kinds if kind not in KINDS]:
-            raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
-        return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
-
-    def of_material(self, material: str) -> trimesh.Trimesh:
-        """The faces of one radio material, as a mesh of their own.
-
-        Raises:
-            ValueError: If the building has no such material.
-        """
-        names = list(map(str, self.materials))
-        if material not in names:
-            raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")
-        return self._part(self.face_material == names.index(material))
-
-    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
-        used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
-        return _mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
 
 
 def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> Building:
@@ -237,7 +205,7 @@ def make_building(plan: FloorPlan, *, config: BuildingConfig | None = None) -> B
         plan=plan,
         free=free,
         height_m=config.height_m,
-        mesh=_mesh(vertices, solid.faces, made_from),
+        mesh=plain_mesh(vertices, solid.faces, made_from),
         face_kind=solid.kind,
         materials=materials,
         face_material=index[of_face],
@@ -273,12 +241,3 @@ def _joined(one: Solid, other: Solid) -> Solid:
     return Solid(
         np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])
     )
-
-
-def _mesh(
-    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], metadata: dict[str, object]
-) -> trimesh.Trimesh:
-    """Mesh whose vertices stay as they are, unmerged and in order."""
-    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False, metadata=dict(metadata))
-    mesh.units = "m"
-    return mesh

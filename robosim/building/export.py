@@ -23,7 +23,8 @@ import trimesh
 from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
-from robosim.building.building import KINDS, Building
+from robosim.building.building import Building
+from robosim.building.faces import KINDS
 from robosim.support.files import whole_file
 from wireless.em.fields import fresnel
 from wireless.em.materials import WALLS, Material, wall_row
