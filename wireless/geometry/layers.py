@@ -5,7 +5,7 @@ A layer is a storey, or a slab with its openings (`wireless.geometry.stack`). Ea
 level face is between a triangle and one of the next layer, what both cover is a piece of an opening, through which
 views go on. Edges of level faces, such as rims of slabs, are sides of triangles too.
 
-Only rooms count: what has a floor or a ceiling, and all that openings join to it. A scene whose rooms are not closed
+Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are not closed
 but for their openings is no stack.
 """
 
@@ -98,7 +98,7 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     inner = ~np.isin(region, outer)
     covered = _covered(plan, tri_layer, inner, stack.level)
     below, above, pieces = _pieces(triangle, tri_layer, inner & ~covered[:, 1], inner & ~covered[:, 0])
-    room = _rooms(region, inner & covered.any(axis=1), below, above)
+    room = _rooms(region, inner & covered.any(axis=1) & (tri_layer % 2 == 0), below, above)
     if not _closed(room, inner, covered, tri_layer, len(stack.level_m), triangle, below, above, pieces, snap_m):
         return None
     kept = room[below]
