@@ -30,6 +30,10 @@ _NOTHING_M2 = 1e-11
 _COVERED, _COVERED_M = 1e-6, 100.0
 
 
+#: How far before an edge its open side is looked at [m].
+_ASIDE_M = 1e-4
+
+
 class Layers(NamedTuple):
     """Floor plans over each other, and the openings between them."""
 
@@ -101,6 +105,7 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     room = _rooms(region, inner & covered.any(axis=1) & (tri_layer % 2 == 0), below, above)
     if not _closed(room, inner, covered, tri_layer, len(stack.level_m), triangle, below, above, pieces, snap_m):
         return None
+    rims = rims[_facing(surfaces, rims, stack.level_m, triangle, tri_layer, room)]
     kept = room[below]
     start, behind, corners, piece = _by_triangle(len(triangle), below[kept], above[kept], pieces[kept])
     n_walls = len(plan.wall_along)
@@ -129,6 +134,25 @@ def _rims(stack: Stack, surfaces: Surfaces, snap_m: float) -> Int[np.ndarray, " 
     level = np.abs(surfaces.edge_wedge[:, 0, 2]) < LEVEL
     off = np.abs(ends[:, :, 2].mean(axis=1)[:, None] - stack.level_m[1:-1]).min(axis=1, initial=np.inf)
     return np.flatnonzero(level & (off < snap_m))
+
+
+def _facing(
+    surfaces: Surfaces,
+    rims: Int[np.ndarray, " e"],
+    level_m: Float[np.ndarray, " k"],
+    triangle: np.ndarray,
+    tri_layer: Int[np.ndarray, " t"],
+    room: Bool[np.ndarray, " t"],
+) -> Bool[np.ndarray, " e"]:
+    """Whether the open side of each rim is in a room: that of a ceiling's edge at a wall is within the slab."""
+    half, wedge = surfaces.edge_gap_rad[rims, None] / 2, surfaces.edge_wedge[rims]
+    out = np.cos(half) * wedge[:, 1] + np.sin(half) * wedge[:, 2]
+    before = surfaces.edge[rims].mean(axis=1) + _ASIDE_M * out
+    layer = np.searchsorted(level_m, before[:, 2]) - 1
+    rim, t = shapely.STRtree(triangle).query(shapely.points(before[:, :2]), predicate="intersects")
+    found = np.zeros(len(rims), bool)
+    found[rim[room[t] & (tri_layer[t] == layer[rim])]] = True
+    return found
 
 
 def _outlines(flat: shapely.Geometry) -> Float[np.ndarray, "n 2 2"]:
