@@ -15,17 +15,24 @@ SAME_M = 1e-8
 
 def joined(
     corner: Float[np.ndarray, "n 3 3"],
-) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "n 3"]]:
+) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "m 3"], Int[np.ndarray, " m"]]:
     """Vertices and faces of triangles that make closed shells, with normals into free space.
 
     Args:
         corner: Corners of each triangle [m].
 
+    Returns:
+        Vertices, faces, and the triangle of each face: those with two corners at one place are none.
+
     Raises:
         RuntimeError: If they leave an edge open.
     """
-    place = np.unique(np.round(corner.reshape(-1, 3) / SAME_M).astype(np.int64), axis=0, return_inverse=True)[1]
+    place = np.unique(np.round(corner.reshape(-1, 3) / SAME_M).astype(np.int64), axis=0, return_inverse=True)[
+        1
+    ]
     triangle = place.reshape(-1, 3)
+    kept = np.flatnonzero((triangle != np.roll(triangle, -1, axis=1)).all(axis=1))
+    triangle, corner, place = triangle[kept], corner[kept], triangle[kept].ravel()
     start, end = triangle.ravel(), np.roll(triangle, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = np.lexsort((high, low))
@@ -45,9 +52,9 @@ def joined(
     links = coo_array((np.ones(len(start), bool), (ends[0], ends[1][mate])), shape=(len(start),) * 2)
     n, label = connected_components(links, directed=False)
     vertices = np.empty((n, 3))
-    _, one = np.unique(place, return_index=True)
-    vertices[label] = corner.reshape(-1, 3)[one[place]]
-    return vertices, label.reshape(-1, 3)
+    _, one, again = np.unique(place, return_index=True, return_inverse=True)
+    vertices[label] = corner.reshape(-1, 3)[one[again]]
+    return vertices, label.reshape(-1, 3), kept
 
 
 def _pair(

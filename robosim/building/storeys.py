@@ -9,7 +9,7 @@ Left out: stairs, furniture lower than its storey, passages of no width, the out
 """
 
 import logging
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import shapely
@@ -39,7 +39,7 @@ _LEAST_M2 = 0.01
 class StoreysConfig:
     """How floor plans become a building of several storeys."""
 
-    building: BuildingConfig = BuildingConfig()
+    building: BuildingConfig = field(default_factory=BuildingConfig)
     """How each plan becomes a storey; heights are those of the storeys."""
     slab_material: MaterialPart = "concrete"
     """Radio material of slabs' rims in openings."""
@@ -128,17 +128,16 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     """
     config = config or StoreysConfig()
     alone = [
-        make_building(one.plan, config=replace(config.building, height_m=one.height_m)) for one in plan.storeys
+        make_building(one.plan, config=replace(config.building, height_m=one.height_m))
+        for one in plan.storeys
     ]
     free = [building.free for building in alone]
     opening = [
         _opening(plan.name, number, one, free[number], free[number + 1])
         for number, one in enumerate(plan.storeys[:-1])
     ]
-    free = [
-        _with_corners(area, [hole for hole in opening[max(0, i - 1) : i + 1]]) for i, area in enumerate(free)
-    ]
     opening = [_with_corners(hole, free[i : i + 2]) for i, hole in enumerate(opening)]
+    free = [_with_corners(area, opening[max(0, i - 1) : i + 1]) for i, area in enumerate(free)]
     nothing = shapely.MultiPolygon()
     part = _Part()
     for i, one in enumerate(plan.storeys):
@@ -154,9 +153,10 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
             of_rim = own or material_of(config.slab_material, "slab_material")
             part.add(rim, np.full(len(rim), WALL), [of_rim] * len(rim))
-    vertices, faces = joined(np.concatenate(part.corner))
+    vertices, faces, kept = joined(np.concatenate(part.corner))
     materials = tuple(dict.fromkeys(part.material))
     number_of = {one: number for number, one in enumerate(materials)}
+    of_face = np.array([number_of[one] for one in part.material], np.uint8)
     logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
     return Storeys(
         plan=plan,
@@ -165,9 +165,9 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             for i, building in enumerate(alone)
         ),
         mesh=plain_mesh(vertices, faces, {"plan": plan.name, "frame": "map"}),
-        face_kind=np.concatenate(part.kind).astype(np.uint8),
+        face_kind=np.concatenate(part.kind).astype(np.uint8)[kept],
         materials=materials,
-        face_material=np.array([number_of[one] for one in part.material], np.uint8),
+        face_material=of_face[kept],
     )
 
 

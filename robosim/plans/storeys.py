@@ -7,13 +7,22 @@ openings for stairs and shafts where polygons in that frame say so.
 import hashlib
 import math
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 
 from robosim.plans.floorplan import FARTHEST_M, FloorPlan, MapError
+from robosim.support.reading import FileError, reading
+from robosim.support.text_in import MOST_YAML
 
 #: Heights of storeys, and thicknesses of slabs [m].
 HEIGHTS_M, SLABS_M = (0.1, 100.0), (0.01, 10.0)
 #: Storeys of a building.
 MOST_STOREYS = 200
+
+#: What a file of storeys is called, and what to do about one that is damaged.
+STOREYS_FILE = "the YAML file of a building of several storeys"
+STOREYS_REMEDY = (
+    "List the storeys from the lowest up, such as 'storeys: [{plan: ground.yaml}, {plan: first.yaml}]'."
+)
 
 Ring = tuple[tuple[float, float], ...]
 
@@ -123,3 +132,15 @@ class OneStorey:
     def digest(self) -> str:
         """A text that changes with the building and the number."""
         return hashlib.sha256(f"{self.building.digest()} {self.number}".encode()).hexdigest()[:16]
+
+
+def is_storeys(path: Path) -> bool:
+    """Whether a file is of a building of several storeys, and not a map."""
+    if path.suffix.lower() not in (".yaml", ".yml") or not path.is_file():
+        return False
+    try:
+        with reading(path, STOREYS_FILE, STOREYS_REMEDY, most_bytes=MOST_YAML) as file:
+            keys = [line.split(b":")[0].strip() for line in file.read().splitlines() if line[:1].strip()]
+    except FileError:
+        return False
+    return b"storeys" in keys and b"image" not in keys

@@ -96,7 +96,13 @@ def _chord(
 
 @compiled
 def _kept_left(
-    polygon: Float[np.ndarray, "k 2"], n: int, ax: float, ay: float, bx: float, by: float, spare: Float[np.ndarray, "k 2"]
+    polygon: Float[np.ndarray, "k 2"],
+    n: int,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    spare: Float[np.ndarray, "k 2"],
 ) -> int:
     """Cut a convex polygon to what is left of the line from a to b; its new number of corners."""
     m, dx, dy = 0, bx - ax, by - ay
@@ -276,9 +282,7 @@ def cast_layers(
                         continue
                     least, most = (level[layer] - height) / length, (level[layer + 1] - height) / length
                     if n_corners > 0:
-                        from_m, to_m = _chord(
-                            window, first_corner, n_corners, x, y, ux / length, uy / length
-                        )
+                        from_m, to_m = _chord(window, first_corner, n_corners, x, y, ux / length, uy / length)
                         if to_m < from_m or to_m <= 0:
                             continue
                         one, other = rise / to_m, rise / from_m if from_m > 0 else np.inf * rise

@@ -5,8 +5,8 @@ A layer is a storey, or a slab with its openings (`wireless.geometry.stack`). Ea
 level face is between a triangle and one of the next layer, what both cover is a piece of an opening, through which
 views go on. Edges of level faces, such as rims of slabs, are sides of triangles too.
 
-Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are not closed
-but for their openings is no stack.
+Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are
+not closed but for their openings is no stack.
 """
 
 from typing import NamedTuple
@@ -103,7 +103,9 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     covered = _covered(plan, tri_layer, inner, stack.level)
     below, above, pieces = _pieces(triangle, tri_layer, inner & ~covered[:, 1], inner & ~covered[:, 0])
     room = _rooms(region, inner & covered.any(axis=1) & (tri_layer % 2 == 0), below, above)
-    if not _closed(room, inner, covered, tri_layer, len(stack.level_m), triangle, below, above, pieces, snap_m):
+    if not _closed(
+        room, inner, covered, tri_layer, len(stack.level_m), triangle, below, above, pieces, snap_m
+    ):
         return None
     rims = rims[_facing(surfaces, rims, stack.level_m, triangle, tri_layer, room)]
     kept = room[below]
@@ -125,7 +127,9 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
         rim_walls=n_walls + np.arange(2 * len(rims)).reshape(-1, 2),
     )
     faces = [*stack.wall_face, surfaces.facet_face[surfaces.edge_facets[rims]].ravel()]
-    return Stacked(layers, np.concatenate(faces).astype(np.int64), room, _sealed(layers, room, inner, covered))
+    return Stacked(
+        layers, np.concatenate(faces).astype(np.int64), room, _sealed(layers, room, inner, covered)
+    )
 
 
 def _rims(stack: Stack, surfaces: Surfaces, snap_m: float) -> Int[np.ndarray, " e"]:
@@ -159,9 +163,7 @@ def _outlines(flat: shapely.Geometry) -> Float[np.ndarray, "n 2 2"]:
     """Segments around polygons."""
     rings = shapely.get_rings(shapely.get_parts(flat))
     parts = [shapely.get_coordinates(ring) for ring in rings]
-    return np.concatenate(
-        [np.empty((0, 2, 2)), *(np.stack([one[:-1], one[1:]], axis=1) for one in parts)]
-    )
+    return np.concatenate([np.empty((0, 2, 2)), *(np.stack([one[:-1], one[1:]], axis=1) for one in parts)])
 
 
 def _seams(
@@ -195,7 +197,10 @@ def _side_by_side(plans: list[Plan]) -> Plan:
     for name in Plan._fields[1:]:
         parts = [getattr(one, name) for one in plans]
         if name in by:
-            parts = [np.where(part >= 0, part + first, -1) for part, first in zip(parts, by[name][:-1], strict=True)]
+            parts = [
+                np.where(part >= 0, part + first, -1)
+                for part, first in zip(parts, by[name][:-1], strict=True)
+            ]
         joined[name] = np.concatenate(parts)
     return Plan(origin=plans[0].origin, **joined)
 

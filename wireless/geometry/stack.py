@@ -9,6 +9,7 @@ Left out: what floor or ceiling does not cover at least half of, which are table
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -57,15 +58,14 @@ def find_stack(
     if len(level_m) < 4 or len(level_m) % 2:
         return None
     level = tuple(
-        shapely.union_all(shapely.polygons(corners[flat[group == i]][:, :, :2]))
-        for i in range(len(level_m))
+        shapely.union_all(shapely.polygons(corners[flat[group == i]][:, :, :2])) for i in range(len(level_m))
     )
     for floor, ceiling in zip(level[::2], level[1::2], strict=True):
         if min(floor.area, ceiling.area) < max(floor.area, ceiling.area) / 2:
             return None
     triangles, face = _cut(corners[upright], upright, level_m, snap_m)
     walls, wall_face = [], []
-    for low, high in zip(level_m[:-1], level_m[1:], strict=True):
+    for low, high in pairwise(level_m):
         z = triangles[:, :, 2]
         here = (z.min(axis=1) > low - snap_m) & (z.max(axis=1) < high + snap_m)
         if not here.any():

@@ -157,9 +157,7 @@ def _lay_rim(
     end, way = layers.rim[rim, 0], layers.rim_wedge[rim, 0]
     x, y, z = end[0] + along * way[0], end[1] + along * way[1], end[2] + along * way[2]
     number = len(plan.corner_vertex) + rim
-    n = lay_over(
-        plan, tx, rx, image, view, node, number, x, y, far_image, far_view, far_node, scratch
-    )
+    n = lay_over(plan, tx, rx, image, view, node, number, x, y, far_image, far_view, far_node, scratch)
     edge, flat = view[node, 2] + view[node, 3], scratch.flat
     for half in range(2):
         first, last = (0, edge + 1) if half == 0 else (edge + 1, n + 1)

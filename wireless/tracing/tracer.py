@@ -247,14 +247,23 @@ class Tracer:
                 level_m=None if stack is None else stack.level_m,
             )
         )
-        limits = {"snap_m": c.snap_m, "floor_ceiling": c.floor_ceiling}
         self.scene: PlanScene | StackScene | SpaceScene
         if plan is not None:
-            self.scene = PlanScene(plan, face_wall, self._setting, **limits)
+            self.scene = PlanScene(
+                plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
+            )
             return
         if stack is not None and c.scene != "space":
             try:
-                self.scene = StackScene(mesh, stack, of_face, face_wall, self._setting, **limits)
+                self.scene = StackScene(
+                    mesh,
+                    stack,
+                    of_face,
+                    face_wall,
+                    self._setting,
+                    snap_m=c.snap_m,
+                    floor_ceiling=c.floor_ceiling,
+                )
                 return
             except NoStackError as error:
                 if c.scene == "storeys":
@@ -304,10 +313,11 @@ class Tracer:
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
         scene = self.scene
-        if not isinstance(scene, SpaceScene) and self.config.scene == "auto":
-            if not all(scene.holds(points - scene.origin) for points in (tx, rx)):
-                logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
-                scene = self._in_space()
+        if self.config.scene == "auto" and not (
+            isinstance(scene, SpaceScene) or all(scene.holds(points - scene.origin) for points in (tx, rx))
+        ):
+            logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
+            scene = self._in_space()
         tables = scene.tables(tx - scene.origin, rx - scene.origin, workers)
         return self._paths(tx, rx, tables, scene.origin)
 
