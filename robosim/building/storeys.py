@@ -136,8 +136,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
         _opening(plan.name, number, one, free[number], free[number + 1])
         for number, one in enumerate(plan.storeys[:-1])
     ]
-    opening = [_with_corners(hole, free[i : i + 2]) for i, hole in enumerate(opening)]
-    free = [_with_corners(area, opening[max(0, i - 1) : i + 1]) for i, area in enumerate(free)]
+    free, opening = _noded(free, opening)
     nothing = shapely.MultiPolygon()
     part = _Part()
     for i, one in enumerate(plan.storeys):
@@ -169,6 +168,17 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
         materials=materials,
         face_material=of_face[kept],
     )
+
+
+def _noded(
+    free: list[shapely.MultiPolygon], opening: list[shapely.MultiPolygon]
+) -> tuple[list[shapely.MultiPolygon], list[shapely.MultiPolygon]]:
+    """Floors and openings with corners wherever one next to them has one on their outline."""
+    count = -1
+    while count != (count := int(shapely.get_num_coordinates([*free, *opening]).sum())):
+        opening = [_with_corners(hole, free[i : i + 2]) for i, hole in enumerate(opening)]
+        free = [_with_corners(area, opening[max(0, i - 1) : i + 1]) for i, area in enumerate(free)]
+    return free, opening
 
 
 def _opening(
@@ -211,6 +221,8 @@ def _with_corners(area: shapely.MultiPolygon, others: list[shapely.MultiPolygon]
     if area.is_empty or not len(points):
         return area
     points = np.unique(points, axis=0)
+    twins = cKDTree(points).query_pairs(_ON_M, output_type="ndarray")
+    points = np.delete(points, twins[:, 1], axis=0)
     tree, places = cKDTree(points), shapely.STRtree(shapely.points(points))
     rings, owner = rings_of(area)
     outlines = []
@@ -273,7 +285,34 @@ def _add_flat(
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(solid)))
     xy = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     one, other = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-    clockwise = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0] < 0
-    xy = np.where((clockwise == (kind == FLOOR))[:, None, None], xy[:, ::-1], xy)
+    # They all turn the same way; of the thinnest alone nobody could tell.
+    clockwise = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum() < 0
+    xy = xy[:, ::-1] if clockwise == (kind == FLOOR) else xy
+    xy = _parted(xy, np.unique(shapely.get_coordinates([free, hole]), axis=0))
     corner = np.concatenate([xy, np.full((*xy.shape[:2], 1), z_m)], axis=2)
     part.add(corner, np.full(len(corner), kind), [material] * len(corner))
+
+
+def _parted(
+    triangles: Float[np.ndarray, "n 3 2"], points: Float[np.ndarray, "m 2"]
+) -> Float[np.ndarray, "k 3 2"]:
+    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out.
+
+    Corners that lie on a wall but for rounding may have been passed over, or stand on a triangle of no area.
+    """
+    side = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    triangles = triangles[np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) > _ON_M * side]
+    places = shapely.STRtree(shapely.points(points))
+    while True:
+        ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+        line, point = places.query(shapely.linestrings(ends), predicate="dwithin", distance=_ON_M)
+        inner = (np.linalg.norm(ends[line] - points[point][:, None], axis=2) > _ON_M).all(axis=1)
+        line, point = line[inner], point[inner]
+        which, first = np.unique(line // 3, return_index=True)
+        if not len(which):
+            return triangles
+        k, at = line[first] % 3, points[point[first]]
+        a, b, c = (triangles[which, (k + step) % 3] for step in range(3))
+        halves = np.concatenate([np.stack([a, at, c], axis=1), np.stack([at, b, c], axis=1)])
+        triangles = np.concatenate([np.delete(triangles, which, axis=0), halves])
