@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.beams import NARROW_RAD, NEAR_M
+from wireless.geometry.convex import apart, area_of, kept_left
 from wireless.geometry.layers import Layers
 from wireless.support.compiled import compiled
 
@@ -92,56 +93,6 @@ def _chord(
         elif inside < 0:
             return 1.0, 0.0
     return low, high
-
-
-@compiled
-def _kept_left(
-    polygon: Float[np.ndarray, "k 2"],
-    n: int,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    spare: Float[np.ndarray, "k 2"],
-) -> int:
-    """Cut a convex polygon to what is left of the line from a to b; its new number of corners."""
-    m, dx, dy = 0, bx - ax, by - ay
-    for k in range(n):
-        p, q = polygon[k], polygon[(k + 1) % n]
-        here, there = dx * (p[1] - ay) - dy * (p[0] - ax), dx * (q[1] - ay) - dy * (q[0] - ax)
-        if here >= 0:
-            spare[m, 0], spare[m, 1] = p[0], p[1]
-            m += 1
-        if (here > 0 and there < 0) or (here < 0 and there > 0):
-            f = here / (here - there)
-            spare[m, 0], spare[m, 1] = p[0] + f * (q[0] - p[0]), p[1] + f * (q[1] - p[1])
-            m += 1
-    if m < 3:
-        return 0
-    polygon[:m] = spare[:m]
-    return m
-
-
-@compiled
-def _apart(polygon: Float[np.ndarray, "k 2"], n: int) -> int:
-    """Drop corners that are another one but for rounding: nobody knows which way their side runs."""
-    m = 0
-    for k in range(n):
-        before = polygon[m - 1] if m > 0 else polygon[n - 1]
-        if (polygon[k, 0] - before[0]) ** 2 + (polygon[k, 1] - before[1]) ** 2 > NEAR_M**2:
-            polygon[m] = polygon[k]
-            m += 1
-    return m
-
-
-@compiled
-def _area(polygon: Float[np.ndarray, "k 2"], n: int) -> float:
-    total = 0.0
-    for k in range(1, n - 1):
-        total += (polygon[k, 0] - polygon[0, 0]) * (polygon[k + 1, 1] - polygon[0, 1]) - (
-            polygon[k, 1] - polygon[0, 1]
-        ) * (polygon[k + 1, 0] - polygon[0, 0])
-    return total / 2
 
 
 @compiled
@@ -304,13 +255,13 @@ def cast_layers(
                     n = piece_corners[h]
                     polygon[:n] = piece[h, :n]
                     if not inside:
-                        n = _kept_left(polygon, n, x, y, sight[0], sight[1], spare)
-                        n = _kept_left(polygon, n, sight[2], sight[3], x, y, spare)
+                        n = kept_left(polygon, n, x, y, sight[0], sight[1], spare)
+                        n = kept_left(polygon, n, sight[2], sight[3], x, y, spare)
                     for k in range(n_corners):
                         if n == 0:
                             break
                         p, q = window[first_corner + k], window[first_corner + (k + 1) % n_corners]
-                        n = _kept_left(
+                        n = kept_left(
                             polygon,
                             n,
                             x + grown * (p[0] - x),
@@ -319,8 +270,8 @@ def cast_layers(
                             y + grown * (q[1] - y),
                             spare,
                         )
-                    n = _apart(polygon, n)
-                    if n < 3 or _area(polygon, n) < _NOTHING_M2:
+                    n = apart(polygon, n)
+                    if n == 0 or area_of(polygon, n) < _NOTHING_M2:
                         continue
                     if n_views == len(image):
                         image, sector, at = _longer(image), _longer(sector), _longer(at)

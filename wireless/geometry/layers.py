@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from wireless.geometry.beams import NEAR_M
+from wireless.geometry.convex import in_common
 from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions
 from wireless.geometry.stack import Stack
@@ -101,15 +101,14 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     outer = np.unique(region[(plan.tri_next < 0).any(axis=1)])
     inner = ~np.isin(region, outer)
     covered = _covered(plan, tri_layer, inner, stack.level)
-    below, above, pieces = _pieces(triangle, tri_layer, inner & ~covered[:, 1], inner & ~covered[:, 0])
-    room = _rooms(region, inner & covered.any(axis=1) & (tri_layer % 2 == 0), below, above)
-    if not _closed(
-        room, inner, covered, tri_layer, len(stack.level_m), triangle, below, above, pieces, snap_m
-    ):
+    pieces = _pieces(plan.vertex[plan.tri_vertex], tri_layer, inner & ~covered[:, 1], inner & ~covered[:, 0])
+    area = shapely.area(triangle)
+    room = _rooms(region, _floored(region, inner & (tri_layer % 2 == 0), covered, area), pieces)
+    if not _closed(room, inner, covered, tri_layer, len(stack.level_m), area, pieces, snap_m):
         return None
     rims = rims[_facing(surfaces, rims, stack.level_m, triangle, tri_layer, room)]
-    kept = room[below]
-    start, behind, corners, piece = _by_triangle(len(triangle), below[kept], above[kept], pieces[kept])
+    kept = room[pieces.below]
+    start, behind, corners, piece = _by_triangle(len(triangle), _Pieces(*(column[kept] for column in pieces)))
     n_walls = len(plan.wall_along)
     layers = Layers(
         plan=plan,
@@ -222,36 +221,64 @@ def _covered(
     return covered
 
 
+class _Pieces(NamedTuple):
+    """What triangles of two layers have in common."""
+
+    below: Int[np.ndarray, " q"]
+    """Triangle of the lower layer."""
+    above: Int[np.ndarray, " q"]
+    """Triangle of the higher one."""
+    corner: Float[np.ndarray, "q 8 2"]
+    """Corners of the piece [m]; zeros beyond the last."""
+    count: Int[np.ndarray, " q"]
+    """Number of corners."""
+    area: Float[np.ndarray, " q"]
+    """Size [m2]."""
+
+
 def _pieces(
-    triangle: np.ndarray,
+    corner: Float[np.ndarray, "t 3 2"],
     tri_layer: Int[np.ndarray, " t"],
     open_above: Bool[np.ndarray, " t"],
     open_below: Bool[np.ndarray, " t"],
-) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, " q"], np.ndarray]:
-    """Triangles below and above each piece of an opening, and these pieces as polygons."""
+) -> _Pieces:
+    """Pieces of openings between some triangles of each layer and some of the next one."""
     below, above = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for layer in range(tri_layer.max()):
         low = np.flatnonzero(open_above & (tri_layer == layer))
         high = np.flatnonzero(open_below & (tri_layer == layer + 1))
         if len(low) and len(high):
-            one, other = shapely.STRtree(triangle[high]).query(triangle[low])
+            boxes = [
+                shapely.box(*corner[own].min(axis=1).T, *corner[own].max(axis=1).T) for own in (low, high)
+            ]
+            one, other = shapely.STRtree(boxes[1]).query(boxes[0])
             below.append(low[one])
             above.append(high[other])
     first, second = np.concatenate(below), np.concatenate(above)
-    common = shapely.intersection(triangle[first], triangle[second])
-    real = shapely.area(common) > _NOTHING_M2 + NEAR_M * shapely.length(common)
-    return first[real], second[real], common[real]
+    found = _Pieces(first, second, *in_common(corner[first], corner[second]))
+    return _Pieces(*(column[found.area > _NOTHING_M2] for column in found))
+
+
+def _floored(
+    region: Int[np.ndarray, " t"],
+    storey: Bool[np.ndarray, " t"],
+    covered: Bool[np.ndarray, "t 2"],
+    area: Float[np.ndarray, " t"],
+) -> Bool[np.ndarray, " t"]:
+    """Triangles of those regions of storeys that have a floor, or a ceiling, over half of them or more."""
+    whole = np.bincount(region, area)
+    found = np.zeros(len(whole), bool)
+    for side in range(2):
+        found |= np.bincount(region, area * (covered[:, side] & storey)) > whole / 2
+    return found[region]
 
 
 def _rooms(
-    region: Int[np.ndarray, " t"],
-    seed: Bool[np.ndarray, " t"],
-    below: Int[np.ndarray, " q"],
-    above: Int[np.ndarray, " q"],
+    region: Int[np.ndarray, " t"], seed: Bool[np.ndarray, " t"], pieces: _Pieces
 ) -> Bool[np.ndarray, " t"]:
     """Triangles of regions that have a floor or a ceiling, and of those that openings join to them."""
-    n = region.max() + 1
-    links = coo_array((np.ones(len(below), bool), (region[below], region[above])), shape=(n, n))
+    n, ends = region.max() + 1, (region[pieces.below], region[pieces.above])
+    links = coo_array((np.ones(len(pieces.below), bool), ends), shape=(n, n))
     joined = connected_components(links, directed=False)[1][region]
     return np.isin(joined, np.unique(joined[seed]))
 
@@ -262,48 +289,31 @@ def _closed(
     covered: Bool[np.ndarray, "t 2"],
     tri_layer: Int[np.ndarray, " t"],
     n_levels: int,
-    triangle: np.ndarray,
-    below: Int[np.ndarray, " q"],
-    above: Int[np.ndarray, " q"],
-    pieces: np.ndarray,
+    area: Float[np.ndarray, " t"],
+    pieces: _Pieces,
     snap_m: float,
 ) -> bool:
     """Whether each triangle of a room has a face or pieces of openings all over it, below and above."""
     if not room.any() or (room & ~inner).any():
         return False
-    area, size = shapely.area(triangle), shapely.area(pieces)
     slack = _COVERED * area + _COVERED_M * snap_m * np.sqrt(area)
-    for side, mine in enumerate((above, below)):
-        filled = np.bincount(mine, size, len(area))
+    for side, mine in enumerate((pieces.above, pieces.below)):
+        filled = np.bincount(mine, pieces.area, len(area))
         ends = tri_layer == (0 if side == 0 else n_levels - 2)
-        open_ = room & ~covered[:, side]
+        open_ = room & ~covered[:, side] & (area > slack)
         if (open_ & ends).any() or (filled[open_] < (area - slack)[open_]).any():
             return False
     return True
 
 
-def _by_triangle(
-    n: int, below: Int[np.ndarray, " q"], above: Int[np.ndarray, " q"], pieces: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _by_triangle(n: int, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Pieces from either side: where those of each triangle and side begin, what is behind, and their corners."""
-    hulls = shapely.orient_polygons(shapely.convex_hull(pieces))
-    outlines = [_apart(shapely.get_coordinates(one)[:-1]) for one in hulls]
-    most = max((len(one) for one in outlines), default=3)
-    corner = np.zeros((len(outlines), most, 2))
-    for i, one in enumerate(outlines):
-        corner[i, : len(one)] = one
-    count = np.array([len(one) for one in outlines], np.int64)
-    key = np.concatenate([2 * below + 1, 2 * above])
+    key = np.concatenate([2 * pieces.below + 1, 2 * pieces.above])
     order = np.argsort(key, kind="stable")
     start = np.searchsorted(key[order], np.arange(2 * n + 1))
-    behind = np.concatenate([above, below])[order]
-    return start, behind, np.tile(count, 2)[order], np.tile(corner, (2, 1, 1))[order]
-
-
-def _apart(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "m 2"]:
-    """Corners of a polygon without those that are another one but for rounding: nobody knows their side's direction."""
-    step = np.linalg.norm(points - np.roll(points, 1, axis=0), axis=1)
-    return points[step > NEAR_M]
+    behind = np.concatenate([pieces.above, pieces.below])[order]
+    most = pieces.count.max(initial=3)
+    return start, behind, np.tile(pieces.count, 2)[order], np.tile(pieces.corner[:, :most], (2, 1, 1))[order]
 
 
 def _sides_on(
@@ -342,6 +352,5 @@ def _sealed(
     both = (plan.tri_wall >= 0) & room[:, None] & room[plan.tri_next] & (plan.tri_next >= 0)
     if both.any():
         return False
-    triangle = shapely.polygons(plan.vertex[plan.tri_vertex])
     low, high = room & inner & covered[:, 1], room & inner & covered[:, 0]
-    return not len(_pieces(triangle, layers.tri_layer, low, high)[0])
+    return not len(_pieces(plan.vertex[plan.tri_vertex], layers.tri_layer, low, high).below)
