@@ -13,6 +13,7 @@ import torch
 from rich.console import Console
 
 from robosim.building.material_file import read_material
+from robosim.building.storeys import make_storeys
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
@@ -23,6 +24,7 @@ from robosim.evaluation.suite import is_suite, read_suite
 from robosim.figures.training import confusion_of, read_card, read_epochs
 from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
+from robosim.plans.storeys_file import read_storeys
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
@@ -98,6 +100,10 @@ def _plan(folder: Path, file: Path) -> None:
 
 def _ros(folder: Path, file: Path) -> None:
     read_plan(next(iter(sorted(folder.glob("*.yaml"))), folder / "map.yaml"))
+
+
+def _storeys(folder: Path, file: Path) -> None:
+    make_storeys(read_storeys(folder / "building.yaml"))
 
 
 def _found_plans(folder: Path, file: Path) -> None:
@@ -291,6 +297,7 @@ TARGETS: dict[str, Target] = {
     "ros map with png": Target("ros-png", "map.*", _ros, names=".yaml"),
     "ros map in full": Target("ros-rich", "map.*", _ros, names=".yaml"),
     "real ros map": Target("real-ros", "*", _ros, names=".yaml"),
+    "building of storeys": Target("storeys", "*", _storeys, names=".yaml"),
     "image": Target("images", "*", _plan, 3),
     "grid, house, array": Target("plans", "*", _plan, 3),
     "real grid": Target("real-grid", "*", _plan, 0.5),

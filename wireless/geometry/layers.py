@@ -230,7 +230,7 @@ class _Pieces(NamedTuple):
     """Triangle of the higher one."""
     corner: Float[np.ndarray, "q 8 2"]
     """Corners of the piece [m]; zeros beyond the last."""
-    count: Int[np.ndarray, " q"]
+    corners: Int[np.ndarray, " q"]
     """Number of corners."""
     area: Float[np.ndarray, " q"]
     """Size [m2]."""
@@ -312,8 +312,13 @@ def _by_triangle(n: int, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray, np.nd
     order = np.argsort(key, kind="stable")
     start = np.searchsorted(key[order], np.arange(2 * n + 1))
     behind = np.concatenate([pieces.above, pieces.below])[order]
-    most = pieces.count.max(initial=3)
-    return start, behind, np.tile(pieces.count, 2)[order], np.tile(pieces.corner[:, :most], (2, 1, 1))[order]
+    most = pieces.corners.max(initial=3)
+    return (
+        start,
+        behind,
+        np.tile(pieces.corners, 2)[order],
+        np.tile(pieces.corner[:, :most], (2, 1, 1))[order],
+    )
 
 
 def _sides_on(
