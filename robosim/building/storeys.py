@@ -133,7 +133,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     ]
     free = [building.free for building in alone]
     opening = [
-        _opening(plan.name, number, one, free[number], free[number + 1])
+        _opening(plan.told, number, one, free[number], free[number + 1])
         for number, one in enumerate(plan.storeys[:-1])
     ]
     free, opening = _noded(free, opening)

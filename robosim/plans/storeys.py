@@ -68,16 +68,23 @@ class StoreysPlan:
     """What reports and files call it."""
     storeys: tuple[StoreyPlan, ...]
     """Each with the slab over it."""
+    file: str = ""
+    """File that it was read from, for messages."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.storeys) <= MOST_STOREYS:
             raise MapError(
-                f"{self.name}: storeys has {len(self.storeys)} entries, expected 1 to {MOST_STOREYS}, the lowest first."
+                f"{self.told}: storeys has {len(self.storeys)} entries, expected 1 to {MOST_STOREYS}, the lowest first."
             )
+
+    @property
+    def told(self) -> str:
+        """What messages call it: its file, if it has one."""
+        return self.file or self.name
 
     def floor_m(self, storey: int) -> float:
         """Height of a storey's floor above that of the lowest [m]."""
-        return sum(one.height_m + one.slab_m for one in self.storeys[:storey])
+        return float(sum(one.height_m + one.slab_m for one in self.storeys[:storey]))
 
     def digest(self) -> str:
         """A text that changes with whatever a building depends on."""
@@ -99,7 +106,7 @@ class StoreysPlan:
         """
         if not 0 <= storey < len(self.storeys):
             raise MapError(
-                f"{self.name}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."
+                f"{self.told}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."
             )
         return OneStorey(building=self, number=storey)
 

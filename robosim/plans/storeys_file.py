@@ -46,7 +46,7 @@ def read_storeys(path: Path) -> StoreysPlan:
     if not isinstance(name, str):
         raise MapError(f"{shown(path)}: name is {_cut(name)}, expected a text, such as house.")
     storeys = tuple(_storey(path, number, one) for number, one in enumerate(listed))
-    plan = StoreysPlan(name=name, storeys=storeys)
+    plan = StoreysPlan(name=name, storeys=storeys, file=shown(path))
     for number in range(len(storeys)):
         try:
             plan.one(number)
