@@ -59,7 +59,7 @@ def plot_storeys(path: Path, whole: Storeys, paths: Paths, tx: int, rx: int, tx_
     axes.plot([], [], color="#D55E00", lw=0.9, label="opening of a slab")
     low, high = whole.bounds
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(np.maximum(high - low, 0.1) * (1, 1, STRETCH))
+    axes.set_box_aspect(np.maximum(high - low, 0.1) * (1, 1, STRETCH), zoom=1.15)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     many = "1 path" if len(link) == 1 else f"{len(link)} paths"
     axes.set_title(f"{whole.plan.name}: {many} of one link", fontsize=10, parse_math=False)
