@@ -6,8 +6,8 @@
 A mesh that was extruded from a floor plan is traced as one: views through its exact outline
 (`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`); storeys over each other as
 several (`wireless.tracing.stack_engine`). Any other mesh, and points above a plan's ceiling or below its floor, are
-traced in space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The building's own work (outline, corners, triangulation; facets, edges, boxes)
-is done once, when the tracer is made.
+traced in space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The
+building's own work (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
 Left out: more than one diffraction on a path, scattering by rough walls.
 """
