@@ -86,14 +86,17 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
         snap_m: Ends of walls closer than this are one.
     """
     rims = _rims(stack, surfaces, snap_m)
-    plans: list[Plan] = []
-    layer_of: list[int] = []
-    for layer, walls in enumerate(stack.walls):
+    made: dict[int, Plan] = {}
+    # Slabs first: storeys are triangulated alike where these are open, so that openings fall into few pieces.
+    for layer in sorted(range(len(stack.walls)), key=lambda number: (number % 2 == 0, number)):
+        walls = stack.walls[layer]
         if len(walls):
             lines = [_outlines(stack.level[layer]), _outlines(stack.level[layer + 1])]
+            lines += [_inner_sides(made[slab]) for slab in (layer - 1, layer + 1) if slab in made]
             seams = _seams(np.concatenate(lines), walls, snap_m)
-            plans.append(make_plan(walls, snap_m, seams=seams, origin=np.zeros(2)))
-            layer_of.append(layer)
+            made[layer] = make_plan(walls, snap_m, seams=seams, origin=np.zeros(2))
+    layer_of = sorted(made)
+    plans = [made[layer] for layer in layer_of]
     plan = _side_by_side(plans)
     tri_layer = np.repeat(layer_of, [len(one.tri_vertex) for one in plans])
     triangle = shapely.polygons(plan.vertex[plan.tri_vertex])
@@ -163,6 +166,14 @@ def _outlines(flat: shapely.Geometry) -> Float[np.ndarray, "n 2 2"]:
     rings = shapely.get_rings(shapely.get_parts(flat))
     parts = [shapely.get_coordinates(ring) for ring in rings]
     return np.concatenate([np.empty((0, 2, 2)), *(np.stack([one[:-1], one[1:]], axis=1) for one in parts)])
+
+
+def _inner_sides(plan: Plan) -> Float[np.ndarray, "n 2 2"]:
+    """Sides of the triangles between the walls of a plan, none of which leads outside."""
+    region = regions(plan)
+    inner = ~np.isin(region, region[(plan.tri_next < 0).any(axis=1)])
+    corner = plan.vertex[plan.tri_vertex[inner]]
+    return np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2, 2)
 
 
 def _seams(
