@@ -12,14 +12,14 @@ passages of no width (`robosim.building.outline`) are added as flat pockets of n
 What is placed in it (`robosim.plans.furnishings`) is any mesh, at its own height: camera, lidar and radio meet its
 triangles as they are, and a robot meets what of it is lower than the robot (`Building.floor`).
 
-Left out: doors and windows as such, walls with a thickness, more than one storey.
+Left out: doors and windows as such, walls with a thickness. Storeys over each other: `robosim.building.storeys`.
 """
 
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import shapely
@@ -27,6 +27,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
 
 from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
+from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.footprint import filled, footprint
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.building.wall_materials import cut_at_materials, materials_behind
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
-#: What a face can be; `Building.face_kind` counts along these, as `robosim.building.extrusion` does.
-KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
 #: How far a placed mesh may reach through floor and ceiling [m].
 _THROUGH_M = 1e-6
 #: Corners of free floor nearer than this are one [m], and less is no floor [m2].
@@ -121,7 +120,7 @@ class BuildingConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Building:
+class Building(Faces):
     """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
 
     plan: FloorPlan
@@ -204,11 +203,6 @@ class Building:
         return self._free_of[key]
 
     @property
-    def bounds(self) -> Float[np.ndarray, "2 3"]:
-        """Lowest and highest x, y, z [m] in `map`."""
-        return self.mesh.bounds
-
-    @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:
         """Walls and furniture from above: ends (x, y) [m] of segments in `map`, free space on their left.
 
@@ -253,31 +247,6 @@ class Building:
         walls = LineCollection(list(self.walls_2d), colors=colour, linewidths=0.9, zorder=zorder)
         axes.add_collection(walls)
 
-    def submesh(self, *kinds: str) -> trimesh.Trimesh:
-        """The faces of some kinds, as a mesh of their own.
-
-        Raises:
-            ValueError: If a kind is unknown.
-        """
-        if unknown := [kind for kind in kinds if kind not in KINDS]:
-            raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
-        return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
-
-    def of_material(self, material: str) -> trimesh.Trimesh:
-        """The faces of one radio material, as a mesh of their own.
-
-        Raises:
-            ValueError: If the building has no such material.
-        """
-        names = list(map(str, self.materials))
-        if material not in names:
-            raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")
-        return self._part(self.face_material == names.index(material))
-
-    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
-        used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
-        return _mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
-
 
 def make_building(
     plan: FloorPlan, *, config: BuildingConfig | None = None, furnishings: Sequence[Furnishing] = ()
@@ -321,23 +290,36 @@ def make_building(
         plan=plan,
         free=free,
         height_m=config.height_m,
-        mesh=_mesh(vertices, solid.faces, made_from),
+        mesh=plain_mesh(vertices, solid.faces, made_from),
         face_kind=solid.kind,
         materials=materials,
         face_material=index[of_face],
     )
     placed_in_it = (*plan.furnishings, *furnishings)
-    return _furnished(building, placed_in_it) if placed_in_it else building
+    for one in placed_in_it:
+        _check_place(building, one)
+    if not placed_in_it:
+        return building
+    return replace(building, **furnished(building, placed_in_it)._asdict())
 
 
-def _furnished(bare: Building, furnishings: tuple[Furnishing, ...]) -> Building:
-    """A building with meshes placed in it."""
+class Furnished(NamedTuple):
+    """Faces of a building and of what is placed in it: fields of both kinds of building."""
+
+    mesh: trimesh.Trimesh
+    face_kind: UInt8[np.ndarray, " n_faces"]
+    materials: tuple[str | Material, ...]
+    face_material: UInt8[np.ndarray, " n_faces"]
+    furnishings: tuple[Furnishing, ...]
+
+
+def furnished(bare: Faces, furnishings: tuple[Furnishing, ...]) -> Furnished:
+    """The faces of a building with meshes placed in it, which come last."""
     vertices, faces = [np.asarray(bare.mesh.vertices)], [np.asarray(bare.mesh.faces)]
     kind, material = [bare.face_kind], [bare.face_material]
     materials = list(bare.materials)
     first = len(bare.mesh.vertices)
     for one in furnishings:
-        _check_place(bare, one)
         made_of = material_of(one.material, f"material of {one.name}")
         if made_of not in materials:
             materials.append(made_of)
@@ -348,10 +330,9 @@ def _furnished(bare: Building, furnishings: tuple[Furnishing, ...]) -> Building:
         material.append(np.full(len(bodies.faces), materials.index(made_of), np.uint8))
         first += len(bodies.vertices)
     count = sum(map(len, faces[1:]))
-    logger.info("%s: %d things of %d faces are placed in it", bare.plan.name, len(furnishings), count)
-    return replace(
-        bare,
-        mesh=_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
+    logger.info("%d things of %d faces are placed in the building", len(furnishings), count)
+    return Furnished(
+        mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
         face_kind=np.concatenate(kind),
         materials=tuple(materials),
         face_material=np.concatenate(material),
@@ -413,12 +394,3 @@ def _joined(one: Solid, other: Solid) -> Solid:
     return Solid(
         np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])
     )
-
-
-def _mesh(
-    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], metadata: dict[str, object]
-) -> trimesh.Trimesh:
-    """Mesh whose vertices stay as they are, unmerged and in order."""
-    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False, metadata=dict(metadata))
-    mesh.units = "m"
-    return mesh

@@ -23,8 +23,8 @@ import trimesh
 from jaxtyping import Complex, Float
 from scipy.constants import speed_of_light
 
-from robosim.building.building import KINDS, Building
 from robosim.building.extrusion import PLACED
+from robosim.building.faces import KINDS, Faces
 from robosim.support.files import whole_file
 from wireless.em.fields import fresnel
 from wireless.em.materials import WALLS, Material, wall_row
@@ -55,7 +55,7 @@ INCIDENCE_RAD = np.radians(np.arange(0, 86, 5))
 T_GLTF_MAP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 
 
-def export_mesh(building: Building, path: Path) -> Path:
+def export_mesh(building: Faces, path: Path) -> Path:
     """Write the mesh of a building as GLB, PLY, OBJ or STL, whole or not at all.
 
     GLB and OBJ have an object for each kind of face, and for each placed thing, with its colour; PLY has coloured faces
@@ -142,7 +142,7 @@ def _reflected_db(row: Complex[np.ndarray, " l"], frequency_hz: float) -> Float[
     return 20 * np.log10(np.maximum(np.abs(ratios), 0.01))
 
 
-def export_mitsuba(building: Building, path: Path, *, frequency_hz: float = 28e9) -> Path:
+def export_mitsuba(building: Faces, path: Path, *, frequency_hz: float = 28e9) -> Path:
     """Write a building as a Mitsuba 3 scene with ITU radio materials, and its meshes in `meshes` beside it.
 
     Each file appears whole or not at all, the XML last: where there is one, all its meshes are there.
@@ -181,7 +181,7 @@ def export_mitsuba(building: Building, path: Path, *, frequency_hz: float = 28e9
     return xml
 
 
-def _scene(building: Building) -> trimesh.Scene:
+def _scene(building: Faces) -> trimesh.Scene:
     """The faces of each kind as an object by the kind's name, in its colour; each placed thing as one of its own."""
     scene = trimesh.Scene()
     parts = [(kind, building.submesh(kind), KIND_COLOURS[n]) for n, kind in enumerate(KINDS[:PLACED])]

@@ -313,6 +313,35 @@ def wireless(
     console.print(f"Wrote wireless.json and wireless.png in {folder}")
 
 
+def storeys(
+    building: Positional[Path | None] = None,
+    *,
+    receivers: int = 200,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Measure the radio tracer in a building of several storeys: links per second of CPU, and paths against space.
+
+    Example: robosim bench storeys house.yaml --out out/storeys
+
+    Args:
+        building: YAML file of the storeys; three shipped villas over each other if not given.
+        receivers: Receivers on each storey.
+        seed: Seed of the places of transmitters and receivers.
+        out: Folder for the table; a new one under runs/ if not given.
+    """
+    from robosim.bench.storeys import run, three_villas
+    from robosim.plans.storeys_file import read_storeys
+
+    check_number("receivers", receivers, 1, 1_000_000, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    with results_in(out, "bench storeys") as folder:
+        plan = three_villas() if building is None else read_storeys(building)
+        console.print(run(plan, out=folder, receivers=receivers, seed=seed))
+    tell_file(folder / "storeys.json")
+    console.print(f"Wrote storeys.json in {folder}")
+
+
 def labels(
     data: Positional[Path],
     plans: Positional[Path],

@@ -18,7 +18,7 @@ from robosim.commands.terminal import (
     console,
     folder_for,
     going_on,
-    read,
+    read_place,
     tell,
 )
 from robosim.parts import EstimatorPart, TerminalPart
@@ -53,7 +53,7 @@ def dataset(
     Example: robosim dataset flat office --tx-per-plan 10 --grid 0.15 --out out/links
 
     Args:
-        plans: Floor plans, or folders of them.
+        plans: Floor plans, or folders of them, or YAML files of buildings of several storeys.
         generated: So many generated homes too, from --seed on.
         tx_per_plan: Transmitters in each building.
         grid: Step between receivers [m].
@@ -93,7 +93,7 @@ def dataset(
     )
     folder = folder_for(out, "dataset")
     with console.status("reading plans ..."):
-        buildings = [read(str(plan), reading) for plan in find_plans(plans)]
+        buildings = [read_place(str(plan), reading) for plan in find_plans(plans)]
         buildings += [generate_plan(number) for number in range(seed, seed + generated)]
     with going_on(folder):
         made = make_dataset(

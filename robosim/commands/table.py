@@ -28,6 +28,7 @@ COMMANDS = {
     "bench slam": "bench:slam",
     "bench endurance": "bench:endurance",
     "bench wireless": "bench:wireless",
+    "bench storeys": "bench:storeys",
     "bench estimation": "bench:estimation",
     "bench labels": "bench:labels",
     "bench edges": "bench:edges",

@@ -11,7 +11,7 @@ import signal
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import Path
 from shlex import quote
@@ -21,7 +21,8 @@ import tyro
 from rich.console import Console
 
 from robosim.parts import ReaderPart
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.storeys import OneStorey, StoreysPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.files import plain
 from robosim.support.interrupt import SIGNALLED
@@ -173,6 +174,38 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
     if options.furnishings is None:
         return found
     return replace(found, furnishings=found.furnishings + read_furnishings(options.furnishings))
+
+
+def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | StoreysPlan:
+    """The floor plan, or the building of several storeys, of a name or file."""
+    from robosim.plans.storeys import is_storeys
+    from robosim.plans.storeys_file import read_storeys
+    from robosim.support.reading import expanded
+
+    file = expanded(plan)
+    if not is_storeys(file):
+        return read(plan, options)
+    for one in fields(options):
+        if getattr(options, one.name) != one.default:
+            raise MapError(
+                f"{plan}: --{one.name.replace('_', '-')} is of single floor plans. Say it in the storeys' own files, "
+                "such as 'furnishings: room.yaml' in their ROS maps."
+            )
+    return read_storeys(file)
+
+
+def read_storey(plan: str, storey: int | None, options: PlanOptions = NO_OPTIONS) -> FloorPlan | OneStorey:
+    """The floor plan of a name or file, or one storey of a building of several; the lowest if none is asked for.
+
+    Raises:
+        MapError: If there is no such storey, or one is asked for of a single plan.
+    """
+    place = read_place(plan, options)
+    if isinstance(place, StoreysPlan):
+        return place.one(storey or 0)
+    if storey is not None:
+        raise MapError(f"{plan}: storey is {storey}, but this is a single floor plan. Leave --storey out.")
+    return place
 
 
 @dataclass(frozen=True, kw_only=True)

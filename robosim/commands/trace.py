@@ -19,7 +19,7 @@ from robosim.commands.terminal import (
     console,
     folder_for,
     going_on,
-    read,
+    read_storey,
     tell,
 )
 
@@ -30,6 +30,7 @@ def trace(
     tx: Annotated[tuple[OnePlace, ...], tyro.conf.UseAppendAction],
     grid: float | None = None,
     rx: Place = None,
+    storey: int | None = None,
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical",
     tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
@@ -48,10 +49,13 @@ def trace(
     Example: robosim trace office --tx 6.5,13 --grid 0.15 --out out/radio
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
+            .yaml of a building of several storeys.
         tx: A transmitter [m], in the plan's frame; can be given several times.
         grid: Step between receivers [m]; 0.15 if neither this nor --rx is given.
         rx: The receiver whose rays are drawn; without --grid also the only one.
+        storey: Where receivers are, and transmitters that do not say their height, in a building of several
+            storeys; 0, the lowest, if not given. Heights count from the lowest floor.
         polarisation: Of all antennas; both takes the mean.
         tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
             straight, but for published grids; 0 keeps every cell.
@@ -61,16 +65,17 @@ def trace(
         work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.datasets.trace import check_terminals, trace_link, trace_plan
+    from robosim.datasets.trace import check_terminals, height_of, trace_link, trace_plan
+    from robosim.plans.floorplan import FloorPlan
     from robosim.radio.receivers import check_step
     from wireless.paths import LinkState
 
     config = radio.config(tolerance, polarisation)
-    check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
     alone = grid is None and rx is not None
     folder = folder_for(out, "trace --rx" if alone else "trace")
-    floor_plan = read(plan, reading)
+    floor_plan = read_storey(plan, storey, reading)
+    check_terminals(tx, rx, height_of(floor_plan, config))
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         found = {
@@ -82,7 +87,8 @@ def trace(
             folder,
         )
         console.print(f"{len(paths)} paths from {len(tx)} transmitter(s) to the receiver")
-        console.print(f"Wrote paths.parquet and rays_tx1.png in {folder}")
+        drawn = "rays_tx1.png" if isinstance(floor_plan, FloorPlan) else "storeys_tx1.png"
+        console.print(f"Wrote paths.parquet and {drawn} in {folder}")
         return
     with going_on(folder):
         result = trace_plan(

@@ -60,8 +60,8 @@ def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
 def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
     """What a scenario has beside its paths, to be written last: with it the scenario is complete."""
     return scene_files(
-        mesh=scene.building.mesh,
-        materials=scene.building.materials,
+        mesh=scene.whole.mesh,
+        materials=scene.whole.materials,
         face_material=scene.face_material,
         frequency_hz=scene.config.frequency_hz,
         config=scene.config.tracer,

@@ -22,6 +22,7 @@ from jaxtyping import Float
 
 from robosim.datasets.link_units import Site, prepared
 from robosim.plans.floorplan import FloorPlan
+from robosim.plans.storeys import OneStorey
 from robosim.radio.scene import RadioConfig
 from robosim.support.files import whole_file, write_whole
 from robosim.support.workers import Workers
@@ -38,7 +39,7 @@ class LinkGrid:
 
     def __init__(
         self,
-        plan: FloorPlan,
+        plan: FloorPlan | OneStorey,
         config: RadioConfig,
         grid_m: float,
         tx: Float[np.ndarray, "n_tx 3"],

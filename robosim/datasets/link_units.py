@@ -17,7 +17,8 @@ from jaxtyping import Float
 from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.plans.storeys import OneStorey
+from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, check_choice, check_numbers
 from robosim.support.parts import Part, described
@@ -76,11 +77,11 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class Site:
-    """A building with its transmitters; equal if the plans are."""
+    """A building with its transmitters, or a storey with those of the whole building; equal if the plans are."""
 
     digest: str
     """Of the plan, see `FloorPlan.digest`."""
-    plan: FloorPlan = field(compare=False)
+    plan: FloorPlan | OneStorey = field(compare=False)
     """What it is made of."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
     """Where its transmitters are [m]."""
@@ -141,7 +142,7 @@ def _below(folder: Path, files: Files) -> Files:
 def prepared(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
     """The building and its receivers, kept for the next unit of the same process."""
     scene = RadioScene(site.plan, config)
-    return scene, receiver_grid(scene.building, grid_m, config.height_m)
+    return scene, scene.grid(grid_m)
 
 
 @lru_cache(maxsize=1)

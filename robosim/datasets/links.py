@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 from rich.console import Console
 
-from robosim.building.building import make_building
+from robosim.building.storeys import Storeys
 from robosim.datasets.link_formats import deepmimo_folder, deepmimo_scene, transmitters_file
 from robosim.datasets.link_progress import LinkProgress, link_progress
 from robosim.datasets.link_units import (
@@ -33,8 +34,9 @@ from robosim.datasets.link_units import (
     unit_path,
 )
 from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.storeys import OneStorey, StoreysPlan
 from robosim.radio.receivers import receiver_grid
-from robosim.radio.scene import RadioScene
+from robosim.radio.scene import RadioScene, built
 from robosim.radio.transmitters import random_transmitters
 from robosim.support.files import write_files, write_json
 from robosim.support.progress import tracked
@@ -49,7 +51,7 @@ Unit = tuple[Site, int]
 
 
 def make_dataset(
-    plans: Sequence[FloorPlan],
+    plans: Sequence[FloorPlan | StoreysPlan],
     config: LinkSetConfig,
     out: Path,
     *,
@@ -60,7 +62,8 @@ def make_dataset(
     """Make a data set in a folder, or what is missing of it there.
 
     Args:
-        plans: Buildings, of different names.
+        plans: Buildings, of different names. One of several storeys makes units for the receivers on each of them,
+            named NAME_storey_0 and so on, whose transmitters are spread over all storeys in turn.
         config: What is in the data set.
         out: The folder, made if it is missing.
         workers: Processes. No result depends on it.
@@ -76,8 +79,9 @@ def make_dataset(
         ValueError: If a setting does not fit a plan.
     """
     out, console = Path(out), console or Console(quiet=True)
-    _check_names(plans)
-    with tracked(plans, "plans", console) as shown:
+    places = _places(plans)
+    _check_names(places)
+    with tracked(places, "plans", console) as shown:
         sites = [_site(plan, config) for plan in shown]
     with run_folder(out, "dataset", _settings(sites, config)):
         with link_progress(console, sum(len(s.transmitters) * s.n_rx for s in sites), out) as progress:
@@ -89,7 +93,18 @@ def make_dataset(
     return {**manifest, "timing": timing}
 
 
-def _check_names(plans: Sequence[FloorPlan]) -> None:
+def _places(plans: Sequence[FloorPlan | StoreysPlan]) -> list[FloorPlan | OneStorey]:
+    """Plans, and each storey of buildings that have several."""
+    places: list[FloorPlan | OneStorey] = []
+    for plan in plans:
+        if isinstance(plan, FloorPlan):
+            places.append(plan)
+        else:
+            places += [plan.one(number) for number in range(len(plan.storeys))]
+    return places
+
+
+def _check_names(plans: Sequence[FloorPlan | OneStorey]) -> None:
     if not plans:
         raise ValueError("plans is empty, expected at least one floor plan.")
     for name, count in Counter(plan.name.lower() for plan in plans).items():
@@ -97,15 +112,29 @@ def _check_names(plans: Sequence[FloorPlan]) -> None:
             raise MapError(f"{count} plans are called {name!r}, but files are named after them. Rename them.")
 
 
-def _site(plan: FloorPlan, config: LinkSetConfig) -> Site:
+def _site(plan: FloorPlan | OneStorey, config: LinkSetConfig) -> Site:
     """A building's transmitters, and how many receivers it has."""
-    building = make_building(plan, config=config.radio.building)
+    building, whole, _ = built(plan, config.radio.building)
     digest, height_m = plan.digest(), config.radio.height_m
     grid = receiver_grid(building, config.grid_m, height_m)
-    transmitters = random_transmitters(
-        building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES)
-    )
+    if isinstance(plan, OneStorey) and isinstance(whole, Storeys):
+        transmitters = _on_all_storeys(plan.building.digest(), whole, config)
+    else:
+        transmitters = random_transmitters(
+            building, config.tx_per_plan, height_m, stream(config.seed, digest, _PLACES)
+        )
     return Site(digest, plan, transmitters, len(grid.position))
+
+
+def _on_all_storeys(digest: str, whole: Storeys, config: LinkSetConfig) -> Float[np.ndarray, "n 3"]:
+    """Transmitters of a building on its storeys in turn, from the lowest up."""
+    turns = -(-config.tx_per_plan // len(whole.storeys))
+    each = []
+    for number, storey in enumerate(whole.storeys):
+        rng = stream(config.seed, digest, _PLACES + number)
+        places = random_transmitters(storey.building, turns, config.radio.height_m, rng)
+        each.append(places + np.array([0.0, 0.0, storey.floor_m]))
+    return np.stack(each, axis=1).reshape(-1, 3)[: config.tx_per_plan]
 
 
 def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from rich.console import Console
 
+from robosim.building.storeys import Storeys
 from robosim.datasets.link_formats import (
     csv_files,
     deepmimo_folder,
@@ -25,8 +26,10 @@ from robosim.datasets.link_formats import (
 from robosim.datasets.link_grid import UNIT_RX, LinkGrid
 from robosim.datasets.link_progress import link_progress
 from robosim.drawing.radio import choose_link, plot_grid, plot_rays
+from robosim.drawing.storeys import plot_storeys
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.receivers import ReceiverGrid, check_step, receiver_grid
+from robosim.plans.storeys import OneStorey
+from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
@@ -40,7 +43,7 @@ APART_M = 0.005
 
 
 def trace_plan(
-    plan: FloorPlan,
+    plan: FloorPlan | OneStorey,
     config: RadioConfig,
     out: Path,
     *,
@@ -80,10 +83,10 @@ def trace_plan(
     """
     check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, rx, config.height_m)
+    check_terminals(tx, rx, height_of(plan, config))
     scene, transmitters = _prepare(plan, config, tx, console)
     asked = None if rx is None else scene.places((rx,), "rx")[0]
-    grid = receiver_grid(scene.building, grid_m, config.height_m)
+    grid = scene.grid(grid_m)
     links = LinkGrid(plan, config, grid_m, transmitters, grid.position)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
         with link_progress(console, len(transmitters) * len(grid.position), out) as progress:
@@ -100,7 +103,7 @@ def trace_plan(
             "receivers": len(grid.position),
             "links": len(transmitters) * len(grid.position),
             "states": {one.name.lower(): int(states[one]) for one in LinkState},
-            "engine": "plan" if scene.in_plan else "space",
+            "engine": scene.engine,
             "deepmimo": scenario_name(plan.name),
             "config": described(config),
             "timing": {
@@ -114,7 +117,7 @@ def trace_plan(
 
 
 def trace_link(
-    plan: FloorPlan,
+    plan: FloorPlan | OneStorey,
     config: RadioConfig,
     out: Path,
     *,
@@ -124,13 +127,15 @@ def trace_link(
 ) -> Paths:
     """Trace transmitters to one receiver; writes `paths.parquet`, and the rays of each as a picture.
 
+    With several storeys around, a second picture shows them all.
+
     Raises:
         ValueError: If a position does not fit.
         FolderError: If the folder holds a grid.
         MapError: If the plan has no free area.
     """
     out, console = Path(out), console or Console(quiet=True)
-    check_terminals(tx, rx, config.height_m)
+    check_terminals(tx, rx, height_of(plan, config))
     with run_folder(out, "trace --rx"):
         scene, transmitters = _prepare(plan, config, tx, console)
         paths = scene.tracer.trace(transmitters, scene.places((rx,), "rx"))
@@ -138,7 +143,14 @@ def trace_link(
             paths.write_parquet(partial)
         for i in range(len(transmitters)):
             plot_rays(out / f"rays_tx{i + 1}.png", scene.building, paths, i, 0, config.tx_power_dbm)
+            if isinstance(scene.whole, Storeys):
+                plot_storeys(out / f"storeys_tx{i + 1}.png", scene.whole, paths, i, 0, config.tx_power_dbm)
     return paths
+
+
+def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:
+    """Height of terminals that do not say theirs, above the lowest floor [m]."""
+    return config.height_m if isinstance(plan, FloorPlan) else plan.floor_m + config.height_m
 
 
 def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
@@ -169,15 +181,16 @@ def _told(at: tuple[float, ...]) -> str:
 
 
 def _prepare(
-    plan: FloorPlan, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
+    plan: FloorPlan | OneStorey, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
 ) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
     """The building, and where transmitters are; tells of those in small parts of it."""
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
-    if not scene.in_plan:
+    if scene.engine == "space":
         console.print(
-            f"{plan.name} is no extruded floor plan: its {len(scene.building.mesh.faces)} triangles are traced in "
-            "space, some ten to a thousand times slower. A reflection less (--max-reflections 2) makes it faster.",
+            f"{plan.name} is traced in space, some ten to a thousand times slower: not all of its "
+            f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings. A "
+            "reflection less (--max-reflections 2) makes it faster.",
             highlight=False,
         )
     transmitters = scene.places(tx, "tx")

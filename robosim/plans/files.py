@@ -31,6 +31,7 @@ from robosim.plans.formats.mmwrobotnav import read_mmwrobotnav
 from robosim.plans.formats.plan_array import plan_from_array, read_npy
 from robosim.plans.formats.plan_image import read_image_plan, write_png
 from robosim.plans.formats.ros_map import read_ros, write_ros
+from robosim.plans.storeys import is_storeys
 from robosim.support.assets import shipped_plans
 from robosim.support.parts import Part
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
@@ -147,6 +148,11 @@ def _check_said(path: Path, said: Said, reader: str) -> None:
 
 def ros_map(path: Path, said: Said) -> FloorPlan:
     """A ROS map_server map."""
+    if is_storeys(path):
+        raise MapError(
+            f"{shown(path)}: is a building of several storeys, expected one floor plan. Give one of the plans that it "
+            "lists; `robosim trace` and `robosim dataset` take the whole building."
+        )
     return read_ros(path)
 
 

@@ -1,17 +1,19 @@
-"""A floor plan made ready for radio: its building, the tracer of it, and what places in it are fit."""
+"""A floor plan, or a storey among others, made ready for radio: its building, the tracer of it, and fit places."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.building.building import BuildingConfig, make_building
+from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.storeys import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.receivers import check_height
+from robosim.plans.storeys import OneStorey
+from robosim.radio.receivers import ReceiverGrid, check_height, raised, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
-from wireless.tracing.scenes import PlanScene
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -50,11 +52,37 @@ class RadioConfig:
         return -np.inf if self.threshold_dbm is None else self.threshold_dbm - self.tx_power_dbm
 
 
+class Built(NamedTuple):
+    """What is built for a place."""
+
+    building: Building
+    """The storey on its own, its floor at z = 0."""
+    whole: Building | Storeys
+    """All that is traced: the same, or all storeys."""
+    floor_m: float
+    """Height of the storey's floor [m]."""
+
+
+def built(plan: FloorPlan | OneStorey, config: BuildingConfig) -> Built:
+    """Make the building of a plan, or all storeys around one.
+
+    Raises:
+        MapError: If a plan has no free area.
+        ValueError: If a setting does not fit a building of several storeys.
+    """
+    if isinstance(plan, FloorPlan):
+        building = make_building(plan, config=config)
+        return Built(building, building, 0.0)
+    whole = make_storeys(plan.building, config=StoreysConfig(building=config))
+    own = whole.storeys[plan.number]
+    return Built(replace(own.building, plan=plan.plan), whole, own.floor_m)
+
+
 class RadioScene:
     """The building of a plan, ready for tracing.
 
     Args:
-        plan: The floor plan.
+        plan: The floor plan, or a storey of a building, where receivers are.
         config: How it is built and traced.
 
     Raises:
@@ -62,59 +90,85 @@ class RadioScene:
         ValueError: If a material is unknown at this frequency.
     """
 
-    def __init__(self, plan: FloorPlan, config: RadioConfig):
+    def __init__(self, plan: FloorPlan | OneStorey, config: RadioConfig):
         self.config = config
-        self.building = make_building(plan, config=config.building)
-        self.face_material = self.building.face_material.astype(np.int64)
-        self.tracer = Tracer(self.building, frequency_hz=config.frequency_hz, config=config.tracer)
+        self.building, self.whole, self.floor_m = built(plan, config.building)
+        self.face_material = self.whole.face_material.astype(np.int64)
+        self.tracer = Tracer(self.whole, frequency_hz=config.frequency_hz, config=config.tracer)
 
     @property
-    def in_plan(self) -> bool:
-        """Whether it is traced as a floor plan, which is fast, rather than in space."""
-        return isinstance(self.tracer.scene, PlanScene)
+    def engine(self) -> str:
+        """What it is traced as: `plan` or `storeys`, which are fast, or `space`."""
+        return self.tracer.scene.engine
 
     @property
     def digest(self) -> str:
         """A text that changes with any vertex, face or material of the building."""
         seen = hashlib.sha256()
-        for array in (self.building.mesh.vertices, self.building.mesh.faces, self.face_material):
+        for array in (self.whole.mesh.vertices, self.whole.mesh.faces, self.face_material):
             seen.update(np.ascontiguousarray(array, float).tobytes())
         seen.update(
-            "|".join(one if isinstance(one, str) else repr(one) for one in self.building.materials).encode()
+            "|".join(one if isinstance(one, str) else repr(one) for one in self.whole.materials).encode()
         )
         return seen.hexdigest()[:16]
+
+    def grid(self, step_m: float) -> ReceiverGrid:
+        """Receivers on a grid over the plan, or the storey, at the configured height above its floor.
+
+        Raises:
+            ValueError: If step or height do not fit.
+        """
+        return raised(receiver_grid(self.building, step_m, self.config.height_m), self.floor_m)
 
     def places(self, points: tuple[tuple[float, ...], ...], name: str) -> Float[np.ndarray, "n 3"]:
         """Points (x, y) or (x, y, z) [m] as positions.
 
         Args:
-            points: The points; without z they are at the configured height.
+            points: The points; without z they are at the configured height above the floor of the scene's storey.
+                Heights count from the lowest floor of all.
             name: What the message calls them.
 
         Raises:
             ValueError: If one is not in free space; the message says where the nearest free point is.
         """
-        at = np.array([[*point, self.config.height_m][:3] for point in points], float).reshape(-1, 3)
+        height = self.floor_m + self.config.height_m
+        at = np.array([[*point, height][:3] for point in points], float).reshape(-1, 3)
         for x, y, z in at:
             for value in (x, y):
                 check_number(name, float(value), -FARTHEST, FARTHEST, "m")
-            check_height(self.building, float(z), f"height of {name} ({x:g}, {y:g})")
+            building, where, floor_m = self._building_at(float(z), f"height of {name} ({x:g}, {y:g})")
             point = shapely.Point(x, y)
-            free = self.building.free_at(float(z))
+            free = building.free_at(float(z) - floor_m)
             if free.distance(point) > ON_EDGE_M:
                 # Rounded to centimetres it must not be in a wall again.
                 inside = free.buffer(-0.01)
                 room = free if inside.is_empty else inside
                 near = shapely.shortest_line(room, point).coords[0]
-                within = " at this height" if self.building.furnishings else ""
+                within = " at this height" if building.furnishings else ""
                 raise ValueError(
-                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {self.building.plan.name}{within}; the "
+                    f"{name} is ({x:g}, {y:g}) m, outside of the free space of {where}{within}; the "
                     f"nearest free point is ({near[0]:.2f}, {near[1]:.2f}) m."
                 )
         return at
 
+    def _building_at(self, z_m: float, name: str) -> tuple[Building, str, float]:
+        """The storey that a height is in, what it is called, and where its floor is [m]."""
+        if not isinstance(self.whole, Storeys):
+            check_height(self.building, z_m, name)
+            return self.building, self.building.plan.name, 0.0
+        number = self.whole.storey_at(z_m)
+        if number is None:
+            spans = ", ".join(f"{one.floor_m:g} to {one.ceiling_m:g}" for one in self.whole.storeys)
+            raise ValueError(
+                f"{name} is {z_m:g} m, expected one within a storey: {spans} m above the lowest floor."
+            )
+        own = self.whole.storeys[number]
+        return own.building, self.whole.plan.one(number).name, own.floor_m
+
     def cut_off(self, at: Float[np.ndarray, "3"]) -> str | None:
         """What to tell of a transmitter that is not in the largest part of free space, if it is not."""
+        if isinstance(self.whole, Storeys):  # stairs may lead on
+            return None
         parts = shapely.get_parts(self.building.free)
         own = int(np.argmin(shapely.distance(parts, shapely.Point(*at[:2]))))
         areas = shapely.area(parts)

@@ -70,8 +70,9 @@ TARGET, POLICIES = (5.0, 2.0), ("oracle", "snr", "los-or-first")
 def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
-        ros_maps, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
-        checkpoints, arrays, logs, robots, furnishings,
+        ros_maps, storeys, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
+        checkpoints, arrays, logs, robots,
+        furnishings,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -100,6 +101,16 @@ def ros_maps(folder: Path) -> None:
     write_ros(small_plan(), rich)
     text = rich.read_text().replace("trinary", "scale").replace("negate: 0", "negate: 1")
     rich.write_text(text + "wall_line: cell_centre\neroded_m: 0.1\nname: rich\n")
+
+
+def storeys(folder: Path) -> None:
+    """A building of two storeys over each other."""
+    home = _into(folder, "storeys")
+    write_ros(small_plan(), home / "map.yaml")
+    (home / "building.yaml").write_text(
+        "name: house\nstoreys:\n- {plan: map.yaml, height: 2.6, slab: 0.25, material: concrete, offset: [0.0, 0.0],\n"
+        "   openings: [[[-0.5, 3.0], [0.0, 3.0], [0.0, 3.5], [-0.5, 3.5]]]}\n- plan: map.yaml\n"
+    )
 
 
 def images(folder: Path) -> None:

@@ -13,6 +13,7 @@ import torch
 from rich.console import Console
 
 from robosim.building.material_file import read_material
+from robosim.building.storeys import make_storeys
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
@@ -24,6 +25,7 @@ from robosim.figures.training import confusion_of, read_card, read_epochs
 from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.formats.furnishing_file import read_furnishings
+from robosim.plans.storeys_file import read_storeys
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
@@ -108,6 +110,10 @@ def _furnished(folder: Path, file: Path) -> None:
 def _furnishings(folder: Path, file: Path) -> None:
     for one in read_furnishings(folder / "room.yaml"):
         assert np.isfinite(one.triangles).all()
+
+
+def _storeys(folder: Path, file: Path) -> None:
+    make_storeys(read_storeys(folder / "building.yaml"))
 
 
 def _found_plans(folder: Path, file: Path) -> None:
@@ -303,6 +309,7 @@ TARGETS: dict[str, Target] = {
     "furnished ros map": Target("ros-furnished", "map*", _furnished, 0.5, names=".yaml"),
     "furnishings": Target("furnishings", "*", _furnishings, 2, names="room.yaml"),
     "real ros map": Target("real-ros", "*", _ros, names=".yaml"),
+    "building of storeys": Target("storeys", "*", _storeys, names=".yaml"),
     "image": Target("images", "*", _plan, 3),
     "grid, house, array": Target("plans", "*", _plan, 3),
     "real grid": Target("real-grid", "*", _plan, 0.5),

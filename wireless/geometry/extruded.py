@@ -50,14 +50,10 @@ def find_extruded(
         snap_m: Ends of walls closer than this are one.
     """
     corners = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)]
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(cross, axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    real = np.flatnonzero(size > SLIVER_M * longest)
-    up = np.abs(cross[real, 2]) / size[real]
-    upright, level = real[up < LEAN], real[up > 1 - LEAN]
-    if len(upright) + len(level) < len(real) or not len(upright):
+    sorted_out = upright_and_level(corners)
+    if sorted_out is None:
         return None
+    upright, level = sorted_out
     z = corners[upright][:, :, 2]
     low, high = float(z.min()), float(z.max())
     if np.any((np.abs(z - low) > snap_m) & (np.abs(z - high) > snap_m)):
@@ -66,12 +62,12 @@ def find_extruded(
     ceiling = level[np.abs(corners[level][:, :, 2] - high).max(axis=1) < snap_m]
     if len(floor) + len(ceiling) < len(level):
         return None
-    found = _walls(corners, upright, np.asarray(face_material), low, high, snap_m)
+    found = walls_of(corners[upright], np.asarray(face_material)[upright], low, high, snap_m)
     if found is None:
         return None
     return Extruded(
         walls=found[0],
-        wall_face=found[1],
+        wall_face=upright[found[1]],
         low_m=low,
         high_m=high,
         floor_face=int(floor[0]) if len(floor) else -1,
@@ -79,16 +75,40 @@ def find_extruded(
     )
 
 
-def _walls(
+def upright_and_level(
     corners: Float[np.ndarray, "n 3 3"],
-    faces: Int[np.ndarray, " m"],
-    face_material: Int[np.ndarray, " n"],
+) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " k"]] | None:
+    """Which triangles stand upright and which lie level, slivers left out; None if one leans or none stands."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(cross, axis=1)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    real = np.flatnonzero(size > SLIVER_M * longest)
+    up = np.abs(cross[real, 2]) / size[real]
+    upright, level = real[up < LEAN], real[up > 1 - LEAN]
+    if len(upright) + len(level) < len(real) or not len(upright):
+        return None
+    return upright, level
+
+
+def walls_of(
+    triangles: Float[np.ndarray, "m 3 3"],
+    material: Int[np.ndarray, " m"],
     low: float,
     high: float,
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "k 2 2"], Int[np.ndarray, " k"]] | None:
-    """Segments of upright triangles, one for all side by side or on each other; None if one has gaps."""
-    triangles = corners[faces]
+    """Segments of upright triangles, one for all side by side or on each other; None if one has gaps.
+
+    Args:
+        triangles: Corners [m], all between the two heights.
+        material: A number for the material of each.
+        low: Where walls begin.
+        high: Where they end.
+        snap_m: Ends of walls closer than this are one.
+
+    Returns:
+        Ends (x, y) of each segment, and one of its triangles.
+    """
     origin = triangles[:, :, :2].mean(axis=(0, 1))  # far from zero, offsets would be noise
     xy = triangles[:, :, :2] - origin
     sides = np.roll(xy, -1, axis=1) - xy
@@ -100,7 +120,7 @@ def _walls(
     place = xy[np.arange(len(xy)), longest]
     group = clusters(np.arctan2(along[:, 1], along[:, 0]), 1e-7)
     group = clusters(np.einsum("ij,ij->i", normal, place), snap_m, group)
-    group = clusters(face_material[faces].astype(float), 0.5, group)
+    group = clusters(material.astype(float), 0.5, group)
     walls, wall_face = [], []
     for members in np.split(np.argsort(group, kind="stable"), np.cumsum(np.bincount(group))[:-1]):
         one = members[0]
@@ -114,7 +134,7 @@ def _walls(
             return None
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])
-            wall_face.append(faces[members[np.argmax(s.min(axis=1) >= span[0] - snap_m)]])
+            wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
     return np.array(walls), np.array(wall_face)
 
 

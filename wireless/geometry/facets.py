@@ -134,6 +134,15 @@ def floor_and_ceiling(surfaces: Surfaces) -> Bool[np.ndarray, " f"]:
     return low | high if area[high].sum() >= area[low].sum() / 2 else low
 
 
+def at_heights(
+    surfaces: Surfaces, height_m: Float[np.ndarray, " k"], snap_m: float
+) -> Bool[np.ndarray, " f"]:
+    """Facets that are level, at one of some heights."""
+    level = np.abs(surfaces.facet_normal[:, 2]) > 1 - LEVEL
+    off = np.abs(surfaces.facet_point[:, 2][:, None] - height_m).min(axis=1)
+    return level & (off < snap_m)
+
+
 def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
     """The same without the edges of some facets, which are taken to go on beyond the walls."""
     kept = ~ground[surfaces.edge_facets].any(axis=1)

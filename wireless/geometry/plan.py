@@ -58,25 +58,36 @@ class Plan(NamedTuple):
     """Angle of the gap, n pi."""
 
 
-def make_plan(walls: Float[np.ndarray, "n 2 2"], snap_m: float) -> Plan:
+def make_plan(
+    walls: Float[np.ndarray, "n 2 2"],
+    snap_m: float,
+    *,
+    seams: Float[np.ndarray, "m 2 2"] | None = None,
+    origin: Float[np.ndarray, "2"] | None = None,
+) -> Plan:
     """Cut, join and triangulate.
 
     Args:
         walls: Ends (x, y) [m] of straight walls.
         snap_m: Ends of walls closer than this are one.
+        seams: Ends of lines that are no walls, but sides of triangles too.
+        origin: Where (0, 0) is put; None for the middle.
     """
-    origin = np.round((walls.min(axis=(0, 1)) + walls.max(axis=(0, 1))) / 2, 3)
+    if origin is None:
+        origin = np.round((walls.min(axis=(0, 1)) + walls.max(axis=(0, 1))) / 2, 3)
     ends = walls - origin
     along = ends[:, 1] - ends[:, 0]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    points, pieces = _cut(ends, snap_m)
-    piece_wall = _parents(points[pieces] * snap_m, ends, along, snap_m)
+    lines = ends if seams is None else np.concatenate([ends, seams - origin])
+    points, pieces = _cut(lines, snap_m)
+    piece_wall = _parents(points[pieces] * snap_m, ends, along, snap_m, seams is not None)
     mesh = Triangulation(points, round(REACH_M / snap_m))
     for a, b in pieces:
         mesh.constrain(int(a), int(b))
     triangles, vertex = mesh.triangles(), np.array(mesh.points) * snap_m
-    off, nearest = cKDTree(ends.reshape(-1, 2)).query(vertex, distance_upper_bound=snap_m)
-    vertex[off < snap_m] = ends.reshape(-1, 2)[nearest[off < snap_m]]  # as given again, topology settled
+    off, nearest = cKDTree(lines.reshape(-1, 2)).query(vertex, distance_upper_bound=snap_m)
+    vertex[off < snap_m] = lines.reshape(-1, 2)[nearest[off < snap_m]]  # as given again, topology settled
+    pieces, piece_wall = pieces[piece_wall >= 0], piece_wall[piece_wall >= 0]
     tri_next, tri_wall = _sides(triangles, pieces, piece_wall)
     corners = _corners(vertex, pieces, piece_wall, along)
     corner_vertex = np.array([c[0] for c in corners], np.int64)
@@ -127,8 +138,9 @@ def _parents(
     ends: Float[np.ndarray, "n 2 2"],
     along: Float[np.ndarray, "n 2"],
     snap_m: float,
+    with_seams: bool,
 ) -> Int[np.ndarray, " m"]:
-    """The wall that each piece was cut from: the one that its ends lie on best."""
+    """The wall that each piece was cut from: the one that its ends lie on best; -1 if it was cut from a seam."""
     tree = shapely.STRtree(shapely.linestrings(ends))
     middle = pieces.mean(axis=1)
     piece, wall = tree.query(shapely.points(middle), predicate="dwithin", distance=4 * snap_m)
@@ -136,8 +148,11 @@ def _parents(
     away = np.abs(off[..., 0] * along[wall, None, 1] - off[..., 1] * along[wall, None, 0]).max(axis=1)
     order = np.lexsort((wall, away, piece))
     first = np.append(True, np.diff(piece[order]) != 0)
-    parent = np.zeros(len(pieces), np.int64)
-    parent[piece[order][first]] = wall[order][first]
+    parent = np.full(len(pieces), -1 if with_seams else 0, np.int64)
+    best = order[first]
+    if with_seams:  # on the lattice a wall's own pieces are off it by no more than its cuts are
+        best = best[away[best] <= 2 * snap_m]
+    parent[piece[best]] = wall[best]
     return parent
 
 

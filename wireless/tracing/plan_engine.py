@@ -90,7 +90,7 @@ def _mirror_point(
 
 
 @compiled
-def _lay_flat(
+def lay_flat(
     plan: Plan,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "3"],
@@ -104,11 +104,32 @@ def _lay_flat(
     scratch: Scratch,
 ) -> int:
     """Points of a path seen from above; its number of interactions."""
-    flat, kind, primitive = scratch.flat, scratch.flat_kind, scratch.flat_primitive
-    n = view[node, 2] + view[node, 3]
     x, y = rx[0], rx[1]
     if corner >= 0:
         x, y = plan.vertex[plan.corner_vertex[corner], 0], plan.vertex[plan.corner_vertex[corner], 1]
+    return lay_over(plan, tx, rx, image, view, node, corner, x, y, far_image, far_view, far_node, scratch)
+
+
+@compiled
+def lay_over(
+    plan: Plan,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    image: Float[np.ndarray, "b 2"],
+    view: Int[np.ndarray, "b 5"],
+    node: int,
+    corner: int,
+    x: float,
+    y: float,
+    far_image: Float[np.ndarray, "d 2"],
+    far_view: Int[np.ndarray, "d 5"],
+    far_node: int,
+    scratch: Scratch,
+) -> int:
+    """The same with a diffraction, if there is one (corner >= 0), at (x, y)."""
+    flat, kind, primitive = scratch.flat, scratch.flat_kind, scratch.flat_primitive
+    n = view[node, 2] + view[node, 3]
+    if corner >= 0:
         flat[n + 1, 0], flat[n + 1, 1] = x, y
         kind[n], primitive[n] = DIFFRACTION, corner
     cx, cy = x, y
@@ -135,7 +156,7 @@ def _lay_flat(
 
 
 @compiled
-def _raise(
+def raise_flat(
     plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, scratch: Scratch
 ) -> int:
     """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
@@ -219,7 +240,7 @@ def _most_on_a_side(m: int, scratch: Scratch) -> int:
 
 
 @compiled
-def _weigh(plan: Plan, setting: Setting, corner: int, m: int, scratch: Scratch) -> tuple[float, float]:
+def weigh_flat(plan: Plan, setting: Setting, corner: int, m: int, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
     n = 1.0
     if corner >= 0:
@@ -252,7 +273,7 @@ def _try_bounces(
     count: int,
 ) -> int:
     """Enter a flat path into the list, with each allowed number of reflections at floor and ceiling."""
-    n = _lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, scratch)
+    n = lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, scratch)
     most = setting.max_reflections - view[node, 2]
     if corner >= 0:
         most = setting.edge_reflections - view[node, 2] - far_view[far_node, 2]
@@ -260,12 +281,12 @@ def _try_bounces(
     down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
     new = np.empty(5)
     for bounce in range(-down, up + 1):
-        m = _raise(plan, setting, tx[2], rx[2], n, bounce, scratch)
+        m = raise_flat(plan, setting, tx[2], rx[2], n, bounce, scratch)
         if m > setting.max_interactions:
             continue
         if corner >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
             continue
-        length, power = _weigh(plan, setting, corner, m, scratch)
+        length, power = weigh_flat(plan, setting, corner, m, scratch)
         if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
             continue
         new[0], new[1] = power, length
@@ -280,7 +301,7 @@ def _try_bounces(
 
 
 @compiled
-def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, float]:
+def corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, float]:
     """Distance of a point from a corner, and its angle from the first wall."""
     v = plan.corner_vertex[corner]
     dx, dy = x - plan.vertex[v, 0], y - plan.vertex[v, 1]
@@ -290,7 +311,7 @@ def _corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, f
 
 
 @compiled
-def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
+def by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Second entries sorted by the first ones (in order among equals), and where each begins."""
     start = np.zeros(n + 1, np.int64)
     for i in range(len(pairs)):
@@ -339,12 +360,12 @@ def trace_links(
         setting.side_reflections,
         setting.max_through,
     )
-    hit_start, hit_view = _by_first(hit, n_rx)
-    near_start, near_view = _by_first(corner_hit, len(plan.corner_vertex))
+    hit_start, hit_view = by_first(hit, n_rx)
+    near_start, near_view = by_first(corner_hit, len(plan.corner_vertex))
     near_sight = np.empty((len(near_view), 2))
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
-            near_sight[j] = _corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
+            near_sight[j] = corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
     scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
@@ -365,7 +386,7 @@ def trace_links(
             corner, far_node = far.corner_hit[h]
             if near_start[corner] == near_start[corner + 1]:
                 continue
-            after, phi = _corner_sight(plan, corner, far_image[far_node, 0], far_image[far_node, 1])
+            after, phi = corner_sight(plan, corner, far_image[far_node, 0], far_image[far_node, 1])
             for j in range(near_start[corner], near_start[corner + 1]):
                 node = near_view[j]
                 if view[node, 2] + far_view[far_node, 2] > setting.edge_reflections:
@@ -402,8 +423,8 @@ def trace_links(
         table.found[i] = count
         for j in range(count):
             node, corner, far_node, bounce = who[j]
-            n = _lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
-            m = _raise(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
-            length, power = _weigh(plan, setting, corner, m, scratch)
+            n = lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
+            m = raise_flat(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
+            length, power = weigh_flat(plan, setting, corner, m, scratch)
             write_row(table, i * keep + j, length, power, m, scratch)
     return table

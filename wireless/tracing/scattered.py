@@ -21,7 +21,7 @@ from wireless.em.scattering import lobe, lobe_integral
 from wireless.geometry.beams import cast
 from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
-from wireless.tracing.scenes import PlanScene, by_triangle, part
+from wireless.tracing.scenes import PlanScene, by_triangle, part_of
 from wireless.tracing.table import Setting, Table
 
 #: Draws the phases of tiles.
@@ -155,7 +155,7 @@ class Scattering:
         seen = np.zeros(len(self._points), bool)
         if len(seen):
             start, triangle = self.scene.locate(at)
-            around = part(start, triangle, slice(0, 1))[1]
+            around = part_of(start, triangle, slice(0, 1))[1]
             seen[cast(self.scene.plan, around, at[0], self._points, *self._target, 0, -1, 0)[2][:, 0]] = True
         return seen
 

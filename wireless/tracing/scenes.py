@@ -12,7 +12,7 @@ import trimesh
 from jaxtyping import Complex, Float, Int
 
 from wireless.geometry.extruded import Extruded
-from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
+from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
 from wireless.geometry.occlusion import make_boxes
 from wireless.geometry.plan import Locator, Plan, make_plan, regions
@@ -30,6 +30,8 @@ MANY_FACETS = 500
 
 class PlanScene:
     """A floor plan, and how its links are traced."""
+
+    engine = "plan"
 
     def __init__(
         self,
@@ -73,10 +75,10 @@ class PlanScene:
         order, through = setting.side_reflections, setting.max_through
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some, (start, triangle) = rx[rxs], part(*around_rx, rxs)
+            some, (start, triangle) = rx[rxs], part_of(*around_rx, rxs)
             views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
             targets = by_triangle(start, triangle, len(plan.tri_vertex))
-            tx_start, tx_triangle = part(*around_tx, txs)
+            tx_start, tx_triangle = part_of(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
                 yield trace_links(plan, setting, one, around, some, *targets, views)
@@ -102,7 +104,12 @@ class PlanScene:
 
 
 class SpaceScene:
-    """Any triangles, and how links among them are traced."""
+    """Any triangles, and how links among them are traced.
+
+    Heights of floors and ceilings (`level_m`) are those of storeys, if it has some.
+    """
+
+    engine = "space"
 
     def __init__(
         self,
@@ -115,13 +122,17 @@ class SpaceScene:
         floor_ceiling: bool,
         search: Literal["auto", "exhaustive", "rays"],
         rays: int,
+        level_m: Float[np.ndarray, " k"] | None = None,
     ):
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
         moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
         surfaces = find_surfaces(moved, face_material, snap_m)
-        ground = floor_and_ceiling(surfaces)
+        ground = slabs = floor_and_ceiling(surfaces)
+        if level_m is not None:
+            level_m = level_m - self.origin[2]
+            ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
-        mirrors = ~ground | floor_ceiling
+        mirrors = ~slabs | floor_ceiling
         self.space = make_space(surfaces, mirrors)
         walls = face_wall[surfaces.facet_face]
         self._setting = setting(walls)
@@ -191,7 +202,7 @@ def by_triangle(
     return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
 
 
-def part(
+def part_of(
     start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], some: slice
 ) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarray, " q"]]:
     """The triangles of some points in a row, counted from their own first."""

@@ -4,10 +4,10 @@
     paths = Tracer(building, frequency_hz=28e9).trace(tx, rx)   # a mesh with materials
 
 A mesh that was extruded from a floor plan is traced as one: views through its exact outline
-(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other mesh, and points
-above a plan's ceiling or below its floor, are traced in space (`wireless.tracing.space_engine`), slower, to the same
-paths. All decide in double precision. The building's own work (outline, corners, triangulation; facets, edges, boxes)
-is done once, when the tracer is made.
+(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`); storeys over each other as
+several (`wireless.tracing.stack_engine`). Any other mesh, and points above a plan's ceiling or below its floor, are
+traced in space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The
+building's own work (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
 Left out: more than one diffraction on a path; scattering by rough walls unless `TracerConfig.scattering` asks for it.
 """
@@ -26,10 +26,12 @@ from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
+from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
 from wireless.tracing.scattered import Scattering
 from wireless.tracing.scenes import PlanScene, SpaceScene
+from wireless.tracing.stack_scene import NoStackError, StackScene
 from wireless.tracing.table import Setting
 
 logger = logging.getLogger(__name__)
@@ -109,8 +111,8 @@ class TracerConfig:
     """Most paths of a link, 5000 at most; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
-    scene: Literal["auto", "plan", "space"] = "auto"
-    """Trace as floor plan, in space, or as floor plan if it is one."""
+    scene: Literal["auto", "plan", "storeys", "space"] = "auto"
+    """Trace as floor plan, as storeys over each other, in space, or as what it is."""
     search: Literal["auto", "exhaustive", "rays"] = "auto"
     """How chains of facets are found in space: all that there are, by rays, or by rays if there are many facets."""
     rays: int = 100_000
@@ -119,8 +121,8 @@ class TracerConfig:
     """Ends of walls closer than this are one [m]."""
 
     def __post_init__(self) -> None:
-        if self.scene not in ("auto", "plan", "space"):
-            raise ValueError(f"scene is {self.scene!r}, expected auto, plan or space.")
+        if self.scene not in ("auto", "plan", "storeys", "space"):
+            raise ValueError(f"scene is {self.scene!r}, expected auto, plan, storeys or space.")
         if self.diffraction_law not in ("nearer_face", "bisector"):
             raise ValueError(
                 f"diffraction_law is {_cut(self.diffraction_law)!r}, expected nearer_face or bisector."
@@ -251,12 +253,18 @@ class Tracer:
             face_wall[i, : len(row)] = row
         face_wall = face_wall[of_face]
         plan = None
-        if self.config.scene != "space":
-            plan = find_extruded(mesh, of_face, self.config.snap_m)
-        if plan is None and self.config.scene == "plan":
+        if c.scene in ("auto", "plan"):
+            plan = find_extruded(mesh, of_face, c.snap_m)
+        if plan is None and c.scene == "plan":
             raise SceneError(
                 "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
                 "Trace it with scene='space'."
+            )
+        stack = None if plan is not None else find_stack(mesh, of_face, c.snap_m)
+        if stack is None and c.scene == "storeys":
+            raise SceneError(
+                "The mesh is no storeys over each other: its walls are not all upright between the heights of two "
+                "floors and ceilings or more. Trace it with scene='space'."
             )
         self._in_space = cache(
             lambda: SpaceScene(
@@ -268,14 +276,34 @@ class Tracer:
                 floor_ceiling=c.floor_ceiling,
                 search=c.search,
                 rays=c.rays,
+                level_m=None if stack is None else stack.level_m,
             )
         )
+        self.scene: PlanScene | StackScene | SpaceScene
         if plan is not None:
-            self.scene: PlanScene | SpaceScene = PlanScene(
+            self.scene = PlanScene(
                 plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
             )
+        elif stack is not None and c.scene != "space":
+            try:
+                self.scene = StackScene(
+                    mesh,
+                    stack,
+                    of_face,
+                    face_wall,
+                    self._setting,
+                    snap_m=c.snap_m,
+                    floor_ceiling=c.floor_ceiling,
+                )
+            except NoStackError as error:
+                if c.scene == "storeys":
+                    raise SceneError(
+                        f"The storeys cannot be traced as such because {error}. Trace them with scene='space'."
+                    ) from None
+                logger.info("Storeys are traced in space, which takes longer, because %s", error)
+                self.scene = self._in_space()
         else:
-            if self.config.scene == "auto":
+            if c.scene == "auto":
                 logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
             self.scene = self._in_space()
         self._scattering: Scattering | None = None
@@ -324,9 +352,10 @@ class Tracer:
         if workers is not None and not (_whole(workers) and workers >= 1):
             raise ValueError(f"workers is {workers}, expected at least 1, or None for all cores.")
         scene = self.scene
-        in_plan = not isinstance(scene, PlanScene) or (scene.holds(tx) and scene.holds(rx))
-        if not in_plan and self.config.scene == "auto":
-            logger.info("Points below the floor or above the ceiling: traced in space")
+        if self.config.scene == "auto" and not (
+            isinstance(scene, SpaceScene) or all(scene.holds(points - scene.origin) for points in (tx, rx))
+        ):
+            logger.info("Points in floors, walls or ceilings, or outside of them: traced in space")
             if self._scattering is not None:
                 raise ValueError(f"Points lie below the floor or above the ceiling, and {NO_SPACE}")
             scene = self._in_space()

@@ -15,7 +15,7 @@ from robosim.plans.furnishings.bodies import Bodies, find_bodies
 from robosim.support.checks import FARTHEST, check_number
 
 #: Heights above the floor that anything stands at, and sizes of things [m].
-_HEIGHT_M, _SIZE_M = 100.0, 1000.0
+_HEIGHT_M, _SIZE_M = 1000.0, 1000.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

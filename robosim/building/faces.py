@@ -1,0 +1,60 @@
+"""Faces of a building by what they are part of and what they are made of."""
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float, Int, UInt8
+
+from robosim.plans.furnishings.furnishing import Furnishing
+from wireless.em.materials import Material
+
+#: What a face can be; `face_kind` counts along these, as `robosim.building.extrusion` does.
+KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
+
+
+class Faces:
+    """A mesh whose faces know their kind and material."""
+
+    mesh: trimesh.Trimesh
+    face_kind: UInt8[np.ndarray, " n_faces"]
+    materials: tuple[str | Material, ...]
+    face_material: UInt8[np.ndarray, " n_faces"]
+    furnishings: tuple[Furnishing, ...]
+
+    @property
+    def bounds(self) -> Float[np.ndarray, "2 3"]:
+        """Lowest and highest x, y, z [m] in `map`."""
+        return self.mesh.bounds
+
+    def submesh(self, *kinds: str) -> trimesh.Trimesh:
+        """The faces of some kinds, as a mesh of their own.
+
+        Raises:
+            ValueError: If a kind is unknown.
+        """
+        if unknown := [kind for kind in kinds if kind not in KINDS]:
+            raise ValueError(f"kind is {unknown[0]!r}, expected one of {', '.join(KINDS)}.")
+        return self._part(np.isin(self.face_kind, [KINDS.index(kind) for kind in kinds]))
+
+    def of_material(self, material: str) -> trimesh.Trimesh:
+        """The faces of one radio material, as a mesh of their own.
+
+        Raises:
+            ValueError: If the building has no such material.
+        """
+        names = list(map(str, self.materials))
+        if material not in names:
+            raise ValueError(f"material is {material!r}, expected one of {', '.join(names)}.")
+        return self._part(self.face_material == names.index(material))
+
+    def _part(self, mask: Bool[np.ndarray, " n_faces"]) -> trimesh.Trimesh:
+        used, faces = np.unique(self.mesh.faces[mask], return_inverse=True)
+        return plain_mesh(self.mesh.vertices[used], faces.reshape(-1, 3), self.mesh.metadata)
+
+
+def plain_mesh(
+    vertices: Float[np.ndarray, "n 3"], faces: Int[np.ndarray, "m 3"], metadata: dict[str, object]
+) -> trimesh.Trimesh:
+    """Mesh whose vertices stay as they are, unmerged and in order."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False, metadata=dict(metadata))
+    mesh.units = "m"
+    return mesh

@@ -1,0 +1,328 @@
+"""A building of several storeys: floor plans over each other, slabs between them, and openings in these.
+
+Each storey is what its plan alone would make (`robosim.building.building`), put on its own height. Where a slab has
+an opening, its top and underside are left out and its rim is a wall. An opening reaches as far as the floors below
+and above are both free, so that it may be drawn generously up to walls. All of it is one mesh: a closed shell around
+each free volume with normals into it, whose walls, floors and ceilings meet in common vertices; then what is placed
+in the storeys.
+
+Left out: stairs, furniture lower than its storey, passages of no width, the outsides of walls and slabs.
+"""
+
+import logging
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+import trimesh
+from jaxtyping import Float, Int, UInt8
+from scipy.spatial import cKDTree
+
+from robosim.building.building import Building, BuildingConfig, furnished, make_building, material_of
+from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
+from robosim.building.faces import Faces, plain_mesh
+from robosim.building.rings import polygons_of, rings_of
+from robosim.building.shell import joined
+from robosim.parts import MaterialPart
+from robosim.plans.floorplan import MapError
+from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.plans.storeys import Ring, StoreyPlan, StoreysPlan
+from wireless.em.materials import Material
+
+logger = logging.getLogger(__name__)
+
+#: Corners of openings this close to corners or walls are on them [m].
+_ON_M = 1e-9
+#: What is left of an opening between walls counts from this size on [m2].
+_LEAST_M2 = 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class StoreysConfig:
+    """How floor plans become a building of several storeys."""
+
+    building: BuildingConfig = field(default_factory=BuildingConfig)
+    """How each plan becomes a storey; heights are those of the storeys."""
+    slab_material: MaterialPart = "concrete"
+    """Radio material of slabs' rims in openings."""
+
+    def __post_init__(self) -> None:
+        material_of(self.slab_material, "slab_material")
+        for name, wanted in (("ceiling", True), ("furniture_height_m", None)):
+            value = getattr(self.building, name)
+            if value is not wanted:
+                raise ValueError(
+                    f"building.{name} is {value}, expected {wanted} in a building of several storeys. Leave it out."
+                )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Storey:
+    """One storey of a building."""
+
+    building: Building
+    """The storey alone, its floor at z = 0."""
+    floor_m: float
+    """Height of its floor above that of the lowest storey [m]."""
+    opening: shapely.MultiPolygon
+    """Where the slab over it is open [m]."""
+
+    @property
+    def ceiling_m(self) -> float:
+        """Height of its ceiling above the lowest floor [m]."""
+        return self.floor_m + self.building.height_m
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Storeys(Faces):
+    """Storeys over each other in three dimensions, in the `map` frame: z up, the lowest floor at z = 0."""
+
+    plan: StoreysPlan
+    """What it was made from."""
+    storeys: tuple[Storey, ...]
+    """From the lowest up."""
+    mesh: trimesh.Trimesh
+    """All faces, with normals into free space."""
+    face_kind: UInt8[np.ndarray, " n_faces"]
+    """What each face is: index into `robosim.building.faces.KINDS`; rims of slabs are walls."""
+    materials: tuple[str | Material, ...]
+    """Radio materials of the faces."""
+    face_material: UInt8[np.ndarray, " n_faces"]
+    """What each face is made of: index into `materials`."""
+    furnishings: tuple[Furnishing, ...] = ()
+    """What is placed in the storeys, at its height above the lowest floor, in the order of its faces."""
+
+    def __repr__(self) -> str:
+        return f"<Storeys {self.plan.name!r}: {len(self.storeys)}, {len(self.mesh.faces)} faces>"
+
+    def storey_at(self, z_m: float) -> int | None:
+        """Number of the storey that a height above the lowest floor is in, None for a slab or outside."""
+        for number, storey in enumerate(self.storeys):
+            if storey.floor_m <= z_m <= storey.ceiling_m:
+                return number
+        return None
+
+
+class _Part:
+    """Triangles of one storey and of the slab over it, with kinds and materials."""
+
+    def __init__(self) -> None:
+        self.corner: list[np.ndarray] = []
+        self.kind: list[np.ndarray] = []
+        self.material: list[str | Material] = []
+
+    def add(
+        self, corner: Float[np.ndarray, "n 3 3"], kind: Int[np.ndarray, " n"], material: list[str | Material]
+    ) -> None:
+        """Take in some faces."""
+        self.corner.append(corner)
+        self.kind.append(kind)
+        self.material += material
+
+
+def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> Storeys:
+    """Extrude floor plans to storeys over each other.
+
+    Args:
+        plan: The storeys, from the lowest up.
+        config: Materials and outlines; None for the defaults.
+
+    Raises:
+        MapError: If a plan has no free area, or an opening is no polygon or nowhere between two free floors.
+    """
+    config = config or StoreysConfig()
+    alone = [
+        make_building(one.plan, config=replace(config.building, height_m=one.height_m))
+        for one in plan.storeys
+    ]
+    free = [building.free for building in alone]
+    opening = [
+        _opening(plan.told, number, one, free[number], free[number + 1])
+        for number, one in enumerate(plan.storeys[:-1])
+    ]
+    free, opening = _noded(free, opening)
+    nothing = shapely.MultiPolygon()
+    part = _Part()
+    for i, one in enumerate(plan.storeys):
+        low = plan.floor_m(i)
+        high = low + one.height_m
+        below, above = ([nothing, *opening, nothing])[i : i + 2]
+        own = one.slab_material
+        under = plan.storeys[i - 1].slab_material if i else None
+        _add_walls(part, alone[i], free[i], low, high)
+        _add_flat(part, free[i], below, low, FLOOR, under or config.building.material("floor"))
+        _add_flat(part, free[i], above, high, CEILING, own or config.building.material("ceiling"))
+        if i < len(opening):
+            rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
+            of_rim = own or material_of(config.slab_material, "slab_material")
+            part.add(rim, np.full(len(rim), WALL), [of_rim] * len(rim))
+    vertices, faces, kept = joined(np.concatenate(part.corner))
+    materials = tuple(dict.fromkeys(part.material))
+    number_of = {one: number for number, one in enumerate(materials)}
+    of_face = np.array([number_of[one] for one in part.material], np.uint8)
+    logger.info("%s: %d storeys, %d faces", plan.name, len(plan.storeys), len(faces))
+    bare = Storeys(
+        plan=plan,
+        storeys=tuple(
+            Storey(building=building, floor_m=plan.floor_m(i), opening=([*opening, nothing])[i])
+            for i, building in enumerate(alone)
+        ),
+        mesh=plain_mesh(vertices, faces, {"plan": plan.name, "frame": "map"}),
+        face_kind=np.concatenate(part.kind).astype(np.uint8)[kept],
+        materials=materials,
+        face_material=of_face[kept],
+    )
+    raised = tuple(
+        replace(thing, z_m=thing.z_m + storey.floor_m)
+        for storey in bare.storeys
+        for thing in storey.building.furnishings
+    )
+    return replace(bare, **furnished(bare, raised)._asdict()) if raised else bare
+
+
+def _noded(
+    free: list[shapely.MultiPolygon], opening: list[shapely.MultiPolygon]
+) -> tuple[list[shapely.MultiPolygon], list[shapely.MultiPolygon]]:
+    """Floors and openings with corners wherever one next to them has one on their outline."""
+    count = -1
+    while count != (count := int(shapely.get_num_coordinates([*free, *opening]).sum())):
+        opening = [_with_corners(hole, free[i : i + 2]) for i, hole in enumerate(opening)]
+        free = [_with_corners(area, opening[max(0, i - 1) : i + 1]) for i, area in enumerate(free)]
+    return free, opening
+
+
+def _opening(
+    name: str,
+    number: int,
+    storey: StoreyPlan,
+    below: shapely.MultiPolygon,
+    above: shapely.MultiPolygon,
+) -> shapely.MultiPolygon:
+    """Where the slab over a storey is open."""
+    parts = [_hole(name, number, ring, below, above) for ring in storey.openings]
+    return _polygons(shapely.union_all(parts))
+
+
+def _hole(
+    name: str, number: int, ring: Ring, below: shapely.MultiPolygon, above: shapely.MultiPolygon
+) -> shapely.Geometry:
+    polygon = shapely.Polygon(ring)
+    told = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
+    if not polygon.is_valid or polygon.area == 0:
+        raise MapError(f"{told}, expected one that encloses an area and does not cross itself.")
+    free = _polygons(polygon & below & above)
+    if free.is_empty:
+        raise MapError(
+            f"{told}, in which the floors below and above are nowhere both free. Coordinates are metres in the frame "
+            "of the plans, which must lie over each other."
+        )
+    return free
+
+
+def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
+    """The parts of an area that are worth counting."""
+    parts = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and one.area > _LEAST_M2]
+    return shapely.MultiPolygon(list(shapely.orient_polygons(parts)))
+
+
+def _with_corners(area: shapely.MultiPolygon, others: list[shapely.MultiPolygon]) -> shapely.MultiPolygon:
+    """Polygons with a corner wherever one of others has a corner on their outline."""
+    points = shapely.get_coordinates(others)
+    if area.is_empty or not len(points):
+        return area
+    points = np.unique(points, axis=0)
+    twins = cKDTree(points).query_pairs(_ON_M, output_type="ndarray")
+    points = np.delete(points, twins[:, 1], axis=0)
+    tree, places = cKDTree(points), shapely.STRtree(shapely.points(points))
+    rings, owner = rings_of(area)
+    outlines = []
+    for ring in rings:
+        corner = shapely.get_coordinates(ring)[:-1]
+        off, nearest = tree.query(corner, distance_upper_bound=_ON_M)
+        corner = np.where((off < _ON_M)[:, None], points[np.minimum(nearest, len(points) - 1)], corner)
+        ends = np.stack([corner, np.roll(corner, -1, axis=0)], axis=1)
+        side, point = places.query(shapely.linestrings(ends), predicate="dwithin", distance=_ON_M)
+        inner = (points[point][:, None] != ends[side]).any(axis=2).all(axis=1)
+        side, point = side[inner], point[inner]
+        share = np.linalg.norm(points[point] - ends[side, 0], axis=1)
+        order = np.lexsort((share, side))
+        outlines.append(np.insert(corner, side[order] + 1, points[point[order]], axis=0))
+    return polygons_of(outlines, owner)
+
+
+def _segments(area: shapely.MultiPolygon) -> Float[np.ndarray, "n 2 2"]:
+    """Sides of polygons, free space on their left."""
+    rings, _ = rings_of(area)
+    outlines = [shapely.get_coordinates(ring) for ring in rings]
+    sides = [np.stack([one[:-1], one[1:]], axis=1) for one in outlines]
+    return np.concatenate([np.empty((0, 2, 2)), *sides])
+
+
+def _upright(segments: Float[np.ndarray, "n 2 2"], low: float, high: float) -> Float[np.ndarray, "m 3 3"]:
+    """Two triangles over each segment, normals to its left."""
+    a, b = segments[:, 0], segments[:, 1]
+    at = [np.column_stack([xy, np.full(len(xy), z)]) for xy, z in ((a, low), (a, high), (b, high), (b, low))]
+    return np.stack([at[0], at[1], at[2], at[0], at[2], at[3]], axis=1).reshape(-1, 3, 3)
+
+
+def _add_walls(part: _Part, alone: Building, free: shapely.MultiPolygon, low: float, high: float) -> None:
+    """Walls around a storey, each of the kind and material that it has in the storey alone."""
+    segments = _segments(free)
+    upright = np.flatnonzero(np.isin(alone.face_kind, (WALL, FURNITURE)))
+    corner = alone.mesh.vertices[alone.mesh.faces[upright]][:, :, :2]
+    # Seen from above a face is a line, from its leftmost corner to the one farthest from it.
+    far = np.linalg.norm(corner[:, :, None] - corner[:, None], axis=3).reshape(len(corner), 9).argmax(axis=1)
+    row = np.arange(len(corner))
+    lines = shapely.linestrings(np.stack([corner[row, far // 3], corner[row, far % 3]], axis=1))
+    face = upright[shapely.STRtree(lines).nearest(shapely.points(segments.mean(axis=1)))]
+    materials = [alone.materials[i] for i in np.repeat(alone.face_material[face], 2)]
+    part.add(_upright(segments, low, high), np.repeat(alone.face_kind[face], 2).astype(np.int64), materials)
+
+
+def _add_flat(
+    part: _Part,
+    free: shapely.MultiPolygon,
+    hole: shapely.MultiPolygon,
+    z_m: float,
+    kind: int,
+    material: str | Material,
+) -> None:
+    """Floor or ceiling of a storey but for the opening in it."""
+    area = shapely.difference(free, hole) if not hole.is_empty else free
+    solid = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and not one.is_empty]
+    if not solid:
+        return
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(solid)))
+    xy = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    one, other = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
+    # They all turn the same way; of the thinnest alone nobody could tell.
+    clockwise = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum() < 0
+    xy = xy[:, ::-1] if clockwise == (kind == FLOOR) else xy
+    xy = _parted(xy, np.unique(shapely.get_coordinates([free, hole]), axis=0))
+    corner = np.concatenate([xy, np.full((*xy.shape[:2], 1), z_m)], axis=2)
+    part.add(corner, np.full(len(corner), kind), [material] * len(corner))
+
+
+def _parted(
+    triangles: Float[np.ndarray, "n 3 2"], points: Float[np.ndarray, "m 2"]
+) -> Float[np.ndarray, "k 3 2"]:
+    """Triangles cut at points on their sides, so that none of these meets two sides of others; slivers are left out.
+
+    Corners that lie on a wall but for rounding may have been passed over, or stand on a triangle of no area.
+    """
+    side = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
+    one, other = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    triangles = triangles[np.abs(one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]) > _ON_M * side]
+    places = shapely.STRtree(shapely.points(points))
+    while True:
+        ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+        line, point = places.query(shapely.linestrings(ends), predicate="dwithin", distance=_ON_M)
+        inner = (np.linalg.norm(ends[line] - points[point][:, None], axis=2) > _ON_M).all(axis=1)
+        line, point = line[inner], point[inner]
+        which, first = np.unique(line // 3, return_index=True)
+        if not len(which):
+            return triangles
+        k, at = line[first] % 3, points[point[first]]
+        a, b, c = (triangles[which, (k + step) % 3] for step in range(3))
+        halves = np.concatenate([np.stack([a, at, c], axis=1), np.stack([at, b, c], axis=1)])
+        triangles = np.concatenate([np.delete(triangles, which, axis=0), halves])

@@ -1,0 +1,83 @@
+"""`robosim trace` and `robosim dataset` over a building of two storeys."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from robosim.cli import main
+from robosim.plans.files import write_ros
+from tests.plans import room
+from wireless.paths import Paths
+
+FAST = ["--max-reflections", "1", "--no-diffraction"]
+
+
+@pytest.fixture
+def house(tmp_path):
+    """Two rooms of 4 x 3 m2 over each other, and a stairwell."""
+    write_ros(room(), tmp_path / "room.yaml")
+    file = tmp_path / "house.yaml"
+    file.write_text(
+        "storeys:\n- {plan: room.yaml, openings: [[[1, 1], [2, 1], [2, 2.5], [1, 2.5]]]}\n- plan: room.yaml\n"
+    )
+    return file
+
+
+def test_link_between_storeys_is_drawn(house, tmp_path):
+    """One storey up through the stairwell: the direct path is there, and a picture of both storeys."""
+    out = tmp_path / "link"
+    main(["trace", str(house), "--tx", "1.5,1.7", "--rx", "1.4,1.8,4.3", *FAST, "--out", str(out)])
+    paths = Paths.read_parquet(out / "paths.parquet")
+    assert paths.order[0] == 0 and paths.tx_position[0, 2] == 1.5 and paths.rx_position[0, 2] == 4.3
+    assert (out / "storeys_tx1.png").stat().st_size > 10_000
+
+
+def test_receivers_of_one_storey(house, tmp_path):
+    """`--storey 1` lays the grid on the upper floor; heights count from the lowest one."""
+    out = tmp_path / "grid"
+    command = ["trace", str(house), "--tx", "1.5,1.7,1.5", "--storey", "1", "--grid", "0.5", "--no-plots"]
+    main([*command, *FAST, "--workers", "1", "--out", str(out)])
+    paths = Paths.read_parquet(out / "paths.parquet")
+    assert (paths.rx_position[:, 2] == 2.8 + 1.5).all() and len(paths.rx_position) == 48
+    seen = paths.count()[0] > 0
+    assert 0 < seen.sum() < len(seen)  # the slab hides the others
+
+
+def test_data_set_has_links_between_all_storeys(house, tmp_path):
+    """A table for each transmitter and each storey of receivers; transmitters stand on the storeys in turn."""
+    out = tmp_path / "links"
+    command = [
+        "dataset",
+        str(house),
+        "--tx-per-plan",
+        "3",
+        "--grid",
+        "1.0",
+        "--workers",
+        "1",
+        "--estimator",
+        "pca",
+    ]
+    main([*command, *FAST, "--out", str(out)])
+    files = sorted((out / "links").iterdir())
+    assert [one.stem for one in files] == [f"house_storey_{s}_Tx_{k}" for s in (0, 1) for k in (1, 2, 3)]
+    heights = set()
+    for one in files:
+        table = pq.read_table(one)
+        tx, rx = (np.unique(table[name].to_numpy()) for name in ("tx_z_m", "rx_z_m"))
+        heights.add((one.stem, *np.round(tx, 9), *np.round(rx, 9)))
+    assert heights == {
+        (f"house_storey_{s}_Tx_{k}", (1.5, 4.3, 1.5)[k - 1], (1.5, 4.3)[s]) for s in (0, 1) for k in (1, 2, 3)
+    }
+
+
+def test_places_and_storeys_that_are_none_are_refused(house, capsys):
+    for options, told in (
+        (["--tx", "1,1,2.6", "--rx", "1,2"], "expected one within a storey: 0 to 2.5, 2.8 to 5.3 m"),
+        (["--tx", "9,1", "--rx", "1,2"], "outside of the free space of house_storey_0"),
+        (["--tx", "1,1", "--rx", "1,2", "--storey", "2"], "storey is 2, expected 0, the lowest, to 1"),
+        (["--tx", "1,1", "--rx", "1,2", "--resolution", "0.1"], "--resolution is of single floor plans"),
+    ):
+        with pytest.raises(SystemExit):
+            main(["trace", str(house), *options])
+        assert told in " ".join(capsys.readouterr().err.split())

@@ -1,0 +1,372 @@
+"""Stacked storeys made ready for walking views through them: the plan of each layer, and what joins them.
+
+A layer is a storey, or a slab with its openings (`wireless.geometry.stack`). Each is a floor plan of its own
+(`wireless.geometry.plan`), and all of them lie side by side in one `Plan`, whose triangles know their layer. Where no
+level face is between a triangle and one of the next layer, what both cover is a piece of an opening, through which
+views go on. Edges of level faces, such as rims of slabs, are sides of triangles too.
+
+Only rooms count: what has a floor or a ceiling in a storey, and all that openings join to it. A scene whose rooms are
+not closed but for their openings is no stack.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from wireless.geometry.convex import in_common
+from wireless.geometry.facets import LEVEL, Surfaces
+from wireless.geometry.plan import Plan, make_plan, regions
+from wireless.geometry.stack import Stack
+
+#: Lines nearer to a wall than so many snaps are taken to be on it.
+_ON_WALL = 10
+#: Pieces of openings of less area are none [m2].
+_NOTHING_M2 = 1e-11
+#: A triangle is covered by others but for this share of its area, or this area times a snap [m2].
+_COVERED, _COVERED_M = 1e-6, 100.0
+
+
+#: How far before an edge its open side is looked at [m].
+_ASIDE_M = 1e-4
+
+
+class Layers(NamedTuple):
+    """Floor plans over each other, and the openings between them."""
+
+    plan: Plan
+    """Walls, corners and triangles of all layers."""
+    level_m: Float[np.ndarray, " k"]
+    """Heights between the layers, from the lowest floor to the highest ceiling [m]."""
+    tri_layer: Int[np.ndarray, " t"]
+    """Layer of each triangle."""
+    corner_layer: Int[np.ndarray, " c"]
+    """Layer of each corner."""
+    piece_start: Int[np.ndarray, " p1"]
+    """Where the pieces of openings below (2 t) and above (2 t + 1) triangle t begin, and an end."""
+    piece_next: Int[np.ndarray, " q"]
+    """Triangle behind each piece."""
+    piece_corners: Int[np.ndarray, " q"]
+    """Number of corners of each piece."""
+    piece: Float[np.ndarray, "q k 2"]
+    """Corners of each piece, counter-clockwise [m]; zeros beyond the last."""
+    tri_rim: Int[np.ndarray, "t 3 2"]
+    """Rim on the side opposite to each point, at the lower and at the upper end of the layer; -1 for none."""
+    rim: Float[np.ndarray, "e 2 3"]
+    """Ends of level edges [m]."""
+    rim_wedge: Float[np.ndarray, "e 3 3"]
+    """See `wireless.geometry.facets.Surfaces`."""
+    rim_gap_rad: Float[np.ndarray, " e"]
+    """Open angle of each."""
+    rim_walls: Int[np.ndarray, "e 2"]
+    """Number of 0-face and n-face among the setting's walls, which follow those of the plan."""
+
+
+class Stacked(NamedTuple):
+    """Layers, and what is known about them."""
+
+    layers: Layers
+    face: Int[np.ndarray, " n"]
+    """One mesh face of each wall of the plan, then of each face of each rim."""
+    room: Bool[np.ndarray, " t"]
+    """Whether each triangle is in a room."""
+    sealed: bool
+    """Whether what passes a wall, floor or ceiling leaves the rooms."""
+
+
+def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | None:
+    """Prepare what does not depend on antennas; None if the rooms are not closed.
+
+    Args:
+        stack: Walls and level faces.
+        surfaces: Facets and edges of the same mesh, edges that do not diffract left out.
+        snap_m: Ends of walls closer than this are one.
+    """
+    rims = _rims(stack, surfaces, snap_m)
+    made: dict[int, Plan] = {}
+    # Slabs first: storeys are triangulated alike where these are open, so that openings fall into few pieces.
+    for layer in sorted(range(len(stack.walls)), key=lambda number: (number % 2 == 0, number)):
+        walls = stack.walls[layer]
+        if len(walls):
+            lines = [_outlines(stack.level[layer]), _outlines(stack.level[layer + 1])]
+            lines += [_inner_sides(made[slab]) for slab in (layer - 1, layer + 1) if slab in made]
+            seams = _seams(np.concatenate(lines), walls, snap_m)
+            made[layer] = make_plan(walls, snap_m, seams=seams, origin=np.zeros(2))
+    layer_of = sorted(made)
+    plans = [made[layer] for layer in layer_of]
+    plan = _side_by_side(plans)
+    tri_layer = np.repeat(layer_of, [len(one.tri_vertex) for one in plans])
+    triangle = shapely.polygons(plan.vertex[plan.tri_vertex])
+    region = regions(plan)
+    outer = np.unique(region[(plan.tri_next < 0).any(axis=1)])
+    inner = ~np.isin(region, outer)
+    covered = _covered(plan, tri_layer, inner, stack.level)
+    pieces = _pieces(plan.vertex[plan.tri_vertex], tri_layer, inner & ~covered[:, 1], inner & ~covered[:, 0])
+    area = shapely.area(triangle)
+    room = _rooms(region, _floored(region, inner & (tri_layer % 2 == 0), covered, area), pieces)
+    if not _closed(room, inner, covered, tri_layer, len(stack.level_m), area, pieces, snap_m):
+        return None
+    rims = rims[_facing(surfaces, rims, stack.level_m, triangle, tri_layer, room)]
+    kept = room[pieces.below]
+    start, behind, corners, piece = _by_triangle(len(triangle), _Pieces(*(column[kept] for column in pieces)))
+    n_walls = len(plan.wall_along)
+    layers = Layers(
+        plan=plan,
+        level_m=stack.level_m,
+        tri_layer=tri_layer,
+        corner_layer=np.repeat(layer_of, [len(one.corner_vertex) for one in plans]),
+        piece_start=start,
+        piece_next=behind,
+        piece_corners=corners,
+        piece=piece,
+        tri_rim=_sides_on(plan, tri_layer, surfaces.edge[rims], stack.level_m, snap_m),
+        rim=surfaces.edge[rims],
+        rim_wedge=surfaces.edge_wedge[rims],
+        rim_gap_rad=surfaces.edge_gap_rad[rims],
+        rim_walls=n_walls + np.arange(2 * len(rims)).reshape(-1, 2),
+    )
+    faces = [*stack.wall_face, surfaces.facet_face[surfaces.edge_facets[rims]].ravel()]
+    return Stacked(
+        layers, np.concatenate(faces).astype(np.int64), room, _sealed(layers, room, inner, covered)
+    )
+
+
+def _rims(stack: Stack, surfaces: Surfaces, snap_m: float) -> Int[np.ndarray, " e"]:
+    """Level edges at some height of a stack, off its lowest and highest one."""
+    ends = surfaces.edge
+    level = np.abs(surfaces.edge_wedge[:, 0, 2]) < LEVEL
+    off = np.abs(ends[:, :, 2].mean(axis=1)[:, None] - stack.level_m[1:-1]).min(axis=1, initial=np.inf)
+    return np.flatnonzero(level & (off < snap_m))
+
+
+def _facing(
+    surfaces: Surfaces,
+    rims: Int[np.ndarray, " e"],
+    level_m: Float[np.ndarray, " k"],
+    triangle: np.ndarray,
+    tri_layer: Int[np.ndarray, " t"],
+    room: Bool[np.ndarray, " t"],
+) -> Bool[np.ndarray, " e"]:
+    """Whether the open side of each rim is in a room: that of a ceiling's edge at a wall is within the slab."""
+    half, wedge = surfaces.edge_gap_rad[rims, None] / 2, surfaces.edge_wedge[rims]
+    out = np.cos(half) * wedge[:, 1] + np.sin(half) * wedge[:, 2]
+    before = surfaces.edge[rims].mean(axis=1) + _ASIDE_M * out
+    layer = np.searchsorted(level_m, before[:, 2]) - 1
+    rim, t = shapely.STRtree(triangle).query(shapely.points(before[:, :2]), predicate="intersects")
+    found = np.zeros(len(rims), bool)
+    found[rim[room[t] & (tri_layer[t] == layer[rim])]] = True
+    return found
+
+
+def _outlines(flat: shapely.Geometry) -> Float[np.ndarray, "n 2 2"]:
+    """Segments around polygons."""
+    rings = shapely.get_rings(shapely.get_parts(flat))
+    parts = [shapely.get_coordinates(ring) for ring in rings]
+    return np.concatenate([np.empty((0, 2, 2)), *(np.stack([one[:-1], one[1:]], axis=1) for one in parts)])
+
+
+def _inner_sides(plan: Plan) -> Float[np.ndarray, "n 2 2"]:
+    """Sides of the triangles between the walls of a plan, none of which leads outside."""
+    region = regions(plan)
+    inner = ~np.isin(region, region[(plan.tri_next < 0).any(axis=1)])
+    corner = plan.vertex[plan.tri_vertex[inner]]
+    return np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2, 2)
+
+
+def _seams(
+    lines: Float[np.ndarray, "n 2 2"], walls: Float[np.ndarray, "m 2 2"], snap_m: float
+) -> Float[np.ndarray, "k 2 2"]:
+    """Lines that lie between walls and not on one."""
+    network = shapely.union_all(shapely.linestrings(walls), grid_size=snap_m)
+    around = shapely.union_all(shapely.get_parts(shapely.polygonize([network])))
+    middle = shapely.points(lines.mean(axis=1))
+    off = shapely.distance(network, middle) > _ON_WALL * snap_m
+    lines = lines[off & shapely.contains(around, middle)]
+    ends = np.sort(np.round(lines, 9).view(complex)[..., 0], axis=1)  # once, whichever way it runs
+    return lines[np.unique(ends, axis=0, return_index=True)[1]]
+
+
+def _side_by_side(plans: list[Plan]) -> Plan:
+    """Several plans as one, none of whose triangles touch those of another."""
+    walls = np.cumsum([0, *(len(one.wall_along) for one in plans)])
+    points = np.cumsum([0, *(len(one.vertex) for one in plans)])
+    triangles = np.cumsum([0, *(len(one.tri_vertex) for one in plans)])
+    corners = np.cumsum([0, *(len(one.corner_vertex) for one in plans)])
+    by = {
+        "tri_vertex": points,
+        "corner_vertex": points,
+        "tri_next": triangles,
+        "tri_wall": walls,
+        "corner_walls": walls,
+        "tri_corner": corners,
+    }
+    joined = {}
+    for name in Plan._fields[1:]:
+        parts = [getattr(one, name) for one in plans]
+        if name in by:
+            parts = [
+                np.where(part >= 0, part + first, -1)
+                for part, first in zip(parts, by[name][:-1], strict=True)
+            ]
+        joined[name] = np.concatenate(parts)
+    return Plan(origin=plans[0].origin, **joined)
+
+
+def _covered(
+    plan: Plan,
+    tri_layer: Int[np.ndarray, " t"],
+    inner: Bool[np.ndarray, " t"],
+    flat: tuple[shapely.Geometry, ...],
+) -> Bool[np.ndarray, "t 2"]:
+    """Whether level faces cover each inner triangle from below, and from above."""
+    middle = plan.vertex[plan.tri_vertex].mean(axis=1)
+    covered = np.zeros((len(middle), 2), bool)
+    for level, area in enumerate(flat):
+        shapely.prepare(area)
+        for side in range(2):
+            own = inner & (tri_layer == level - side)
+            covered[own, side] = shapely.contains_xy(area, *middle[own].T)
+    return covered
+
+
+class _Pieces(NamedTuple):
+    """What triangles of two layers have in common."""
+
+    below: Int[np.ndarray, " q"]
+    """Triangle of the lower layer."""
+    above: Int[np.ndarray, " q"]
+    """Triangle of the higher one."""
+    corner: Float[np.ndarray, "q 8 2"]
+    """Corners of the piece [m]; zeros beyond the last."""
+    corners: Int[np.ndarray, " q"]
+    """Number of corners."""
+    area: Float[np.ndarray, " q"]
+    """Size [m2]."""
+
+
+def _pieces(
+    corner: Float[np.ndarray, "t 3 2"],
+    tri_layer: Int[np.ndarray, " t"],
+    open_above: Bool[np.ndarray, " t"],
+    open_below: Bool[np.ndarray, " t"],
+) -> _Pieces:
+    """Pieces of openings between some triangles of each layer and some of the next one."""
+    below, above = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+    for layer in range(tri_layer.max()):
+        low = np.flatnonzero(open_above & (tri_layer == layer))
+        high = np.flatnonzero(open_below & (tri_layer == layer + 1))
+        if len(low) and len(high):
+            boxes = [
+                shapely.box(*corner[own].min(axis=1).T, *corner[own].max(axis=1).T) for own in (low, high)
+            ]
+            one, other = shapely.STRtree(boxes[1]).query(boxes[0])
+            below.append(low[one])
+            above.append(high[other])
+    first, second = np.concatenate(below), np.concatenate(above)
+    found = _Pieces(first, second, *in_common(corner[first], corner[second]))
+    return _Pieces(*(column[found.area > _NOTHING_M2] for column in found))
+
+
+def _floored(
+    region: Int[np.ndarray, " t"],
+    storey: Bool[np.ndarray, " t"],
+    covered: Bool[np.ndarray, "t 2"],
+    area: Float[np.ndarray, " t"],
+) -> Bool[np.ndarray, " t"]:
+    """Triangles of those regions of storeys that have a floor, or a ceiling, over half of them or more."""
+    whole = np.bincount(region, area)
+    found = np.zeros(len(whole), bool)
+    for side in range(2):
+        found |= np.bincount(region, area * (covered[:, side] & storey)) > whole / 2
+    return found[region]
+
+
+def _rooms(
+    region: Int[np.ndarray, " t"], seed: Bool[np.ndarray, " t"], pieces: _Pieces
+) -> Bool[np.ndarray, " t"]:
+    """Triangles of regions that have a floor or a ceiling, and of those that openings join to them."""
+    n, ends = region.max() + 1, (region[pieces.below], region[pieces.above])
+    links = coo_array((np.ones(len(pieces.below), bool), ends), shape=(n, n))
+    joined = connected_components(links, directed=False)[1][region]
+    return np.isin(joined, np.unique(joined[seed]))
+
+
+def _closed(
+    room: Bool[np.ndarray, " t"],
+    inner: Bool[np.ndarray, " t"],
+    covered: Bool[np.ndarray, "t 2"],
+    tri_layer: Int[np.ndarray, " t"],
+    n_levels: int,
+    area: Float[np.ndarray, " t"],
+    pieces: _Pieces,
+    snap_m: float,
+) -> bool:
+    """Whether each triangle of a room has a face or pieces of openings all over it, below and above."""
+    if not room.any() or (room & ~inner).any():
+        return False
+    slack = _COVERED * area + _COVERED_M * snap_m * np.sqrt(area)
+    for side, mine in enumerate((pieces.above, pieces.below)):
+        filled = np.bincount(mine, pieces.area, len(area))
+        ends = tri_layer == (0 if side == 0 else n_levels - 2)
+        open_ = room & ~covered[:, side] & (area > slack)
+        if (open_ & ends).any() or (filled[open_] < (area - slack)[open_]).any():
+            return False
+    return True
+
+
+def _by_triangle(n: int, pieces: _Pieces) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Pieces from either side: where those of each triangle and side begin, what is behind, and their corners."""
+    key = np.concatenate([2 * pieces.below + 1, 2 * pieces.above])
+    order = np.argsort(key, kind="stable")
+    start = np.searchsorted(key[order], np.arange(2 * n + 1))
+    behind = np.concatenate([pieces.above, pieces.below])[order]
+    most = pieces.corners.max(initial=3)
+    return (
+        start,
+        behind,
+        np.tile(pieces.corners, 2)[order],
+        np.tile(pieces.corner[:, :most], (2, 1, 1))[order],
+    )
+
+
+def _sides_on(
+    plan: Plan,
+    tri_layer: Int[np.ndarray, " t"],
+    rim: Float[np.ndarray, "e 2 3"],
+    level_m: Float[np.ndarray, " k"],
+    snap_m: float,
+) -> Int[np.ndarray, "t 3 2"]:
+    """The rim that each side of each triangle is a part of, at either end of its layer."""
+    found = np.full((*plan.tri_vertex.shape, 2), -1, np.int64)
+    if not len(rim):
+        return found
+    tree = shapely.STRtree(shapely.linestrings(rim[:, :, :2]))
+    for i in range(3):
+        ends = plan.vertex[plan.tri_vertex[:, [(i + 1) % 3, (i + 2) % 3]]]
+        t, e = tree.query(shapely.points(ends.mean(axis=1)), predicate="dwithin", distance=2 * snap_m)
+        line = shapely.linestrings(rim[e, :, :2])
+        for k in range(2):
+            near = shapely.distance(line, shapely.points(ends[t, k])) < 2 * snap_m
+            t, e, line = t[near], e[near], line[near]
+        for side in range(2):
+            here = np.abs(level_m[tri_layer[t] + side] - rim[e, 0, 2]) < snap_m
+            found[t[here], i, side] = e[here]
+    return found
+
+
+def _sealed(
+    layers: Layers,
+    room: Bool[np.ndarray, " t"],
+    inner: Bool[np.ndarray, " t"],
+    covered: Bool[np.ndarray, "t 2"],
+) -> bool:
+    """Whether no wall and no level face has rooms on both sides."""
+    plan = layers.plan
+    both = (plan.tri_wall >= 0) & room[:, None] & room[plan.tri_next] & (plan.tri_next >= 0)
+    if both.any():
+        return False
+    low, high = room & inner & covered[:, 1], room & inner & covered[:, 0]
+    return not len(_pieces(plan.vertex[plan.tri_vertex], layers.tri_layer, low, high).below)

@@ -1,0 +1,136 @@
+"""Stacked storeys made ready for tracing: where they are traced as such, and where they are left to the general way."""
+
+import logging
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import trimesh
+from jaxtyping import Complex, Float, Int
+
+from wireless.geometry.facets import at_heights, find_surfaces, without_rims
+from wireless.geometry.layers import make_layers
+from wireless.geometry.plan import Locator
+from wireless.geometry.stack import Stack
+from wireless.tracing.blocks import Rows, trace_blocks
+from wireless.tracing.scenes import by_triangle, part_of
+from wireless.tracing.stack_engine import layer_views, trace_layers
+from wireless.tracing.table import Setting, Table
+
+logger = logging.getLogger(__name__)
+
+
+class NoStackError(Exception):
+    """Why storeys cannot be traced as such; the message goes on after "because"."""
+
+
+class StackScene:
+    """Storeys over each other, and how links in and between them are traced.
+
+    Args:
+        mesh: All triangles.
+        stack: The storeys that they make.
+        face_material: A number for the material of each face.
+        face_wall: Its layers.
+        setting: Physics and limits for some walls.
+        snap_m: Ends of walls closer than this are one.
+        floor_ceiling: Whether floors and ceilings reflect.
+
+    Raises:
+        NoStackError: If rooms are not closed, or paths are asked for that reflect at or pass slabs.
+    """
+
+    engine = "storeys"
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        stack: Stack,
+        face_material: Int[np.ndarray, " n"],
+        face_wall: Complex[np.ndarray, "n l"],
+        setting: Callable[[np.ndarray], Setting],
+        *,
+        snap_m: float,
+        floor_ceiling: bool,
+    ):
+        if floor_ceiling:
+            raise NoStackError("floors and ceilings reflect")
+        self.origin = np.append(stack.origin, 0.0)
+        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(moved, face_material, snap_m)
+        surfaces = without_rims(surfaces, at_heights(surfaces, stack.level_m[[0, -1]], snap_m))
+        stacked = make_layers(stack, surfaces, snap_m)
+        if stacked is None:
+            raise NoStackError("its rooms are not closed")
+        self.layers, self.room = stacked.layers, stacked.room
+        self._setting = setting(face_wall[stacked.face])
+        thin = bool((face_wall[:, 1].real > 0).any())
+        if thin and self._setting.max_through > (1 if stacked.sealed else 0):
+            raise NoStackError("paths may pass walls into other rooms")
+        self._setting = self._setting._replace(max_through=0)
+        self._snap_m = snap_m
+        self._places = [self._locator(layer) for layer in range(len(stack.walls))]
+        logger.info("%d storeys of %d walls", len(stack.walls) // 2 + 1, len(self.layers.plan.wall_along))
+
+    def _locator(self, layer: int) -> tuple[Locator, Int[np.ndarray, " t"]] | None:
+        """Who finds triangles in a layer, and the numbers of these triangles."""
+        plan, own = self.layers.plan, np.flatnonzero(self.layers.tri_layer == layer)
+        if not len(own):
+            return None
+        part = plan._replace(tri_vertex=plan.tri_vertex[own], tri_wall=plan.tri_wall[own])
+        return Locator(part, 2 * self._snap_m), own
+
+    def _around(
+        self, points: Float[np.ndarray, "n 3"]
+    ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " m"]]:
+        """Where each point's triangles begin, and these; none for a point in no layer, or on a floor or ceiling."""
+        level, snap_m = self.layers.level_m, self._snap_m
+        layer = np.searchsorted(level, points[:, 2], side="right") - 1
+        layer[np.abs(points[:, 2] - level[0]) <= snap_m] = 0
+        layer[np.abs(points[:, 2] - level[-1]) <= snap_m] = len(level) - 2
+        on = (np.abs(points[:, 2, None] - level[1:-1]) <= snap_m).any(axis=1)
+        point, triangle = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
+        for number, place in enumerate(self._places):
+            own = np.flatnonzero((layer == number) & ~on)
+            if place is not None and len(own):
+                start, found = place[0](points[own, :2])
+                point.append(own[np.repeat(np.arange(len(own)), np.diff(start))])
+                triangle.append(place[1][found])
+        of, found = np.concatenate(point), np.concatenate(triangle)
+        order = np.lexsort((found, of))
+        return np.searchsorted(of[order], np.arange(len(points) + 1)), found[order]
+
+    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
+        """Whether points, around the origin, lie in rooms and off the floors and ceilings between storeys."""
+        start, triangle = self._around(points)
+        return bool((np.diff(start) > 0).all() and self.room[triangle].all())
+
+    def tables(
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
+    ) -> Rows:
+        """Paths of each transmitter, to receivers in blocks.
+
+        Raises:
+            ValueError: If a point lies in no room.
+        """
+        for name, points in (("tx", tx), ("rx", rx)):
+            if not self.holds(points):
+                raise ValueError(
+                    f"{name} has positions in slabs or walls, outside, or at the height of a floor or ceiling "
+                    "between storeys, expected within rooms. Trace them with scene='space'."
+                )
+        around_tx, around_rx = self._around(tx), self._around(rx)
+        layers, setting = self.layers, self._setting
+        rim = layers.level_m[1:-1] if len(layers.rim) else np.empty(0)
+        both = np.concatenate([tx[:, 2], rx[:, 2], rim])
+        span_m = np.array([[rx[:, 2].min(), rx[:, 2].max()], [both.min(), both.max()]])
+
+        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+            some, (start, triangle) = np.ascontiguousarray(rx[rxs]), part_of(*around_rx, rxs)
+            views = layer_views(layers, some, start, triangle, setting.side_reflections, span_m)
+            targets = by_triangle(start, triangle, len(layers.tri_layer))
+            tx_start, tx_triangle = part_of(*around_tx, txs)
+            for i, one in enumerate(tx[txs]):
+                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
+                yield trace_layers(layers, setting, one, around, some, *targets, views, span_m)
+
+        return trace_blocks(len(tx), len(rx), trace, workers)
