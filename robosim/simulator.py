@@ -220,7 +220,7 @@ class Simulator:
                 name: link.measure(self.pose, self._anchor_rngs[name]) for name, link in self.anchors.items()
             }
         with self.watch.stage("recognition"):
-            target = self._recognise(frame)
+            target = self._recognise(frame._replace(depth=measured))
         return Observation(frame.rgb, measured, odometry, paths, anchors, target, laser)
 
     def _recognise(self, frame: RGBD) -> Float[np.ndarray, "2"] | None:

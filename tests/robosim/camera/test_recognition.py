@@ -5,6 +5,7 @@ import pytest
 
 from robosim.building.building import make_building
 from robosim.camera.cameras import make_camera
+from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import RGBD, CameraConfig, camera_pose
 from robosim.camera.recognition import MarkerRecogniser, PerfectRecogniser
 from robosim.camera.rendering.shading import shaded_mesh
@@ -26,13 +27,28 @@ def _local(pose):
     return between(pose, np.array([*TARGET, 0.0]))[:2]
 
 
-@pytest.mark.parametrize("bearing_deg", [180, 160, 200, 90])
-def test_the_marker_tells_where_the_target_is(camera, bearing_deg):
-    """From 1.2 m, up to 20 degrees off a side's normal: within 6 cm of the target's middle."""
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize(("bearing_deg", "distance_m"), [(180, 1.2), (160, 1.2), (205, 1.5), (180, 2.4)])
+def test_the_marker_tells_where_the_target_is(camera, bearing_deg, distance_m, noise):
+    """Up to 25 degrees off a side's normal, within 3 cm of the target's middle, with the depth noise of a Kinect too.
+
+    Its size in the picture alone is 4 cm off in the median at 2 m, and 40 cm at worst at 2.5 m.
+    """
     bearing = np.deg2rad(bearing_deg)
-    place = TARGET + 1.2 * np.array([np.cos(bearing), np.sin(bearing)])
+    place = TARGET + distance_m * np.array([np.cos(bearing), np.sin(bearing)])
     pose = np.array([*place, bearing + np.pi + 0.1])
-    found = MarkerRecogniser(CONFIG).find(camera.render(camera_pose(pose, CONFIG)), _local(pose))
+    frame = camera.render(camera_pose(pose, CONFIG))
+    measured = DepthNoise(level=noise).apply(frame.depth, float(CONFIG.focal_px), np.random.default_rng(0))
+    found = MarkerRecogniser(CONFIG).find(frame._replace(depth=measured), _local(pose))
+    assert found is not None
+    assert np.hypot(*(found - _local(pose))) < 0.03
+
+
+def test_a_marker_without_depths_is_placed_by_its_size(camera):
+    """Within 6 cm from 1.2 m."""
+    pose = np.array([TARGET[0] - 1.2, TARGET[1], 0.1])
+    frame = camera.render(camera_pose(pose, CONFIG))
+    found = MarkerRecogniser(CONFIG).find(frame._replace(depth=np.zeros_like(frame.depth)), _local(pose))
     assert found is not None
     assert np.hypot(*(found - _local(pose))) < 0.06
 
