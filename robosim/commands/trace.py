@@ -65,17 +65,18 @@ def trace(
         work: Who does the work.
         out: Folder for the results, and to go on from; a new one under runs/ if not given.
     """
-    from robosim.datasets.trace import check_terminals, height_of, trace_link, trace_plan
+    from robosim.datasets.trace import check_terminals, trace_link, trace_plan
     from robosim.plans.floorplan import FloorPlan
     from robosim.radio.receivers import check_step
     from wireless.paths import LinkState
 
     config = radio.config(tolerance, polarisation)
+    if not storey:  # how high the others' floors are is not known before the plan is read
+        check_terminals(tx, rx, config.height_m)
     check_step(0.15 if grid is None else grid)
     alone = grid is None and rx is not None
     folder = folder_for(out, "trace --rx" if alone else "trace")
     floor_plan = read_storey(plan, storey, reading)
-    check_terminals(tx, rx, height_of(floor_plan, config))
     if alone and rx is not None:
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         found = {

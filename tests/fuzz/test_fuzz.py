@@ -117,7 +117,7 @@ def _refuses(folder, file):
 )  # fmt: skip
 def test_each_failure_is_noticed(tmp_path, monkeypatch, call, is_command, kind):
     """What the fuzzer looks for, done on purpose."""
-    monkeypatch.setattr(worker, "MOST_S", 0.2 if kind == "slow" else 30.0)
+    monkeypatch.setattr(worker, "MOST_S", 0.2 if kind == "slow" else 300.0)
     monkeypatch.chdir(tmp_path)
     seeds = tmp_path / "seeds"
     (seeds / "cake").mkdir(parents=True)
