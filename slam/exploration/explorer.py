@@ -22,7 +22,7 @@ from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
-from slam.planning.cost_map import EASES, Box, CostConfig, cut_box, known_box
+from slam.planning.cost_map import Box, CostConfig, cut_box, known_box
 from slam.planning.known_ground import ways_from_robot
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
@@ -181,9 +181,9 @@ class FrontierExplorer:
         """The goal of the best frontier; where none can be reached, the map is taken less strictly."""
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
-        for ease in EASES:
-            box = cut_box(estimate, low - margin, high + margin, ease)
-            way = ways_from_robot(box, self.config.cost, ease, through_unknown=False)
+        for bumps in (True, False):
+            box = cut_box(estimate, low - margin, high + margin, bumps=bumps)
+            way = ways_from_robot(box, self.config.cost, through_unknown=False)
             frontiers = find_frontiers(
                 box,
                 way,

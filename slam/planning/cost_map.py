@@ -1,7 +1,9 @@
 """What a metre costs in each cell of a map, for a robot with a round hull.
 
 1 on open floor, more the nearer to walls (so that ways keep to the middle of doors where there is room), more where
-nothing is known, and no way at all where the hull does not fit. A box may reach beyond the map: what lies there is
+nothing is known, and no way at all where the hull does not fit. Where it is a centimetre or two too wide it may fit all
+the same, since walls on the map are off by as much: such a neck costs as much as some metres, so that it is tried
+before a long way round, until something stops the robot there. A box may reach beyond the map: what lies there is
 unknown.
 Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered costmaps, IROS 2014.
 """
@@ -20,10 +22,6 @@ from slam.support.checks import check_numbers
 #: Cost per metre of halved cells through which no way leads; more than any other.
 _NO_WAY = np.float32(1e6)
 
-#: How strictly the map is taken: as it is; then without the places where the robot was stopped, which may be passable
-#: with a better aim; then with a hull that may touch, because walls on the map are off by a centimetre or two.
-EASES = (0, 1, 2)
-
 
 @dataclass(frozen=True, kw_only=True)
 class CostConfig:
@@ -32,9 +30,9 @@ class CostConfig:
     radius_m: float = 0.10
     """Radius of the hull [m]."""
     slack_m: float = 0.005
-    """Space that must be left on each side of the hull [m]."""
+    """Space that must be left on each side of the hull where something has stopped the robot [m]."""
     overlap_m: float = 0.02
-    """How far the hull may reach into obstacles of the map where no other way is left [m]: maps err."""
+    """How far the hull may reach into obstacles of the map [m]: maps err."""
     comfort_m: float = 0.12
     """Space on each side above which a wall no longer costs anything [m]."""
     wall_weight: float = 3.0
@@ -160,6 +158,8 @@ class Box:
     """Belief in an obstacle where nothing was seen, if the mapper anticipates; else 0.5."""
     obstacle: Bool[np.ndarray, "ny nx"]
     """Cells where something stands, or stopped the robot."""
+    blocked: Bool[np.ndarray, "ny nx"]
+    """Cells where something stopped the robot, as far as that is to count."""
     offset_m: Float32[np.ndarray, "ny nx 2"] | None
     """Surface inside each obstacle cell, from its centre [m]."""
     pose: Float[np.ndarray, "3"]
@@ -170,7 +170,8 @@ def cut_box(
     estimate: MapEstimate,
     low_xy: Float[np.ndarray, "2"],
     high_xy: Float[np.ndarray, "2"],
-    ease: int = 0,
+    *,
+    bumps: bool = True,
 ) -> Box:
     """A copy of what a map says in a box of `map`.
 
@@ -178,7 +179,7 @@ def cut_box(
         estimate: Map and pose.
         low_xy: Lower-left corner of the box [m].
         high_xy: Upper-right corner of the box [m]; the box may reach beyond the map.
-        ease: With 1 and 2, blocked cells are no obstacles.
+        bumps: Whether blocked cells count as obstacles.
     """
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
@@ -199,9 +200,10 @@ def cut_box(
     anticipated = np.full(frame.shape, 0.5, np.float32)
     if estimate.anticipated_probability is not None:
         anticipated[here] = estimate.anticipated_probability[there]
-    obstacle = probability > 0.5
-    if ease == 0:
-        obstacle[here] |= estimate.blocked[there]
+    obstacle, blocked = probability > 0.5, np.zeros(frame.shape, bool)
+    if bumps:
+        blocked[here] = estimate.blocked[there]
+        obstacle |= blocked
     offset = None
     if estimate.surface_offset_m is not None:
         offset = np.zeros((*frame.shape, 2), np.float32)
@@ -212,19 +214,14 @@ def cut_box(
         explored=explored,
         anticipated=anticipated,
         obstacle=obstacle,
+        blocked=blocked,
         offset_m=offset,
         pose=estimate.pose,
     )
 
 
-def cost_map(box: Box, config: CostConfig, ease: int = 0) -> CostMap:
-    """What a metre costs in each cell of a box, for the hull.
-
-    Args:
-        box: What is known.
-        config: Costs.
-        ease: With 2, the hull may reach a little into obstacles.
-    """
+def cost_map(box: Box, config: CostConfig) -> CostMap:
+    """What a metre costs in each cell of a box, for the hull."""
     space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
     cost = np.ones(box.frame.shape, np.float32)
     unknown = box.probability == 0.5
@@ -233,7 +230,13 @@ def cost_map(box: Box, config: CostConfig, ease: int = 0) -> CostMap:
     tightness = np.clip(1 - space / config.comfort_m, 0, 1)
     cost += config.wall_weight * tightness * tightness
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
-    passable = space >= (config.slack_m if ease < 2 else -config.overlap_m)
+    passable = space >= -config.overlap_m
+    if box.blocked.any():
+        # Where the robot was stopped, the map's centimetres have been tried.
+        n = 2 * math.ceil(config.radius_m / box.frame.resolution_m) + 1
+        disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n))
+        tried = cv2.dilate(box.blocked.astype(np.uint8), disk) > 0
+        passable &= (space >= config.slack_m) | ~tried
     _let_out(passable, space, box.frame, box.pose)
     return CostMap(frame=box.frame, cost=cost, passable=passable)
 

@@ -6,18 +6,15 @@ from slam.planning.cost_map import Box, CostConfig, CostMap, cost_map
 from slam.planning.travel_time import TravelTime, travel_time
 
 
-def ways_from_robot(
-    box: Box, config: CostConfig, ease: int = 0, *, through_unknown: bool = True
-) -> TravelTime:
+def ways_from_robot(box: Box, config: CostConfig, *, through_unknown: bool = True) -> TravelTime:
     """Cost of the ways from the robot to all places of a box, on cells twice as large as those of the box.
 
     Args:
         box: What is known, and where the robot is.
         config: Costs.
-        ease: How freely the map is taken; see `slam.planning.cost_map.EASES`.
         through_unknown: Whether ways may lead through cells of which nothing is known.
     """
-    costs = cost_map(box, config, ease)
+    costs = cost_map(box, config)
     if not through_unknown:
         costs = replace(costs, passable=costs.passable & (box.probability < 0.5))
     costs = costs.reachable_from(box.pose[:2]).halved()

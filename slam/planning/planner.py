@@ -8,7 +8,7 @@ enough for doors just wider than the hull; what lies behind is taken from the fa
 depends little on the size of the building. Fields are kept as long as the goal stays and nothing comes in the way.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
-strictly: a way that stopped the robot once is tried again, and one that is a centimetre too narrow is tried at all.
+strictly: a way that stopped the robot once is tried again.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 
@@ -20,7 +20,7 @@ from jaxtyping import Float
 
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
-from slam.planning.cost_map import EASES, CostConfig, CostMap, cost_map, cut_box, known_box
+from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.planning.known_ground import ways_to
 from slam.planning.paths import along, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
@@ -115,7 +115,8 @@ class Planner:
         self._plan: Plan | None = None
         self._hand_over: np.ndarray | None = None
         self._space_m = 0.0
-        self._ease = 0
+        self._bumps = True
+        """Whether places where the robot was stopped are no way."""
         self._far_age = self._near_age = 0
         self._closely = False
         """Whether coarse cells have led this way through a neck that is too narrow."""
@@ -154,7 +155,7 @@ class Planner:
         return self._plan
 
     def _around(self, estimate: MapEstimate) -> Clearance:
-        return Clearance.around(estimate, self.config.look_m, bumps=self._ease == 0)
+        return Clearance.around(estimate, self.config.look_m, bumps=self._bumps)
 
     def _in_the_way(self, plan: Plan, clearance: Clearance, estimate: MapEstimate) -> bool:
         """Whether something has come up on the way since it was planned, or the robot has left the field."""
@@ -177,7 +178,7 @@ class Planner:
     def _anew(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan:
         """A plan for a goal with nothing kept."""
         self._far_age = self._near_age = 0
-        self._ease, self._far, self._hand_over = 0, None, None
+        self._bumps, self._far, self._hand_over = True, None, None
         direct = self._solve_directly(estimate, asked)
         if direct is not None:
             return direct
@@ -188,7 +189,7 @@ class Planner:
         self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
     ) -> CostMap:
         """Costs of a box, of what can be reached in it."""
-        costs = cost_map(cut_box(estimate, low, high, self._ease), self.config.cost, self._ease)
+        costs = cost_map(cut_box(estimate, low, high, bumps=self._bumps), self.config.cost)
         return costs.reachable_from(estimate.pose[:2])
 
     def _solve_directly(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan | None:
@@ -214,7 +215,7 @@ class Planner:
         reach = self.config.max_far_m
         aim = np.clip(asked, low - reach, high + reach)
         low, high = np.minimum(low, aim) - self.config.border_m, np.maximum(high, aim) + self.config.border_m
-        for self._ease in EASES:
+        for self._bumps in (True, False):
             costs = self._costs(estimate, low, high)
             _, goal, gap_m = costs.nearest(aim)
             if gap_m < 0.3:

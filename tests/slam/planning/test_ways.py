@@ -19,6 +19,7 @@ def _box(probability: np.ndarray) -> Box:
         probability=probability.astype(np.float32),
         explored=probability < 0.5,
         anticipated=np.full(probability.shape, 0.5, np.float32),
+        blocked=np.zeros(frame.shape, bool),
         obstacle=probability > 0.5,
         offset_m=None,
         pose=np.array([1.0, 1.0, 0.0]),
