@@ -17,7 +17,18 @@ from wireless.geometry.patches import find_patches
 from wireless.support.compiled import compiled
 
 #: Patches of more triangles have the one that holds a point looked up in the tree.
-_FEW = 8
+FEW_TRIANGLES = 8
+
+
+class Panes(NamedTuple):
+    """Patches by their planes and boxes."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level."""
+    low: Float[np.ndarray, "p 3"]
+    """Lowest corner of a box around each [m]."""
+    high: Float[np.ndarray, "p 3"]
+    """Highest corner."""
 
 
 class Space(NamedTuple):
@@ -43,6 +54,8 @@ class Space(NamedTuple):
     """Corners of a window around each patch."""
     corners: Int[np.ndarray, " p"]
     """Number of corners of each window."""
+    panes: Panes
+    """Planes and boxes of patches."""
     start: Int[np.ndarray, " p1"]
     """Where each patch's triangles begin, and an end."""
     triangle: Float[np.ndarray, "t 3 3"]
@@ -83,11 +96,12 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
     patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))
     triangle = surfaces.triangle[patches.triangle]
     shining = np.flatnonzero(mirrors[patches.facet])
-    window = patches.window[shining]
-    used = (np.arange(window.shape[1]) < patches.corners[shining, None])[..., None]
-    boxes = make_boxes(
-        np.where(used, window, np.inf).min(axis=1), np.where(used, window, -np.inf).max(axis=1)
-    )
+    normal = surfaces.facet_normal[patches.facet]
+    level = np.einsum("ij,ij->i", normal, surfaces.facet_point[patches.facet])
+    used = (np.arange(patches.window.shape[1]) < patches.corners[:, None])[..., None]
+    low = np.where(used, patches.window, np.inf).min(axis=1)
+    high = np.where(used, patches.window, -np.inf).max(axis=1)
+    boxes = make_boxes(low[shining], high[shining])
     return Space(
         surfaces=surfaces,
         tree=tree,
@@ -99,6 +113,7 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
         patch_facet=patches.facet,
         window=patches.window,
         corners=patches.corners,
+        panes=Panes(np.column_stack([normal, level]), low, high),
         start=patches.start,
         triangle=triangle,
         inward=planes(triangle)[1],
@@ -108,12 +123,11 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
 
 
 @compiled
-def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
-    """Whether a point of a patch's plane lies in one of its triangles; sides count."""
-    first, last = space.start[patch], space.start[patch + 1]
-    if last - first <= _FEW:
-        return holds(space.triangle[first:last], space.inward[first:last], p)
-    tree, stack = space.tree, np.empty(64, np.int64)
+def in_large_patch(
+    tree: Tree, tree_patch: Int[np.ndarray, " t"], patch: int, p: Float[np.ndarray, "3"]
+) -> bool:
+    """Whether a point of a patch's plane lies in one of its triangles, found in the tree; sides count."""
+    stack = np.empty(64, np.int64)
     stack[0], depth = 0, 1
     while depth > 0:
         depth -= 1
@@ -126,7 +140,7 @@ def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            if space.tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
+            if tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
                 return True
     return False
 

@@ -16,7 +16,7 @@ from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceilin
 from wireless.geometry.images import make_space
 from wireless.geometry.occlusion import make_boxes
 from wireless.geometry.plan import Locator, Plan, make_plan, regions
-from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
+from wireless.tracing.blocks import Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
 from wireless.tracing.space_engine import trace_space
@@ -163,10 +163,8 @@ class SpaceScene:
                 "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
                 "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
             )
-        rows: Rows = []
-        for i in range(0, len(tx), BLOCK_TX):
-            rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
-        return rows
+        candidates = self._candidates
+        return trace_blocks(len(tx), len(rx), lambda txs, rxs: candidates.trace(tx[txs], rx[rxs]), workers)
 
     def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
         """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
@@ -176,21 +174,6 @@ class SpaceScene:
             if inside.all() or not inside.any():
                 return setting._replace(max_through=0)
         return setting
-
-    def _searched(
-        self,
-        candidates: Candidates,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-        workers: int | None,
-    ) -> Rows:
-        """The same among candidates, for a block of transmitters: each receiver's are found once for all of them."""
-        near = [candidates.of_transmitter(one) for one in tx]
-
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
-
-        return trace_blocks(len(tx), len(rx), trace, workers)
 
 
 def by_triangle(

@@ -92,13 +92,12 @@ def judged(request):
 def test_rays_find_the_strong_paths_and_no_false_one(judged, few, monkeypatch):
     """Of the paths within 40 dB of the strongest at least 99.9 % at the default number of rays; gains to 1e-9.
 
-    With few patches pairs and edges come from the cones of all, and none is missed; else (the second case) from rays,
-    here as many from receivers. A path that exhaustive search does not have would be a false one.
+    With few patches pairs and edges come from the cones of all, and none is missed; else (the second case) from rays.
+    A path that exhaustive search does not have would be a false one.
     """
     mesh, tx, rx, every = judged
     if not few:
-        monkeypatch.setattr(candidates, "RX_SHARE", 1)
-        monkeypatch.setattr(candidates, "FEWER", 10**9)
+        monkeypatch.setattr(candidates, "RAYS_A_PATCH", 10**9)
     rays = Tracer(mesh, config=config("rays")).trace(tx, rx)
     same = found(rays, every)
     assert (same >= 0).all()
@@ -221,7 +220,7 @@ def test_rays_name_the_walls_that_they_bounce_off():
     mesh = trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0))
     surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
     space = make_space(surfaces, np.ones(6, bool))
-    (pairs,) = Shooter(space).shoot(np.zeros((1, 3)), 20_000, 2, 0).chains
+    (pairs,) = Shooter(space).shoot(np.zeros(3), 20_000, 2, 0).chains
     assert len(pairs) == 30
     assert (pairs[:, 0] != pairs[:, 1]).all()
 
