@@ -15,7 +15,8 @@ Reference: P. S. Heckbert and P. Hanrahan, Beam tracing polygonal objects, SIGGR
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.geometry.occlusion import NEAR_M, Boxes, Tree, blocker
+from wireless.geometry.boxes import Boxes
+from wireless.geometry.occlusion import NEAR_M, Tree, blocker
 from wireless.support.compiled import compiled
 
 #: Most corners of a polygon; one that would get more stays as it was.
@@ -141,7 +142,9 @@ def clipped(
     other: Float[np.ndarray, "m 3"],
 ) -> int:
     """The part of a polygon within planes, up to `SLACK_M`, in `one`; its number of corners, 0 if none."""
-    one[:n] = polygon[:n]
+    for j in range(n):
+        for i in range(3):
+            one[j, i] = polygon[j, i]
     for k in range(n_planes):
         inside = True
         for j in range(n):
@@ -155,7 +158,9 @@ def clipped(
         if m == 0:
             return 0
         if m > 0:  # else there is no room: wider is fine
-            one[:m] = other[:m]
+            for j in range(m):
+                for i in range(3):
+                    one[j, i] = other[j, i]
             n = m
     return n
 

@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.cones import MAX_CORNERS
-from wireless.geometry.images import Space, cone_of, new_views, opens
+from wireless.geometry.images import Space, cone_of, new_views, opens, windows_of
 from wireless.geometry.occlusion import NEAR_M
 from wireless.geometry.shooting import Bent
 from wireless.support.compiled import compiled
-from wireless.tracing.space_paths import edge_sight, is_open
+from wireless.tracing.laying import edge_sight, is_open
 
 #: How much wider beams and bends are than they can be, for what rounding does [m].
 WIDER_M = 1e-6
@@ -46,7 +46,7 @@ class Sights(NamedTuple):
     over: Int[np.ndarray, "q m"]
     """These patches, the first from the transmitter first; -1 beyond the last."""
     place: Float[np.ndarray, "q 3"]
-    """Where the image is, as seen from the edge (`wireless.tracing.space_paths.edge_sight`)."""
+    """Where the image is, as seen from the edge (`wireless.tracing.laying.edge_sight`)."""
     part: Float[np.ndarray, "q 2"]
     """From where to where along the edge the image sees it, past the windows if not past what hides [m]."""
 
@@ -76,7 +76,7 @@ def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"])
         tx: The transmitter, around the space's origin [m].
         chain: Patches, by length and in rising order; -1 beyond the last.
     """
-    most, count = chain.shape[1], 0
+    most, count, windows = chain.shape[1], 0, windows_of(space)
     # View k looks over the first k patches of a chain: of the next one only the views that differ are new.
     views, same = new_views(most + 1, most), 0
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
@@ -96,18 +96,17 @@ def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"])
             continue
         same = shared
         while same < order:
-            n_planes = cone_of(space, views, same, plane)
-            if not opens(space, views, same, chain[c, same], views, same + 1, plane, n_planes, spare):
+            n_planes = cone_of(windows, views, same, plane)
+            if not opens(windows, views, same, chain[c, same], views, same + 1, plane, n_planes, spare):
                 break
             same += 1
         if same < order:
             continue
         kept[count], orders[count] = c, order
         if order > 0:
-            facet, level, off = space.patch_facet[chain[c, order - 1]], 0.0, 0.0
+            patch, off = chain[c, order - 1], 0.0
             for i in range(3):
-                normal = space.surfaces.facet_normal[facet, i]
-                level += normal * space.surfaces.facet_point[facet, i]
+                normal = windows.plane[patch, i]
                 off += normal * views.image[order, order, i]
                 least, largest = np.inf, -np.inf
                 for k in range(views.corners[order]):
@@ -115,7 +114,7 @@ def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"])
                     largest = max(largest, views.window[order, k, i])
                 column[i, count], column[3 + i, count] = views.image[order, order, i], normal
                 column[8 + i, count], column[11 + i, count] = least - WIDER_M, largest + WIDER_M
-            column[6, count], column[7, count] = level, off - level
+            column[6, count], column[7, count] = windows.plane[patch, 3], off - windows.plane[patch, 3]
         count += 1
     return Beams(chain[kept[:count]], orders[:count].copy(), column[:, :count].copy())
 
@@ -128,7 +127,7 @@ def place_edges(
 
     What is asked of one chain in a row is found out in a row.
     """
-    most, count = over.shape[1], 0
+    most, count, windows = over.shape[1], 0, windows_of(space)
     order, place, part = np.empty(len(edge), np.int64), np.empty((len(edge), 3)), np.empty((len(edge), 2))
     views, same, n_planes, kept = new_views(most + 1, most), 0, 0, np.empty(len(edge), np.int64)
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
@@ -141,9 +140,9 @@ def place_edges(
         if new or (k < most and over[j - 1, k] >= 0):
             same = 0
             while same <= k:
-                n_planes = cone_of(space, views, same, plane)
+                n_planes = cone_of(windows, views, same, plane)
                 if same == k or not opens(
-                    space, views, same, over[j, same], views, same + 1, plane, n_planes, spare
+                    windows, views, same, over[j, same], views, same + 1, plane, n_planes, spare
                 ):
                     break
                 same += 1

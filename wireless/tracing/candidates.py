@@ -33,7 +33,7 @@ from wireless.tracing.table import Setting, Table
 #: All is tried where a patch takes no longer than so many rays.
 RAYS_A_PATCH = 64
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
-MEMORY = 256_000_000
+MEMORY = 128_000_000
 
 
 class Reach(NamedTuple):

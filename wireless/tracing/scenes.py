@@ -11,10 +11,10 @@ import numpy as np
 import trimesh
 from jaxtyping import Complex, Float, Int
 
+from wireless.geometry.boxes import make_boxes
 from wireless.geometry.extruded import Extruded
 from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
-from wireless.geometry.occlusion import make_boxes
 from wireless.geometry.plan import Locator, Plan, make_plan, regions
 from wireless.tracing.blocks import Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
@@ -141,6 +141,7 @@ class SpaceScene:
         self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._candidates: Candidates | None = None
+        self._told = False
         if search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS):
             self._candidates = Candidates(self.space, self._setting._replace(max_through=0), rays)
 
@@ -158,7 +159,8 @@ class SpaceScene:
 
         if self._candidates is None:
             return trace_blocks(len(tx), len(rx), trace, workers)
-        if setting.max_through:
+        if setting.max_through and not self._told:
+            self._told = True
             logger.warning(
                 "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
                 "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."

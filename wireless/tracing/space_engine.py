@@ -17,22 +17,13 @@ from jaxtyping import Float, Int
 
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
+from wireless.geometry.boxes import Boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
-from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread
-from wireless.geometry.occlusion import NEAR_M, Boxes
+from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread, windows_of
+from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
-from wireless.tracing.space_paths import (
-    ASIDE_M,
-    edge_sight,
-    ground_of,
-    images_over,
-    is_open,
-    lay,
-    on_large,
-    pass_walls,
-    try_path,
-    weigh_path,
-)
+from wireless.tracing.laying import edge_sight, ground_of, images_over, is_open, lay, on_large
+from wireless.tracing.space_paths import ASIDE_M, pass_walls, try_path, weigh_path
 from wireless.tracing.table import (
     Scratch,
     Setting,
@@ -93,7 +84,7 @@ def enter_view(
     """Enter the ways over the chain of one view into the lists of the receivers in its cone."""
     keep, k2 = rank.shape[1], 2 * setting.wavenumber
     order, plane, who = views.order[v], room.plane, room.who
-    n_planes = cone_of(space, views, v, plane)
+    n_planes = cone_of(windows_of(space), views, v, plane)
     image, chain, ground = views.image[v], views.chain[v], ground_of(space)
     who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
     for h in range(meeting(rx_boxes, plane, n_planes, room.receivers)):
@@ -159,7 +150,7 @@ def enter_bend(
 ) -> int:
     """Enter the way over an edge and patches of both ends into a link's list; the list's new length.
 
-    Near and far as in `wireless.tracing.space_paths.lay`.
+    Near and far as in `wireless.tracing.laying.lay`.
     """
     scratch = room.scratch
     m, large = lay(
@@ -255,7 +246,7 @@ def lit_edges(
     line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
     strip = np.empty((4, 3))
     for v in range(n):
-        n_planes = cone_of(space, views, v, plane)
+        n_planes = cone_of(windows_of(space), views, v, plane)
         if n_planes > 0:
             behind[:] = plane[n_planes - 1]
         image = views.image[v, views.order[v]]
@@ -305,7 +296,7 @@ def _bend(
         for v in range(n_far):
             after = far.order[v]
             image = far.image[v, after]
-            n_planes = cone_of(space, far, v, plane)
+            n_planes = cone_of(windows_of(space), far, v, plane)
             for e in range(meeting(space.edge_boxes, plane, n_planes, found)):
                 edge = found[e]
                 if start[edge] == start[edge + 1]:

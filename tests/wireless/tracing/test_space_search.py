@@ -143,6 +143,46 @@ def test_paths_do_not_depend_on_workers_or_on_other_links(monkeypatch):
     np.testing.assert_array_equal(alone.gain, one.between(1, 7).gain)
 
 
+def test_a_transmitter_is_remembered_and_forgotten_without_a_trace(monkeypatch):
+    """Traced before or not, or forgotten since for want of memory: the same bits, and no more is kept than may be."""
+    tx, rx = places(3, 10), places(4, 11)
+    tracer = Tracer(SCENES["drum"], config=config("rays", max_paths=30))
+    first = tracer.trace(tx, rx)
+    again = tracer.trace(tx, rx)
+    known = tracer.scene._candidates._known
+    assert len(known) == 3
+    monkeypatch.setattr(candidates, "MEMORY", 0)
+    forgotten = Tracer(SCENES["drum"], config=config("rays", max_paths=30))
+    for paths in (again, forgotten.trace(tx, rx)):
+        np.testing.assert_array_equal(paths.gain, first.gain)
+        np.testing.assert_array_equal(paths.point, first.point)
+    assert len(forgotten.scene._candidates._known) == 1
+
+
+def test_edges_bend_rays_along_keller_cones():
+    """Behind a screen's edge rays reach each wall of a box that its cone meets, and no other.
+
+    Source and edge are at right angles: all rays stay in the plane through the source across the edge, so that the two
+    walls of the box that are parallel to it are not met.
+    """
+    screen = trimesh.creation.box(bounds=[(-0.01, -1.0, -0.6), (0.01, 1.0, 0.6)])
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0)), screen])
+    surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
+    space = make_space(surfaces, np.ones(len(surfaces.facet_face), bool))
+    # The middle of the upper edge of the face towards the source, cut short so that the cone is a plane.
+    middle = surfaces.edge.mean(axis=1)
+    edge = np.flatnonzero((np.abs(middle - [-0.01, 0.0, 0.6]) < 1e-9).all(axis=1))
+    source = np.array([[-2.0, 0.0, 0.6]])
+    short = surfaces.edge.copy()
+    short[edge[0]] *= [1.0, 1e-6, 1.0]
+    space = space._replace(surfaces=surfaces._replace(edge=short))
+    (behind,) = Shooter(space).bend(source, edge, np.ones(1, bool), 10**9, 1)
+    normals = surfaces.facet_normal[space.patch_facet[behind.chain[:, 0]]]
+    assert len(behind.chain) >= 4
+    assert (np.abs(normals[:, 1]) < 1e-9).all()
+    assert (behind.sight == 0).all()
+
+
 def test_two_reflections_about_an_edge_are_found_on_either_side(judged):
     """Chains of two before or behind an edge, and one on each side: all are among exhaustive search's paths."""
     mesh, tx, rx, _ = judged
