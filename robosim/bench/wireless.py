@@ -4,7 +4,8 @@ Each plan is traced at each setting, from the same transmitters to the same rece
 fullest setting (exact outline, most reflections, diffraction with a reflection): share of links with the same
 link state, direction of the strongest path, total power. Places lie in the free space of all tolerances.
 Rates are of warm runs; compiling and preparing a building are reported apart. Growth is the slope of a line
-through logarithms of time. Who sees whom is asked of other engines too (`robosim.bench.sight`).
+through logarithms of time. Who sees whom is asked of other engines too (`robosim.bench.sight`), and rooms of
+triangles are traced in space (`robosim.bench.space`).
 
 Errors are those of leaving paths out and of moving walls; how right the physics is, the tests say.
 """
@@ -28,7 +29,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from robosim.bench import sight
+from robosim.bench import sight, space
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.files import whole_file, write_json
@@ -61,9 +62,10 @@ def run(
     segments: int = 40_000,
     workers: int | None = None,
     seed: int = 0,
+    rooms: Sequence[space.Room] = space.ROOMS,
     console: Console | None = None,
 ) -> Group:
-    """Trace plans at all settings; write `wireless.json` and `wireless.png`, and return tables.
+    """Trace plans at all settings, and rooms; write `wireless.json` and two plots, and return tables.
 
     Args:
         plans: Floor plans.
@@ -72,6 +74,7 @@ def run(
         segments: Segments that engines are asked about in each plan.
         workers: Most threads; None for one on each available core.
         seed: Seed of places.
+        rooms: Rooms of triangles that rates are measured in.
         console: Where progress is shown; None for nowhere.
     """
     workers = workers or available_cores()
@@ -100,6 +103,7 @@ def run(
             sights.append(
                 {"plan": plan.name, "engine": "views of the plan, float64", "segments_per_s_here": views}
             )
+    triangles = space.compare(rooms, receivers=receivers, seed=seed)
     about = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
         "workers": workers,
@@ -112,10 +116,15 @@ def run(
     summary = _pooled(settings)
     write_json(
         Path(out) / "wireless.json",
-        about | {"settings": settings, "pooled": summary, "speed": speeds, "sight": sights},
+        about
+        | {"settings": settings, "pooled": summary, "speed": speeds, "sight": sights, "space": triangles},
     )
     _plot(summary, speeds, Path(out) / "wireless.png")
-    return Group(_error_table(summary), _speed_table(speeds, about), _sight_table(sights))
+    with whole_file(Path(out) / "space.png") as partial:
+        space.plot(triangles).savefig(partial, dpi=120)
+    return Group(
+        _error_table(summary), _speed_table(speeds, about), _sight_table(sights), *space.tables(triangles)
+    )
 
 
 def _compile() -> float:

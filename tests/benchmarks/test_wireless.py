@@ -8,7 +8,7 @@ import pytest
 import shapely
 from rich.console import Console
 
-from robosim.bench import sight, wireless
+from robosim.bench import sight, space, wireless
 from robosim.building.building import make_building
 from robosim.plans.floorplan import FloorPlan
 
@@ -29,7 +29,8 @@ def test_settings_are_compared_with_the_fullest(plan, tmp_path):
     outline on the 0.1 m grid is the same at 0.02 m and with straight walls, where all errors are those at 0. Rates
     are positive, and views answer as many pairs as there are.
     """
-    tables = wireless.run([plan], out=tmp_path, receivers=60, segments=400, workers=2)
+    rooms = [space.Room(1, 0, 0), space.Room(1, 1, 1)]
+    tables = wireless.run([plan], out=tmp_path, receivers=60, segments=400, workers=2, rooms=rooms)
     report = json.loads((tmp_path / "wireless.json").read_text())
     of = {(row["tolerance_m"], row["order"], row["edges"]): row for row in report["pooled"]}
     assert len(of) == 75
@@ -45,10 +46,21 @@ def test_settings_are_compared_with_the_fullest(plan, tmp_path):
         assert min(row["links_per_s"], row["links_per_s_1"], row["live_s"], row["prepare_s"]) > 0
         assert row["live_s"] <= row["live_95_s"] and row["receivers"] > 500
     assert 0.1 < report["peak_memory_gb"] < 4
-    assert (tmp_path / "wireless.png").stat().st_size > 10_000
+    assert [row["facets"] for row in report["space"]["speed"]] == [12, 92]
+    assert min(row[key] for row in report["space"]["speed"] for key in row) > 0
+    for name in ("wireless", "space"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 10_000
     console = Console(record=True, width=150, file=io.StringIO())
     console.print(tables)
     assert "Who sees whom" in console.export_text()
+
+
+def test_more_rays_find_more_of_all_paths_and_no_false_one():
+    """Recall rises with the number of rays, to all paths where all patches are tried; few rays miss some."""
+    report = space.compare([], space.Room(3, 1, 1), receivers=1, links=6)
+    recall = [row["recall"] for row in report["recall"]]
+    assert recall == sorted(recall) and recall[0] < 0.99 and recall[-1] == 1
+    assert not any(row["false"] for row in report["recall"])
 
 
 def test_double_precision_is_never_wrong_about_sight(plan):

@@ -10,14 +10,26 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees, sides
 from wireless.geometry.facets import Surfaces
-from wireless.geometry.occlusion import NEAR_M, Boxes, Tree, box_holds, holds, make_boxes, make_tree, planes
+from wireless.geometry.occlusion import NEAR_M, Tree, box_holds, holds, make_tree, planes
 from wireless.geometry.patches import find_patches
 from wireless.support.compiled import compiled
 
 #: Patches of more triangles have the one that holds a point looked up in the tree.
-_FEW = 8
+FEW_TRIANGLES = 8
+
+
+class Panes(NamedTuple):
+    """Patches by their planes and boxes."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level."""
+    low: Float[np.ndarray, "p 3"]
+    """Lowest corner of a box around each [m]."""
+    high: Float[np.ndarray, "p 3"]
+    """Highest corner."""
 
 
 class Space(NamedTuple):
@@ -43,6 +55,8 @@ class Space(NamedTuple):
     """Corners of a window around each patch."""
     corners: Int[np.ndarray, " p"]
     """Number of corners of each window."""
+    panes: Panes
+    """Planes and boxes of patches."""
     start: Int[np.ndarray, " p1"]
     """Where each patch's triangles begin, and an end."""
     triangle: Float[np.ndarray, "t 3 3"]
@@ -53,6 +67,19 @@ class Space(NamedTuple):
     """Patches that reflect, sorted into boxes; numbers are those of patches."""
     edge_boxes: Boxes
     """Edges, sorted into boxes."""
+
+
+class Windows(NamedTuple):
+    """What views are opened by: few arrays, as to hand all of a space on takes longer than to open one."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level of each patch."""
+    facet: Int[np.ndarray, " p"]
+    """Its facet."""
+    window: Float[np.ndarray, "p k 3"]
+    """Corners of a window around it."""
+    corners: Int[np.ndarray, " p"]
+    """Their number."""
 
 
 class Views(NamedTuple):
@@ -83,11 +110,12 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
     patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))
     triangle = surfaces.triangle[patches.triangle]
     shining = np.flatnonzero(mirrors[patches.facet])
-    window = patches.window[shining]
-    used = (np.arange(window.shape[1]) < patches.corners[shining, None])[..., None]
-    boxes = make_boxes(
-        np.where(used, window, np.inf).min(axis=1), np.where(used, window, -np.inf).max(axis=1)
-    )
+    normal = surfaces.facet_normal[patches.facet]
+    level = np.einsum("ij,ij->i", normal, surfaces.facet_point[patches.facet])
+    used = (np.arange(patches.window.shape[1]) < patches.corners[:, None])[..., None]
+    low = np.where(used, patches.window, np.inf).min(axis=1)
+    high = np.where(used, patches.window, -np.inf).max(axis=1)
+    boxes = make_boxes(low[shining], high[shining])
     return Space(
         surfaces=surfaces,
         tree=tree,
@@ -99,6 +127,7 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
         patch_facet=patches.facet,
         window=patches.window,
         corners=patches.corners,
+        panes=Panes(np.column_stack([normal, level]), low, high),
         start=patches.start,
         triangle=triangle,
         inward=planes(triangle)[1],
@@ -108,12 +137,11 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
 
 
 @compiled
-def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
-    """Whether a point of a patch's plane lies in one of its triangles; sides count."""
-    first, last = space.start[patch], space.start[patch + 1]
-    if last - first <= _FEW:
-        return holds(space.triangle[first:last], space.inward[first:last], p)
-    tree, stack = space.tree, np.empty(64, np.int64)
+def in_large_patch(
+    tree: Tree, tree_patch: Int[np.ndarray, " t"], patch: int, p: Float[np.ndarray, "3"]
+) -> bool:
+    """Whether a point of a patch's plane lies in one of its triangles, found in the tree; sides count."""
+    stack = np.empty(64, np.int64)
     stack[0], depth = 0, 1
     while depth > 0:
         depth -= 1
@@ -126,7 +154,7 @@ def on_patch(space: Space, patch: int, p: Float[np.ndarray, "3"]) -> bool:
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            if space.tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
+            if tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
                 return True
     return False
 
@@ -156,7 +184,13 @@ def _twice(views: Views) -> Views:
 
 
 @compiled
-def cone_of(space: Space, views: Views, v: int, plane: Float[np.ndarray, "p 4"]) -> int:
+def windows_of(space: Space) -> Windows:
+    """What views in a space are opened by."""
+    return Windows(space.panes.plane, space.patch_facet, space.window, space.corners)
+
+
+@compiled
+def cone_of(windows: Windows, views: Views, v: int, plane: Float[np.ndarray, "p 4"]) -> int:
     """Planes around what a view may reach; the last is that of its facet, its normal away from the image.
 
     Returns:
@@ -167,22 +201,19 @@ def cone_of(space: Space, views: Views, v: int, plane: Float[np.ndarray, "p 4"])
         return 0
     apex = views.image[v, order]
     n = sides(apex, views.window[v], views.corners[v], plane)
-    facet = space.patch_facet[views.chain[v, order - 1]]
-    off, level = 0.0, 0.0
+    patch = views.chain[v, order - 1]
+    off = -windows.plane[patch, 3]
     for i in range(3):
-        plane[n, i] = space.surfaces.facet_normal[facet, i]
-        level += plane[n, i] * space.surfaces.facet_point[facet, i]
-        off += plane[n, i] * apex[i]
-    sign = -1.0 if off > level else 1.0
-    for i in range(3):
-        plane[n, i] *= sign
-    plane[n, 3] = sign * level
+        off += windows.plane[patch, i] * apex[i]
+    sign = -1.0 if off > 0 else 1.0
+    for i in range(4):
+        plane[n, i] = sign * windows.plane[patch, i]
     return n + 1
 
 
 @compiled
 def opens(
-    space: Space,
+    windows: Windows,
     views: Views,
     v: int,
     patch: int,
@@ -193,24 +224,22 @@ def opens(
     spare: Float[np.ndarray, "k 3"],
 ) -> bool:
     """Whether a patch is in the cone of view v, whose planes are given; if so, view w of others is what it opens."""
-    order, facet = views.order[v], space.patch_facet[patch]
-    off, reach = 0.0, -np.inf
+    order, facet = views.order[v], windows.facet[patch]
+    off, reach = -windows.plane[patch, 3], -np.inf
     for i in range(3):
-        off += space.surfaces.facet_normal[facet, i] * (
-            views.image[v, order, i] - space.surfaces.facet_point[facet, i]
-        )
-    if abs(off) < NEAR_M or (order > 0 and facet == space.patch_facet[views.chain[v, order - 1]]):
+        off += windows.plane[patch, i] * views.image[v, order, i]
+    if abs(off) < NEAR_M or (order > 0 and facet == windows.facet[views.chain[v, order - 1]]):
         return False
-    n = space.corners[patch]
+    n = windows.corners[patch]
     if order > 0:
         for k in range(n):
             depth = -plane[n_planes - 1, 3]
             for i in range(3):
-                depth += plane[n_planes - 1, i] * space.window[patch, k, i]
+                depth += plane[n_planes - 1, i] * windows.window[patch, k, i]
             reach = max(reach, depth)
         if reach <= NEAR_M:
             return False
-    n = clipped(space.window[patch], n, plane, n_planes, opened.window[w], spare)
+    n = clipped(windows.window[patch], n, plane, n_planes, opened.window[w], spare)
     if n == 0:
         return False
     opened.order[w], opened.corners[w] = order + 1, n
@@ -221,9 +250,7 @@ def opens(
             opened.image[w, k, i] = views.image[v, k, i]
     opened.chain[w, order] = patch
     for i in range(3):
-        opened.image[w, order + 1, i] = (
-            views.image[v, order, i] - 2 * off * space.surfaces.facet_normal[facet, i]
-        )
+        opened.image[w, order + 1, i] = views.image[v, order, i] - 2 * off * windows.plane[patch, i]
     return True
 
 
@@ -250,8 +277,8 @@ def spread(
         found: Room for patches.
         piece: Room for polygons.
     """
-    order = views.order[v]
-    n_planes = cone_of(space, views, v, plane)
+    order, windows = views.order[v], windows_of(space)
+    n_planes = cone_of(windows, views, v, plane)
     apex, behind = views.image[v, order].copy(), np.zeros(4)
     # A view of its own: what it opens may take its place.
     own = new_views(1, views.chain.shape[1])
@@ -261,7 +288,7 @@ def spread(
     for h in range(meeting(space.patch_boxes, plane, n_planes, found)):
         if count == len(views.order):
             views = _twice(views)
-        if not opens(space, own, 0, found[h], views, count, plane, n_planes, piece[0]):
+        if not opens(windows, own, 0, found[h], views, count, plane, n_planes, piece[0]):
             continue
         if occluding and not sees(
             space.tree,

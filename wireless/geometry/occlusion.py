@@ -16,28 +16,17 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from wireless.geometry.boxes import make_boxes
 from wireless.support.compiled import compiled
 
 #: What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it.
 NEAR_M = 1e-9
-LEAF = 4
 #: What `sight` tells.
 FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
 SAME_M = 1e-6
-
-
-class Boxes(NamedTuple):
-    """Boxes of things, each with two boxes inside or a few things."""
-
-    low: Float[np.ndarray, "b 3"]
-    """Lowest corner of each box [m]."""
-    high: Float[np.ndarray, "b 3"]
-    """Highest corner of each box [m]."""
-    child: Int[np.ndarray, "b 2"]
-    """Two boxes; or -1 minus the first thing, and the number of things."""
-    number: Int[np.ndarray, " n"]
-    """What number each thing had before it was sorted into boxes."""
+#: One over the part of a way along an axis that it is at right angles to.
+_STEEP = 1e300
 
 
 class Tree(NamedTuple):
@@ -68,54 +57,6 @@ def planes(
     normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     inward = np.cross(normal[:, None], side)
     return normal, inward / np.linalg.norm(inward, axis=2)[..., None]
-
-
-def make_boxes(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
-    """Sort things, by their bounds, into boxes that are halved along the longest side of their centres."""
-    if not len(low):
-        return Boxes(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[-1, 0]]), np.empty(0, np.int64))
-    return _halved(np.ascontiguousarray(low, float), np.ascontiguousarray(high, float))
-
-
-@compiled
-def _halved(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
-    """Boxes of one or more things, those of the second half numbered first."""
-    n = len(low)
-    centre, number = (low + high) / 2, np.arange(n)
-    box_low, box_high = np.empty((2 * n, 3)), np.empty((2 * n, 3))
-    child = np.zeros((2 * n, 2), np.int64)
-    # First and last of what a box holds, its parent, and which half of it.
-    waiting = np.empty((128, 4), np.int64)
-    waiting[0, 0], waiting[0, 1], waiting[0, 2], waiting[0, 3], depth, count = 0, n, -1, 0, 1, 0
-    while depth > 0:
-        depth -= 1
-        first, last, parent, which = waiting[depth]
-        me, axis, widest = count, 0, -1.0
-        count += 1
-        for i in range(3):
-            box_low[me, i], box_high[me, i], least, most = np.inf, -np.inf, np.inf, -np.inf
-            for j in range(first, last):
-                t = number[j]
-                box_low[me, i], box_high[me, i] = (
-                    min(box_low[me, i], low[t, i]),
-                    max(box_high[me, i], high[t, i]),
-                )
-                least, most = min(least, centre[t, i]), max(most, centre[t, i])
-            if most - least > widest:
-                axis, widest = i, most - least
-        if parent >= 0:
-            child[parent, which] = me
-        if last - first <= LEAF:
-            child[me, 0], child[me, 1] = -1 - first, last - first
-            continue
-        members = number[first:last].copy()
-        number[first:last] = members[np.argsort(centre[members, axis], kind="mergesort")]
-        half = first + (last - first) // 2
-        waiting[depth, 0], waiting[depth, 1], waiting[depth, 2], waiting[depth, 3] = first, half, me, 0
-        waiting[depth + 1, 0], waiting[depth + 1, 1] = half, last
-        waiting[depth + 1, 2], waiting[depth + 1, 3] = me, 1
-        depth += 2
-    return Boxes(box_low[:count].copy(), box_high[:count].copy(), child[:count].copy(), number)
 
 
 def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
@@ -190,48 +131,83 @@ def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "
 
 
 @compiled
+def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) -> tuple[int, bool]:
+    """A triangle that the way over points meets so deep, in the tree's order, or -1; and whether any was met.
+
+    Written out number by number, and for all legs at once, as most of the time of tracing in space is spent here,
+    and to hand a tree on takes as long as a look.
+    """
+    low, high, child = tree.low, tree.high, tree.child
+    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    stack, touched = np.empty(64, np.int64), False
+    for leg in range(legs - 1, -1, -1):  # what a transmitter sees is known better than what a receiver does
+        px, py, pz = point[leg, 0], point[leg, 1], point[leg, 2]
+        dx, dy, dz = point[leg + 1, 0] - px, point[leg + 1, 1] - py, point[leg + 1, 2] - pz
+        # A way in a plane of a box is either between its sides or far out of it.
+        ix = 1 / dx if dx != 0 else _STEEP
+        iy = 1 / dy if dy != 0 else _STEEP
+        iz = 1 / dz if dz != 0 else _STEEP
+        stack[0], depth = 0, 1
+        while depth > 0:
+            depth -= 1
+            box = stack[depth]
+            a, b = (low[box, 0] - px) * ix, (high[box, 0] - px) * ix
+            enter, leave = max(0.0, min(a, b)), min(1.0, max(a, b))
+            a, b = (low[box, 1] - py) * iy, (high[box, 1] - py) * iy
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+            a, b = (low[box, 2] - pz) * iz, (high[box, 2] - pz) * iz
+            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+            if enter > leave + 1e-12:
+                continue
+            one, other = child[box, 0], child[box, 1]
+            if one >= 0:
+                stack[depth], stack[depth + 1] = one, other
+                depth += 2
+                continue
+            for t in range(-1 - one, -1 - one + other):
+                x, y, z = px - triangle[t, 0, 0], py - triangle[t, 0, 1], pz - triangle[t, 0, 2]
+                dp = normal[t, 0] * x + normal[t, 1] * y + normal[t, 2] * z
+                dq = normal[t, 0] * (x + dx) + normal[t, 1] * (y + dy) + normal[t, 2] * (z + dz)
+                if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+                    continue
+                f, least = dp / (dp - dq), np.inf
+                x, y, z = px + f * dx, py + f * dy, pz + f * dz
+                for k in range(3):
+                    into = (
+                        inward[t, k, 0] * (x - triangle[t, k, 0])
+                        + inward[t, k, 1] * (y - triangle[t, k, 1])
+                        + inward[t, k, 2] * (z - triangle[t, k, 2])
+                    )
+                    least = min(least, into)
+                if least >= deep_m:
+                    return t, True
+                touched = touched or least >= -NEAR_M
+    return -1, touched
+
+
+@compiled
 def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
     """A triangle between p and q, in the tree's order; -1 if there is none."""
-    stack = np.empty(64, np.int64)
-    stack[0], depth = 0, 1
-    while depth > 0:
-        depth -= 1
-        box = stack[depth]
-        if _box_missed(tree.low[box], tree.high[box], p, q):
-            continue
-        one, other = tree.child[box]
-        if one < 0:
-            for t in range(-1 - one, -1 - one + other):
-                if _hides(tree, t, p, q):
-                    return t
-        else:
-            stack[depth], stack[depth + 1] = one, other
-            depth += 2
-    return -1
+    ends = np.empty((2, 3))
+    for i in range(3):
+        ends[0, i], ends[1, i] = p[i], q[i]
+    return _met(tree, ends, 1, -NEAR_M)[0]
+
+
+@compiled
+def sight_along(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int) -> int:
+    """What so many legs from point to point are: `HIDDEN` if one is, `TOUCHED` if one only meets sides, or `FREE`."""
+    t, touched = _met(tree, point, legs, NEAR_M)
+    return HIDDEN if t >= 0 else TOUCHED if touched else FREE
 
 
 @compiled
 def sight(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
     """`FREE` if no triangle is between p and q, `TOUCHED` if the way only meets sides of some, or `HIDDEN`."""
-    stack = np.empty(64, np.int64)
-    stack[0], depth, found = 0, 1, FREE
-    while depth > 0:
-        depth -= 1
-        box = stack[depth]
-        if _box_missed(tree.low[box], tree.high[box], p, q):
-            continue
-        one, other = tree.child[box]
-        if one >= 0:
-            stack[depth], stack[depth + 1] = one, other
-            depth += 2
-            continue
-        for t in range(-1 - one, -1 - one + other):
-            inside = _depth(tree, t, p, q)
-            if inside > NEAR_M:
-                return HIDDEN
-            if inside >= -NEAR_M:
-                found = TOUCHED
-    return found
+    ends = np.empty((2, 3))
+    for i in range(3):
+        ends[0, i], ends[1, i] = p[i], q[i]
+    return sight_along(tree, ends, 1)
 
 
 @compiled
@@ -239,14 +215,24 @@ def crosses(
     tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
 ) -> bool:
     """Whether a way from p to q changes sides of a triangle that it turns on."""
+    low, high, child = tree.low, tree.high, tree.child
+    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    x, y, z = at[0], at[1], at[2]
     stack = np.empty(64, np.int64)
     stack[0], depth = 0, 1
     while depth > 0:
         depth -= 1
         box = stack[depth]
-        if not box_holds(tree, box, at, NEAR_M):
+        if (
+            x < low[box, 0] - NEAR_M
+            or x > high[box, 0] + NEAR_M
+            or y < low[box, 1] - NEAR_M
+            or y > high[box, 1] + NEAR_M
+            or z < low[box, 2] - NEAR_M
+            or z > high[box, 2] + NEAR_M
+        ):
             continue
-        one, other = tree.child[box]
+        one, other = child[box, 0], child[box, 1]
         if one >= 0:
             stack[depth], stack[depth + 1] = one, other
             depth += 2
@@ -254,15 +240,15 @@ def crosses(
         for t in range(-1 - one, -1 - one + other):
             off, dp, dq, least = 0.0, 0.0, 0.0, np.inf
             for i in range(3):
-                off += tree.normal[t, i] * (at[i] - tree.triangle[t, 0, i])
-                dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
-                dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
+                off += normal[t, i] * (at[i] - triangle[t, 0, i])
+                dp += normal[t, i] * (p[i] - triangle[t, 0, i])
+                dq += normal[t, i] * (q[i] - triangle[t, 0, i])
             if abs(off) >= NEAR_M or abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
                 continue
             for k in range(3):
                 into = 0.0
                 for i in range(3):
-                    into += tree.inward[t, k, i] * (at[i] - tree.triangle[t, k, i])
+                    into += inward[t, k, i] * (at[i] - triangle[t, k, i])
                 least = min(least, into)
             if least >= -NEAR_M:
                 return True

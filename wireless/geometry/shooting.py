@@ -1,17 +1,19 @@
 """Shooting and bouncing rays: which chains of patches a point may see, and which edges over them.
 
 Rays leave a point in all directions, are mirrored where they meet a patch that reflects, and note what they met:
-the patches in a row, and over them the edges of the patch that they met next. Embree answers a million such rays
-a second whatever the number of triangles, in single precision. That is enough, because nothing but names comes of
-it: images, reflection points and edge points are computed from these names in double precision, and each leg is
-looked at in the double-precision tree. So a chain that rounding made up gives no path, and all that rays can
-do wrong is to miss a chain.
+the patches in a row, and over them the edges of the patch that they met next. Rays that an edge bends leave its
+points on Keller's cones and are followed alike. Embree answers a million such rays a second whatever the number of
+triangles, in single precision. That is enough, because nothing but names comes of it: images, reflection points and
+edge points are computed from these names in double precision, and each leg is looked at in the double-precision
+tree. So a chain that rounding made up gives no path, and all that rays can do wrong is to miss a chain.
 
 Directions are the first n of one sequence that fills the sphere evenly at any length, without a seed: more rays are
-the same rays and others, and find the same chains and others.
+the same rays and others, and find the same chains and others. Points of an edge and turns about it are of one
+sequence too, of which each edge takes the more the larger it appears.
 
-Reference: H. Ling, R.-C. Chou and S.-W. Lee, Shooting and bouncing rays, IEEE Trans. Antennas Propag. 37 (1989) 194;
-M. Roberts, The unreasonable effectiveness of quasirandom sequences (2018), for the sequence.
+References: H. Ling, R.-C. Chou and S.-W. Lee, Shooting and bouncing rays, IEEE Trans. Antennas Propag. 37 (1989) 194;
+J. B. Keller, Geometrical theory of diffraction, J. Opt. Soc. Am. 52 (1962) 116; M. Roberts, The unreasonable
+effectiveness of quasirandom sequences (2018), for the sequences.
 """
 
 from typing import NamedTuple
@@ -19,27 +21,41 @@ from typing import NamedTuple
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.images import Space
+from wireless.geometry.occlusion import NEAR_M
 
 #: Steps of the sequence: powers of the number whose cube is itself and one (the plane's golden ratio).
 _STEPS = 0.7548776662466927, 0.5698402909980532
 #: How far before a patch a mirrored ray starts, lest single precision let it meet that patch again [m].
 _LIFT_M = 1e-4
+#: Directions that are tried at each point of an edge.
+_TURNS = 16
+#: An edge that fills this angle [rad] bends as many rays as the transmitter shoots.
+EDGE_RAD = 40.0
+#: Rays that are shot at once: some 400 bytes each.
+_AT_ONCE = 400_000
 
 
 class Sightings(NamedTuple):
-    """What points see over chains of patches."""
+    """What a point sees over chains of patches."""
 
     chains: tuple[Int[np.ndarray, "_ _"], ...]
-    """Chains of two patches, of three, and so on, in rising order, of the first point; without doubles."""
-    start: Int[np.ndarray, " s1"]
-    """Where each point's edges begin, and an end."""
+    """Chains of two patches, of three, and so on, in rising order; without doubles."""
     edge: Int[np.ndarray, " q"]
-    """Edges that points see over one patch or more, rising for each point."""
+    """Edges that the point sees over one patch or more."""
     over: Int[np.ndarray, "q m"]
     """The patches that each is seen over, the first from the point first; -1 beyond the last."""
+
+
+class Bent(NamedTuple):
+    """What rays meet behind edges."""
+
+    sight: Int[np.ndarray, " b"]
+    """Which of the sights that were asked about."""
+    chain: Int[np.ndarray, "b m"]
+    """Patches in a row, the first from the edge first."""
 
 
 class Shooter:
@@ -57,35 +73,130 @@ class Shooter:
         self._edge_start, self._edge = edges_of_patches(space)
 
     def shoot(
-        self, points: Float[np.ndarray, "s 3"], rays: int, reflections: int, edge_reflections: int
+        self, point: Float[np.ndarray, "3"], rays: int, reflections: int, edge_reflections: int
     ) -> Sightings:
-        """Chains that rays from each point find, in a row that does not depend on how many points there are.
+        """Chains that rays from a point find.
 
         Args:
-            points: Where rays start, around the space's origin [m].
-            rays: Rays from each.
+            point: Where rays start, around the space's origin [m].
+            rays: How many.
             reflections: Most patches of a chain.
             edge_reflections: Most patches that edges are looked for over.
         """
         most = max(reflections, edge_reflections)
+        met: list[list[np.ndarray]] = [[] for _ in range(most + 1)]
+        every = directions(rays)
+        for first in range(0, rays, _AT_ONCE):
+            way = every[first : first + _AT_ONCE]
+            start = np.tile(point, (len(way), 1))
+            for order, (_, chain) in enumerate(
+                self._followed(start, way, np.zeros(len(way), np.int64), most)
+            ):
+                met[order].append(chain)
+        chains = [_together(some, order + 1) for order, some in enumerate(met)]
+        mirrors = self._space.mirrors[self._space.patch_facet]
+        edges = [self._edges(chain) for chain in chains[1 : edge_reflections + 1]]
+        over = np.full((sum(len(edge) for edge, _ in edges), max(edge_reflections, 1)), -1, np.int64)
+        row = 0
+        for _, chain in edges:
+            over[row : row + len(chain), : chain.shape[1]] = chain
+            row += len(chain)
+        return Sightings(
+            tuple(chain[mirrors[chain[:, -1]]] for chain in chains[1:reflections]),
+            np.concatenate([np.empty(0, np.int64), *(edge for edge, _ in edges)]),
+            over,
+        )
+
+    def bend(
+        self,
+        source: Float[np.ndarray, "q 3"],
+        edge: Int[np.ndarray, " q"],
+        seen: Bool[np.ndarray, " q"],
+        rays: int,
+        reflections: int,
+    ) -> tuple[Bent, ...]:
+        """Chains of one patch, of two, and so on, that rays find which edges bend; none twice.
+
+        Args:
+            source: Where rays to each edge come from, a point or its image [m].
+            edge: The edges.
+            seen: Whether a source is the point itself, which must see where on the edge a ray is bent.
+            rays: Rays that the point shoots in all directions; an edge bends its share.
+            reflections: Most patches of a chain.
+        """
+        if not len(edge) or reflections < 1:
+            return ()
+        surfaces = self._space.surfaces
+        ends, wedge = surfaces.edge[edge], surfaces.edge_wedge[edge]
+        away = source - ends[:, 0]
+        z = np.einsum("ij,ij->i", away, wedge[:, 0])
+        distance = np.linalg.norm(away - z[:, None] * wedge[:, 0], axis=1)
+        length = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        fills = np.arctan2(length - z, distance) - np.arctan2(-z, distance)
+        count = np.where(distance > NEAR_M, np.ceil(rays * fills / EDGE_RAD), 0).astype(np.int64)
+        found: list[list[np.ndarray]] = [[] for _ in range(reflections)]
+        part = np.cumsum(count) // _AT_ONCE
+        for which in np.split(np.arange(len(edge)), np.flatnonzero(np.diff(part)) + 1):
+            # Points of edges first: most edges of a full room are hidden.
+            points = -(-count[which] // _TURNS)
+            sight, k = np.repeat(which, points), _counted(points)
+            share = np.modf(0.5 + (k + 1) * _STEPS[0])[0]
+            at = ends[sight, 0] + (share * length[sight])[:, None] * wedge[sight, 0]
+            way = at - source[sight]
+            far = np.linalg.norm(way, axis=1)
+            way /= np.maximum(far, NEAR_M)[:, None]
+            free = far > 4 * _LIFT_M
+            asked = np.flatnonzero(free & seen[sight])
+            hit = self._scene.run(
+                source[sight[asked]].astype(np.float32),
+                way[asked].astype(np.float32),
+                dists=(far[asked] - 2 * _LIFT_M).astype(np.float32),
+            )
+            free[asked] &= hit < 0
+            sight, k, at, way = sight[free], k[free], at[free], way[free]
+            turns = np.minimum(count[sight] - k * _TURNS, _TURNS)
+            of = np.repeat(np.arange(len(sight)), turns)
+            turn = np.modf((k[of] * _TURNS + _counted(turns) + 1) * _STEPS[1])[0]
+            sight = sight[of]
+            turn *= surfaces.edge_gap_rad[edge[sight]]
+            axes, along = wedge[sight], np.einsum("ij,ij->i", way[of], wedge[sight, 0])
+            out = np.cos(turn)[:, None] * axes[:, 1] + np.sin(turn)[:, None] * axes[:, 2]
+            way = along[:, None] * axes[:, 0] + np.sqrt(1 - np.minimum(along**2, 1))[:, None] * out
+            at = at[of]
+            met = self._followed(at + _LIFT_M * out, way, sight, reflections - 1)
+            for order, (who, chain) in enumerate(met):
+                rows = np.column_stack([who, chain])[
+                    self._space.mirrors[self._space.patch_facet[chain[:, -1]]]
+                ]
+                found[order].append(rows)
+        joined = [np.concatenate(some) for some in found]
+        return tuple(Bent(rows[:, 0], rows[:, 1:]) for rows in joined)
+
+    def _followed(
+        self,
+        start: Float[np.ndarray, "n 3"],
+        way: Float[np.ndarray, "n 3"],
+        owner: Int[np.ndarray, " n"],
+        reflections: int,
+    ) -> list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, "c m"]]]:
+        """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored.
+
+        None comes twice.
+        """
         n_patches = len(self._space.patch_facet)
-        way = np.tile(directions(rays), (len(points), 1))
-        start = np.repeat(points, rays, axis=0)
-        node = np.repeat(np.arange(len(points)), rays)
-        # What each node is: its point, and its chain.
-        owner, chain = np.arange(len(points)), np.empty((len(points), 0), np.int64)
-        chains: list[np.ndarray] = []
-        seen: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        for order in range(most + 1):
+        chain = np.empty((int(owner.max(initial=-1)) + 1, 0), np.int64)
+        node, of_node = owner, np.arange(len(chain))
+        result = []
+        for order in range(reflections + 1):
             triangle = self._scene.run(start.astype(np.float32), way.astype(np.float32))
             met = triangle >= 0
             patch = self._patch[triangle[met]]
             start, way, node = start[met], way[met], node[met]
             nodes, inverse = np.unique(node * n_patches + patch, return_inverse=True)
-            of, new = nodes // n_patches, nodes % n_patches
-            if 0 < order <= edge_reflections:
-                seen.append(self._edges(owner[of], chain[of], new))
-            if order == most:
+            before, new = nodes // n_patches, nodes % n_patches
+            of_node, chain = of_node[before], np.column_stack([chain[before], new])
+            result.append((of_node, chain))
+            if order == reflections:
                 break
             facet = self._space.patch_facet[patch]
             normal = self._space.surfaces.facet_normal[facet]
@@ -96,47 +207,20 @@ class Shooter:
             normal, slope, off = normal[good], slope[good], off[good]
             start = start - (off / slope)[:, None] * way - (_LIFT_M * np.sign(slope))[:, None] * normal
             way = way - 2 * slope[:, None] * normal
-            owner, chain = owner[of], np.column_stack([chain[of], new])
-            if 0 < order < reflections:
-                mine = (owner == 0) & self._space.mirrors[self._space.patch_facet[new]]
-                chains.append(chain[mine])
-        return self._gathered(len(points), chains, seen, edge_reflections)
+        return result
 
-    def _edges(
-        self, owner: Int[np.ndarray, " v"], chain: Int[np.ndarray, "v m"], patch: Int[np.ndarray, " v"]
-    ) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, " q"], Int[np.ndarray, "q m"]]:
-        """Edges of what was met over chains: point, edge and chain of each, without doubles."""
+    def _edges(self, chain: Int[np.ndarray, "v m"]) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, "q l"]]:
+        """Edges of the last patch of chains, and the patches before it; without doubles."""
+        patch, chain = chain[:, -1], chain[:, :-1]
         count = self._edge_start[patch + 1] - self._edge_start[patch]
         row = np.repeat(np.arange(len(patch)), count)
-        at = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-        edge = self._edge[self._edge_start[patch[row]] + at]
+        edge = self._edge[self._edge_start[patch[row]] + _counted(count)]
         # Rows of one chain follow each other: number them.
         new = np.ones(len(chain), bool)
-        new[1:] = (owner[1:] != owner[:-1]) | (chain[1:] != chain[:-1]).any(axis=1)
+        new[1:] = (chain[1:] != chain[:-1]).any(axis=1)
         number = np.cumsum(new) - 1
         _, kept = np.unique(number[row] * len(self._space.surfaces.edge) + edge, return_index=True)
-        return owner[row[kept]], edge[kept], chain[row[kept]]
-
-    def _gathered(
-        self,
-        n_points: int,
-        chains: list[np.ndarray],
-        seen: list[tuple[np.ndarray, np.ndarray, np.ndarray]],
-        edge_reflections: int,
-    ) -> Sightings:
-        """Edges of all orders in one table, by point and edge."""
-        most = max(edge_reflections, 1)
-        owner = np.concatenate([s[0] for s in seen]) if seen else np.empty(0, np.int64)
-        edge = np.concatenate([s[1] for s in seen]) if seen else np.empty(0, np.int64)
-        over = np.full((len(edge), most), -1, np.int64)
-        row = 0
-        for _, _, chain in seen:
-            over[row : row + len(chain), : chain.shape[1]] = chain
-            row += len(chain)
-        order = np.lexsort((edge, owner))
-        owner, edge, over = owner[order], edge[order], over[order]
-        start = np.searchsorted(owner, np.arange(n_points + 1))
-        return Sightings(tuple(chains), start, edge, over)
+        return edge[kept], chain[row[kept]]
 
 
 def directions(n: int) -> Float[np.ndarray, "n 3"]:
@@ -159,12 +243,22 @@ def edges_of_patches(space: Space) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarr
     edge = np.repeat(np.arange(len(surfaces.edge)), 2)
     count = first[facet + 1] - first[facet]
     row = np.repeat(np.arange(len(facet)), count)
-    patch = first[facet[row]] + np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-    used = (np.arange(space.window.shape[1]) < space.corners[:, None])[..., None]
-    low = np.where(used, space.window, np.inf).min(axis=1) - _LIFT_M
-    high = np.where(used, space.window, -np.inf).max(axis=1) + _LIFT_M
+    patch = first[facet[row]] + _counted(count)
+    low, high = space.panes.low - _LIFT_M, space.panes.high + _LIFT_M
     ends = surfaces.edge[edge[row]]
     near = ((ends.max(axis=1) >= low[patch]) & (ends.min(axis=1) <= high[patch])).all(axis=1)
     pairs = np.unique(patch[near] * max(len(surfaces.edge), 1) + edge[row[near]])
     of, edges = pairs // max(len(surfaces.edge), 1), pairs % max(len(surfaces.edge), 1)
     return np.searchsorted(of, np.arange(n_patches + 1)), edges
+
+
+def _together(some: list[Int[np.ndarray, "_ _"]], length: int) -> Int[np.ndarray, "c m"]:
+    """Chains of one length from several lots, each sorted and without doubles, as one such."""
+    if len(some) == 1:
+        return some[0]
+    return np.unique(np.concatenate([np.empty((0, length), np.int64), *some]), axis=0)
+
+
+def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+    """From 0 up to each count, one after the other."""
+    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

@@ -1,54 +1,57 @@
-"""Candidates for paths among very many triangles: chains and edges that rays of either end find.
+"""Candidates for paths among very many triangles, found once for each transmitter and kept.
 
-A transmitter's rays serve all receivers, a receiver's only its own links (and those of the transmitters that are
-traced with it), so that receivers shoot a fixed share of what transmitters do. What rays find for a point depends
-on nothing but the point and the number of rays.
+Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
+and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
+the transmitter shoots and that edges bend. What is found depends on nothing but the transmitter's place and the number
+of rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same
+candidates.
 """
 
+import threading
+from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
-from numba.typed import List
 
-from wireless.geometry.images import Space
-from wireless.geometry.occlusion import make_boxes
-from wireless.geometry.shooting import Shooter
-from wireless.tracing.ray_search import (
+from wireless.geometry.images import Space, all_views
+from wireless.geometry.shooting import Bent, Shooter
+from wireless.tracing.beams import (
+    Beams,
+    Bends,
     Sights,
-    bend,
-    by_edge,
-    make_lists,
-    pairs_of_patches,
-    reflect,
-    sights,
-    tabled,
+    aim,
+    make_bends,
+    patches_behind,
+    place_edges,
 )
-from wireless.tracing.table import Setting, Table, most_interactions
+from wireless.tracing.ray_search import bend, make_lists, reflect, tabled
+from wireless.tracing.space_engine import lit_edges
+from wireless.tracing.table import Setting, Table
 
-#: A receiver shoots one ray where a transmitter shoots so many.
-RX_SHARE = 16
-#: A patch's cone takes as long as so many rays.
-FEWER = 4
-#: Rays that are shot at once: some 400 bytes each.
-_AT_ONCE = 100_000
-#: Numbers in the lists of all links that are traced at once.
-_IN_LISTS = 10_000_000
+#: All is tried where a patch takes no longer than so many rays.
+RAYS_A_PATCH = 64
+#: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
+MEMORY = 128_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Near:
-    """What a transmitter may see."""
+class Reach(NamedTuple):
+    """What a transmitter may reach."""
 
-    chains: Int[np.ndarray, "c m"]
-    """No patch, each patch alone, and those found by rays, by length and in rising order; -1 beyond the last."""
-    edges: Sights
-    """All edges directly, and those that rays found over patches."""
+    beams: Beams
+    """Chains of patches."""
+    bends: Bends | None
+    """Edges, and patches before and behind them; None if edges do not diffract."""
+
+    @property
+    def size(self) -> int:
+        """Memory that it takes [bytes]."""
+        return sum(a.nbytes for part in self if part is not None for a in part)
 
 
 class Candidates:
-    """Finds what may be seen from points of a space, and traces links among that.
+    """Finds what may be reached from points of a space, and traces links over that.
 
     Args:
         space: Surfaces.
@@ -60,67 +63,119 @@ class Candidates:
         self._space, self._setting, self._rays = space, setting, rays
         self._side = setting.side_reflections if len(space.surfaces.edge) else -1
         self._shooter = Shooter(space)
-        # Where rays would take longer than the cones of all patches, these are complete besides.
-        self._few = FEWER * len(space.patch_boxes.number) <= rays // RX_SHARE
+        self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
+        self._known: OrderedDict[bytes, Reach] = OrderedDict()
+        self._lock = threading.Lock()
 
-    def of_transmitter(self, tx: Float[np.ndarray, "3"]) -> Near:
-        """Chains from a transmitter, and edges that it sees."""
-        space, most = self._space, self._setting.max_reflections
-        # Where patches are few, rays are left what is longer.
-        rays = self._rays if max(most - 1, self._side) > self._few else 0
-        seen = self._shooter.shoot(tx[None], rays, most, self._side)
-        alone = np.sort(space.patch_boxes.number)[:, None]
-        parts = [np.empty((1, 0), np.int64), alone, *seen.chains][: most + 1]
-        if self._few and most > 1:
-            pairs = pairs_of_patches(space, tx)
-            parts[2] = pairs[np.lexsort(pairs.T[::-1])]
-        chains = np.full((sum(map(len, parts)), most), -1, np.int64)
-        row = 0
-        for part in parts:
-            chains[row : row + len(part), : part.shape[1]] = part
-            row += len(part)
-        found = sights(space, tx[None], seen.start, seen.edge, seen.over, self._side >= 0, self._few)
-        return Near(chains, by_edge(found) if self._setting.edge_reflections > 1 else found)
-
-    def trace(
-        self, near: list[Near], tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]
-    ) -> Iterator[Table]:
-        """Strongest paths from transmitters, of which is known what they see, to receivers."""
-        a_list = self._setting.keep * (8 + int(most_interactions(self._setting)))
-        step = max(1, _IN_LISTS // (a_list * max(1, len(rx))))
-        for i in range(0, len(tx), step):
-            yield from self._traced(near[i : i + step], tx[i : i + step], rx)
-
-    def _traced(
-        self, near: list[Near], tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]
-    ) -> Iterator[Table]:
-        """The same of so many transmitters that their lists fit into memory."""
+    def trace(self, tx: Float[np.ndarray, "t 3"], rx: Float[np.ndarray, "r 3"]) -> Iterator[Table]:
+        """Strongest paths from each transmitter to receivers, around the space's origin [m]."""
         space, setting = self._space, self._setting
-        lists, boxes = make_lists(setting, len(tx), len(rx)), make_boxes(rx, rx)
-        for t, (one, seen) in enumerate(zip(tx, near, strict=True)):
-            reflect(space, setting, one, rx, boxes, seen.chains, lists, t)
-        if self._side >= 0:
-            sights_of_tx = List([seen.edges for seen in near])
-            bend(space, setting, tx, rx, sights_of_tx, *self._over_patches(rx), self._few, lists)
-        for t, one in enumerate(tx):
-            yield tabled(space, setting, one, rx, lists, t)
+        for one in tx:
+            reach = self._reach(one)
+            lists = make_lists(setting, len(rx))
+            reflect(space, setting, one, rx, reach.beams, lists)
+            if reach.bends is not None:
+                bend(space, setting, one, rx, reach.bends, lists)
+            yield tabled(space, setting, one, rx, lists)
 
-    def _over_patches(
-        self, rx: Float[np.ndarray, "r 3"]
-    ) -> tuple[Int[np.ndarray, " r1"], Int[np.ndarray, " q"], Int[np.ndarray, "q m"]]:
-        """Edges that receivers' rays find over patches; where each receiver's begin, edges and patches."""
-        if self._side < (2 if self._few else 1):
-            return (
-                np.zeros(len(rx) + 1, np.int64),
-                np.empty(0, np.int64),
-                np.empty((0, max(self._side, 1)), np.int64),
-            )
-        rays = max(1, self._rays // RX_SHARE)
-        step = max(1, _AT_ONCE // rays)
-        parts = [self._shooter.shoot(rx[i : i + step], rays, 0, self._side) for i in range(0, len(rx), step)]
-        count = np.concatenate([np.diff(part.start) for part in parts])
-        return (
-            np.append(0, np.cumsum(count)),
-            np.concatenate([part.edge for part in parts]),
-            np.concatenate([part.over for part in parts]),
+    def _reach(self, tx: Float[np.ndarray, "3"]) -> Reach:
+        """What a transmitter may reach, as remembered or found now."""
+        key = tx.tobytes()
+        with self._lock:  # another thread may be about to find the same
+            if key in self._known:
+                self._known.move_to_end(key)
+            else:
+                self._known[key] = self._found(tx)
+                while len(self._known) > 1 and sum(one.size for one in self._known.values()) > MEMORY:
+                    self._known.popitem(last=False)
+            return self._known[key]
+
+    def _found(self, tx: Float[np.ndarray, "3"]) -> Reach:
+        """Chains from a transmitter, and edges that it sees."""
+        space, most, side = self._space, self._setting.max_reflections, self._side
+        # Where patches are few, rays are left what is longer.
+        tried = (2, 1) if self._few else (1, 0)
+        rays = self._rays if most > tried[0] or side > tried[1] else 0
+        seen = self._shooter.shoot(tx, rays, most, side)
+        if self._few:
+            views, n = all_views(space, tx, min(2, most), True)
+            parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(2, most) + 1)]
+        else:
+            parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: most + 1]
+        parts = [part[np.lexsort(part.T[::-1])] if part.size else part for part in parts]
+        parts += seen.chains[len(parts) - 2 :] if most > 1 else []
+        beams = aim(space, tx, _padded(parts, most))
+        if side < 0:
+            return Reach(beams, None)
+        sights = self._sights(tx, seen.edge, seen.over)
+        return Reach(beams, make_bends(space, sights, self._behind(tx, sights)))
+
+    def _sights(
+        self, tx: Float[np.ndarray, "3"], edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
+    ) -> Sights:
+        """Edges that a transmitter sees, of which rays found some over patches."""
+        space, side = self._space, self._side
+        if self._few:
+            views, n = all_views(space, tx, min(1, side), True)
+            pair, _ = lit_edges(space, views, n, True)
+            pair = pair[np.lexsort((pair[:, 0], pair[:, 1]))]
+            first, before = pair[:, 0], views.chain[pair[:, 1]]
+            before = np.where(np.arange(before.shape[1]) < views.order[pair[:, 1], None], before, -1)
+            more = over[:, 1] >= 0 if over.shape[1] > 1 else np.zeros(len(edge), bool)
+            edge, over = edge[more], over[more]
+        else:
+            first = np.arange(len(space.surfaces.edge))
+            before = np.empty((len(first), 0), np.int64)
+        return place_edges(
+            space,
+            tx,
+            np.concatenate([first, edge]),
+            np.concatenate([_padded([before], max(side, 1)), _padded([over], max(side, 1))]),
         )
+
+    def _behind(self, tx: Float[np.ndarray, "3"], sights: Sights) -> list[Bent]:
+        """Patches behind the edges of sights."""
+        space, bent, side = self._space, self._setting.edge_reflections, self._side
+        found: list[Bent] = []
+        for order in range(min(bent - 1, side) + 1):
+            which = np.flatnonzero(sights.order == order)
+            most = min(bent - order, side)
+            if self._few and most > 0:
+                asked = sights.edge[which], sights.place[which], sights.part[which]
+                surfaces = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
+                sight, patch = patches_behind(surfaces, *asked, *self._balls())
+                found.append(Bent(which[sight], patch[:, None]))
+            if most > (1 if self._few else 0):
+                source = _images(self._space.panes.plane, tx, sights.over[which, :order])
+                rays = self._shooter.bend(
+                    source, sights.edge[which], np.full(len(which), order == 0), self._rays, most
+                )
+                found += [Bent(which[b.sight], b.chain) for b in rays[1 if self._few else 0 :]]
+        return found
+
+    def _balls(self) -> tuple[Int[np.ndarray, " p"], Float[np.ndarray, "p 4"]]:
+        """Patches that reflect, and a ball around each."""
+        patch = np.sort(self._space.patch_boxes.number)
+        low, high = self._space.panes.low[patch], self._space.panes.high[patch]
+        return patch, np.column_stack([(low + high) / 2, np.linalg.norm(high - low, axis=1) / 2])
+
+
+def _padded(parts: list[Int[np.ndarray, "_ _"]], most: int) -> Int[np.ndarray, "c m"]:
+    """Chains of several lengths in one table; -1 beyond the last patch."""
+    chains = np.full((sum(map(len, parts)), most), -1, np.int64)
+    row = 0
+    for part in parts:
+        chains[row : row + len(part), : part.shape[1]] = part[:, :most]
+        row += len(part)
+    return chains
+
+
+def _images(
+    plane: Float[np.ndarray, "p 4"], point: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"]
+) -> Float[np.ndarray, "c 3"]:
+    """A point mirrored over each of some chains."""
+    image = np.tile(point, (len(chain), 1))
+    for patch in chain.T:
+        off = np.einsum("ij,ij->i", image, plane[patch, :3]) - plane[patch, 3]
+        image -= 2 * off[:, None] * plane[patch, :3]
+    return image

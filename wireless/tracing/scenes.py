@@ -11,12 +11,12 @@ import numpy as np
 import trimesh
 from jaxtyping import Complex, Float, Int
 
+from wireless.geometry.boxes import make_boxes
 from wireless.geometry.extruded import Extruded
 from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
-from wireless.geometry.occlusion import make_boxes
 from wireless.geometry.plan import Locator, Plan, make_plan, regions
-from wireless.tracing.blocks import BLOCK_TX, Rows, trace_blocks
+from wireless.tracing.blocks import Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
 from wireless.tracing.space_engine import trace_space
@@ -141,6 +141,7 @@ class SpaceScene:
         self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._candidates: Candidates | None = None
+        self._told = False
         if search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS):
             self._candidates = Candidates(self.space, self._setting._replace(max_through=0), rays)
 
@@ -158,15 +159,14 @@ class SpaceScene:
 
         if self._candidates is None:
             return trace_blocks(len(tx), len(rx), trace, workers)
-        if setting.max_through:
+        if setting.max_through and not self._told:
+            self._told = True
             logger.warning(
                 "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
                 "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
             )
-        rows: Rows = []
-        for i in range(0, len(tx), BLOCK_TX):
-            rows += self._searched(self._candidates, tx[i : i + BLOCK_TX], rx, workers)
-        return rows
+        candidates = self._candidates
+        return trace_blocks(len(tx), len(rx), lambda txs, rxs: candidates.trace(tx[txs], rx[rxs]), workers)
 
     def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
         """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
@@ -176,21 +176,6 @@ class SpaceScene:
             if inside.all() or not inside.any():
                 return setting._replace(max_through=0)
         return setting
-
-    def _searched(
-        self,
-        candidates: Candidates,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-        workers: int | None,
-    ) -> Rows:
-        """The same among candidates, for a block of transmitters: each receiver's are found once for all of them."""
-        near = [candidates.of_transmitter(one) for one in tx]
-
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            yield from candidates.trace(near[txs], tx[txs], rx[rxs])
-
-        return trace_blocks(len(tx), len(rx), trace, workers)
 
 
 def by_triangle(

@@ -17,20 +17,13 @@ from jaxtyping import Float, Int
 
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
+from wireless.geometry.boxes import Boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
-from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread
-from wireless.geometry.occlusion import NEAR_M, Boxes
+from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread, windows_of
+from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
-from wireless.tracing.space_paths import (
-    ASIDE_M,
-    edge_sight,
-    images_over,
-    is_open,
-    lay,
-    pass_walls,
-    try_path,
-    weigh_path,
-)
+from wireless.tracing.laying import edge_sight, ground_of, images_over, is_open, lay, on_large
+from wireless.tracing.space_paths import ASIDE_M, pass_walls, try_path, weigh_path
 from wireless.tracing.table import (
     Scratch,
     Setting,
@@ -91,8 +84,8 @@ def enter_view(
     """Enter the ways over the chain of one view into the lists of the receivers in its cone."""
     keep, k2 = rank.shape[1], 2 * setting.wavenumber
     order, plane, who = views.order[v], room.plane, room.who
-    n_planes = cone_of(space, views, v, plane)
-    image, chain = views.image[v], views.chain[v]
+    n_planes = cone_of(windows_of(space), views, v, plane)
+    image, chain, ground = views.image[v], views.chain[v], ground_of(space)
     who[0], who[1], who[2], who[3 : 3 + order] = -1, order, 0, chain[:order]
     for h in range(meeting(rx_boxes, plane, n_planes, room.receivers)):
         r = room.receivers[h]
@@ -110,8 +103,20 @@ def enter_view(
                 length2 += (image[order, i] - rx[r, i]) ** 2
             if rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
                 continue
-        m = lay(space, tx, rx[r], (image, chain, order), -1, (image, chain, 0), room.points, room.scratch)
-        if m >= 0:
+        scratch = room.scratch
+        m, large = lay(
+            ground,
+            tx,
+            rx[r],
+            (image, chain, order),
+            -1,
+            (image, chain, 0),
+            room.points,
+            scratch.point,
+            scratch.kind,
+            scratch.primitive,
+        )
+        if m >= 0 and not (large and not on_large(space, chain, order, -1, chain, 0, scratch.point)):
             count[r] = try_path(
                 space,
                 setting,
@@ -145,10 +150,22 @@ def enter_bend(
 ) -> int:
     """Enter the way over an edge and patches of both ends into a link's list; the list's new length.
 
-    Near and far as in `wireless.tracing.space_paths.lay`.
+    Near and far as in `wireless.tracing.laying.lay`.
     """
-    m = lay(space, tx, rx, near, edge, far, room.points, room.scratch)
-    if m < 0:
+    scratch = room.scratch
+    m, large = lay(
+        ground_of(space),
+        tx,
+        rx,
+        near,
+        edge,
+        far,
+        room.points,
+        scratch.point,
+        scratch.kind,
+        scratch.primitive,
+    )
+    if m < 0 or (large and not on_large(space, near[1], near[2], edge, far[1], far[2], scratch.point)):
         return count
     who, before, after = room.who, near[2], far[2]
     who[0], who[1], who[2] = edge, before, after
@@ -215,7 +232,7 @@ def _widen(
 
 
 @compiled
-def _lit_edges(
+def lit_edges(
     space: Space, views: Views, n: int, occluding: bool
 ) -> tuple[Int[np.ndarray, "h 2"], Float[np.ndarray, "h 3"]]:
     """Pairs of edge and view that sees it, by edge, and where the image is (`edge_sight`)."""
@@ -229,13 +246,13 @@ def _lit_edges(
     line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
     strip = np.empty((4, 3))
     for v in range(n):
-        n_planes = cone_of(space, views, v, plane)
+        n_planes = cone_of(windows_of(space), views, v, plane)
         if n_planes > 0:
             behind[:] = plane[n_planes - 1]
         image = views.image[v, views.order[v]]
         for j in range(meeting(space.edge_boxes, plane, n_planes, found)):
             edge = found[j]
-            z, distance, angle = edge_sight(space, edge, image)
+            z, distance, angle = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, edge, image)
             if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
                 continue
             ends[:] = space.surfaces.edge[edge]
@@ -271,7 +288,7 @@ def _bend(
     occluding = setting.max_through == 0
     side = setting.side_reflections
     near, n_near = all_views(space, tx, side, occluding)
-    pair, sight = _lit_edges(space, near, n_near, occluding)
+    pair, sight = lit_edges(space, near, n_near, occluding)
     start = np.searchsorted(pair[:, 0], np.arange(len(space.surfaces.edge) + 1))
     found = np.empty(len(space.surfaces.edge), np.int64)
     for r in range(len(rx)):
@@ -279,13 +296,13 @@ def _bend(
         for v in range(n_far):
             after = far.order[v]
             image = far.image[v, after]
-            n_planes = cone_of(space, far, v, plane)
+            n_planes = cone_of(windows_of(space), far, v, plane)
             for e in range(meeting(space.edge_boxes, plane, n_planes, found)):
                 edge = found[e]
                 if start[edge] == start[edge + 1]:
                     continue
                 gap = space.surfaces.edge_gap_rad[edge]
-                far_z, far_m, phi = edge_sight(space, edge, image)
+                far_z, far_m, phi = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, edge, image)
                 if far_m < NOWHERE_M or not is_open(gap, far_m, phi):
                     continue
                 end = 0.0
@@ -359,15 +376,27 @@ def write_lists(
     table: Table,
 ) -> None:
     """Lay out and weigh the paths of each link's list once more, for the table."""
-    scratch = room.scratch
+    scratch, ground, surfaces = room.scratch, ground_of(space), space.surfaces
     for r in range(len(rx)):
         for j in range(table.found[r]):
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
             near = best[r, j, 3 : 3 + before]
             far = best[r, j, 3 + before : 3 + before + after]
-            ways = (images_over(space, tx, near), near, before), (images_over(space, rx[r], far), far, after)
-            m = lay(space, tx, rx[r], ways[0], edge, ways[1], room.points, scratch)
+            m, _ = lay(
+                ground,
+                tx,
+                rx[r],
+                (images_over(ground.plane, tx, near), near, before),
+                edge,
+                (images_over(ground.plane, rx[r], far), far, after),
+                room.points,
+                scratch.point,
+                scratch.kind,
+                scratch.primitive,
+            )
             if setting.max_through > 0:
                 m = pass_walls(space, setting, m, scratch, room.where, room.which)
-            length, power = weigh_path(space, setting, m, scratch)
+            length, power = weigh_path(
+                surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch
+            )
             write_row(table, r * setting.keep + j, length, power, m, scratch)

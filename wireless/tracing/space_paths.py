@@ -1,18 +1,27 @@
-"""One path in space: laid out over its facets and its edge, looked at leg by leg, and weighed.
+"""One path in space: walked back over its facets, looked at leg by leg, weighed, and entered into a link's list.
 
-The ways from both ends of a path to its edge are unfolded into one straight line, which meets the edge where
-the ray leaves at the angle it arrives (Keller's law). Without an edge the line ends at the receiver. Each
-reflection point must lie in its facet, the neighbours of the edge must lie outside of its wedge, and no leg
-may pass more walls than are left to pass.
+It is laid out before (`wireless.tracing.laying`). No leg may pass more walls than are left to pass.
 """
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION
-from wireless.geometry.images import Space, on_patch
-from wireless.geometry.occlusion import FREE, HIDDEN, NEAR_M, TOUCHED, crosses, hidden, passed, sight
+from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION, fresnel
+from wireless.geometry.images import FEW_TRIANGLES, Space, in_large_patch
+from wireless.geometry.occlusion import (
+    FREE,
+    HIDDEN,
+    NEAR_M,
+    TOUCHED,
+    Tree,
+    crosses,
+    hidden,
+    passed,
+    sight,
+    sight_along,
+)
 from wireless.support.compiled import compiled
+from wireless.tracing.laying import Ground, ground_of, images_over, turns_back
 from wireless.tracing.table import Scratch, Setting, enter, weigh
 
 #: How far beside a target [m], and at how many places around, a path is looked for that is free.
@@ -29,108 +38,65 @@ def _walk_back(
     points: Float[np.ndarray, "m 3"],
 ) -> bool:
     """Reflection points from a target back to the source, the nearest to the target first; False if none."""
-    for j in range(order):
-        k = order - 1 - j
-        patch = chain[k]
-        facet = space.patch_facet[patch]
-        a, b = 0.0, 0.0
-        for i in range(3):
-            normal, at = space.surfaces.facet_normal[facet, i], space.surfaces.facet_point[facet, i]
-            a, b = a + normal * (image[k + 1, i] - at), b + normal * (target[i] - at)
-        if (a * b > 0 and min(abs(a), abs(b)) > NEAR_M) or abs(a - b) < NEAR_M:
-            return False
-        f = a / (a - b)
-        for i in range(3):
-            points[j, i] = image[k + 1, i] + f * (target[i] - image[k + 1, i])
-        if not on_patch(space, patch, points[j]):
-            return False
-        target = points[j]
-    return True
+    found = turns_back(ground_of(space), image, chain, order, target, points)
+    if found == 2:
+        for j in range(order):
+            patch = chain[order - 1 - j]
+            many = space.start[patch + 1] - space.start[patch] > FEW_TRIANGLES
+            if many and not in_large_patch(space.tree, space.tree_patch, patch, points[j]):
+                return False
+    return found > 0
 
 
 @compiled
-def edge_sight(space: Space, edge: int, p: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
-    """Place along an edge, distance from its line and angle from its 0-face of a point."""
-    x, y, z = 0.0, 0.0, 0.0
-    for i in range(3):
-        d = p[i] - space.surfaces.edge[edge, 0, i]
-        z += d * space.surfaces.edge_wedge[edge, 0, i]
-        x += d * space.surfaces.edge_wedge[edge, 1, i]
-        y += d * space.surfaces.edge_wedge[edge, 2, i]
-    return z, np.hypot(x, y), np.arctan2(y, x) % (2 * np.pi)
-
-
-@compiled
-def is_open(gap: float, distance: float, angle: float) -> bool:
-    """Whether what lies at some angle and distance is outside of a wedge, its faces included."""
-    near = NEAR_M / max(distance, NEAR_M)
-    return angle <= gap + near or angle >= 2 * np.pi - near
-
-
-@compiled
-def lay(
-    space: Space,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    near: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
-    edge: int,
-    far: tuple[Float[np.ndarray, "m1 3"], Int[np.ndarray, " m"], int],
-    points: Float[np.ndarray, "m 3"],
+def weigh_path(
+    facet_normal: Float[np.ndarray, "f 3"],
+    edge_facets: Int[np.ndarray, "e 2"],
+    ground: Ground,
+    setting: Setting,
+    m: int,
     scratch: Scratch,
-) -> int:
-    """Put a path into `scratch`; its number of interactions, -1 if there is none. Legs may be hidden.
-
-    Near and far are images, patches and number of reflections, from the transmitter and from the receiver.
-    """
-    n, m, target = near[2], near[2], rx
-    scratch.point[0] = tx
-    if edge >= 0:
-        target = scratch.point[n + 1]
-        z, a, _ = edge_sight(space, edge, near[0][n])
-        end, b, _ = edge_sight(space, edge, far[0][far[2]])
-        if a < NEAR_M or b < NEAR_M:
-            return -1
-        z, end = (z * b + end * a) / (a + b), 0.0
-        for i in range(3):
-            along = space.surfaces.edge_wedge[edge, 0, i]
-            target[i] = space.surfaces.edge[edge, 0, i] + z * along
-            end += along * (space.surfaces.edge[edge, 1, i] - space.surfaces.edge[edge, 0, i])
-        if z < -NEAR_M or z > end + NEAR_M or not _walk_back(space, far[0], far[1], far[2], target, points):
-            return -1
-        m = n + 1 + far[2]
-        for j in range(n + 1, m):
-            scratch.point[j + 1], scratch.kind[j] = points[j - n - 1], REFLECTION
-            scratch.primitive[j] = space.patch_facet[far[1][m - 1 - j]]
-        scratch.kind[n], scratch.primitive[n] = DIFFRACTION, edge
-    scratch.point[m + 1] = rx
-    if not _walk_back(space, near[0], near[1], n, target, points):
-        return -1
-    for j in range(n):
-        scratch.point[j + 1], scratch.kind[j] = points[n - 1 - j], REFLECTION
-        scratch.primitive[j] = space.patch_facet[near[1][j]]
-    if edge >= 0:
-        gap = space.surfaces.edge_gap_rad[edge]
-        for j in (n, n + 2):
-            _, distance, angle = edge_sight(space, edge, scratch.point[j])
-            if not is_open(gap, distance, angle):
-                return -1
-    return m
-
-
-@compiled
-def weigh_path(space: Space, setting: Setting, m: int, scratch: Scratch) -> tuple[float, float]:
+) -> tuple[float, float]:
     """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
-    surfaces, n = space.surfaces, 1.0
+    n = 1.0
     for j in range(m):
         primitive = scratch.primitive[j]
         if scratch.kind[j] != DIFFRACTION:
-            scratch.normal[j], scratch.walls[j] = surfaces.facet_normal[primitive], setting.walls[primitive]
+            for i in range(3):
+                scratch.normal[j, i] = facet_normal[primitive, i]
+            for i in range(setting.walls.shape[1]):
+                scratch.walls[j, i] = setting.walls[primitive, i]
         else:
-            scratch.wedge[:] = surfaces.edge_wedge[primitive]
-            n = surfaces.edge_gap_rad[primitive] / np.pi
+            for i in range(3):
+                for k in range(3):
+                    scratch.wedge[i, k] = ground.edge_wedge[primitive, i, k]
+            n = ground.edge_gap_rad[primitive] / np.pi
             for i in range(2):
-                scratch.wedge_walls[i] = setting.walls[surfaces.edge_facets[primitive, i]]
+                for k in range(setting.walls.shape[1]):
+                    scratch.wedge_walls[i, k] = setting.walls[edge_facets[primitive, i], k]
     return weigh(setting, m, n, scratch)
+
+
+@compiled
+def left_by_mirrors(
+    facet_normal: Float[np.ndarray, "f 3"], setting: Setting, m: int, scratch: Scratch
+) -> float:
+    """Most of the power of the path in `scratch` that its reflections leave, of the better polarisation at each."""
+    most, point = 1.0, scratch.point
+    for j in range(m):
+        if scratch.kind[j] != REFLECTION:
+            continue
+        primitive, size, off = scratch.primitive[j], 0.0, 0.0
+        for i in range(3):
+            way = point[j + 1, i] - point[j, i]
+            size += way * way
+            off += way * facet_normal[primitive, i]
+        if size < NEAR_M**2:  # in a corner, from another reflection in the same point
+            continue
+        cos_i = min(abs(off) / np.sqrt(size), 1.0)
+        te, tm, _, _ = fresnel(cos_i, setting.walls[primitive], setting.wavenumber)
+        most *= max(abs(te), abs(tm)) ** 2
+    return 1.0001 * most
 
 
 @compiled
@@ -169,28 +135,24 @@ def pass_walls(
 
 
 @compiled
-def _look(space: Space, m: int, scratch: Scratch) -> int:
-    """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie the path in `scratch` is taken to be."""
-    found = FREE
-    for leg in range(m + 1):
-        found = max(found, sight(space.tree, scratch.point[leg], scratch.point[leg + 1]))
-        if found == HIDDEN:
-            return found
+def look(tree: Tree, m: int, point: Float[np.ndarray, "m2 3"], kind: Int[np.ndarray, " m"]) -> int:
+    """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie a path of m interactions is taken to be."""
+    found = sight_along(tree, point, m + 1)
     for j in range(m):
-        if found == FREE and scratch.kind[j] == REFLECTION:
-            found = _turn(space, scratch.point[j], scratch.point[j + 1], scratch.point[j + 2])
+        if found == FREE and kind[j] == REFLECTION:
+            found = _turn(tree, point[j], point[j + 1], point[j + 2])
     return found
 
 
 @compiled
 def _turn(
-    space: Space, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
+    tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
 ) -> int:
     """`TOUCHED` if a reflection is in a corner: at a point of another wall, or of the next reflection."""
     step = 0.0
     for i in range(3):
         step += abs(q[i] - at[i])
-    return TOUCHED if step < 10 * NEAR_M or crosses(space.tree, p, at, q) else FREE
+    return TOUCHED if step < 10 * NEAR_M or crosses(tree, p, at, q) else FREE
 
 
 @compiled
@@ -202,7 +164,7 @@ def _is_limit(
     points: Float[np.ndarray, "m 3"],
 ) -> bool:
     """Whether a way over facets, which meets sides of others, is free to some place beside its target."""
-    image, order = images_over(space, source, chain), len(chain)
+    image, order = images_over(space.panes.plane, source, chain), len(chain)
     along, across, other, place = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
     size, least = 0.0, 0
     for i in range(3):
@@ -228,7 +190,9 @@ def _is_limit(
         for j in range(order):
             there, after = points[order - 1 - j], points[order - 2 - j] if j + 1 < order else place
             free = (
-                free and sight(space.tree, here, there) == FREE and _turn(space, here, there, after) == FREE
+                free
+                and sight(space.tree, here, there) == FREE
+                and _turn(space.tree, here, there, after) == FREE
             )
             here = there
         if free and sight(space.tree, here, place) == FREE:
@@ -254,10 +218,13 @@ def try_path(
 ) -> int:
     """Enter the path in `scratch` into a link's list, unless it is hidden; new length of the list."""
     # Most ways are hidden, which is found out sooner than how strong they would be.
-    bare, seen = m, _look(space, m, scratch) if setting.max_through == 0 else FREE
-    if seen == HIDDEN:
-        return count
-    length, power = weigh_path(space, setting, m, scratch)
+    bare, seen = m, FREE
+    if setting.max_through == 0:
+        seen = look(space.tree, m, scratch.point, scratch.kind)
+        if seen == HIDDEN:
+            return count
+    surfaces, ground = space.surfaces, ground_of(space)
+    length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
     if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
         return count
     if setting.max_through > 0:
@@ -265,42 +232,51 @@ def try_path(
     if m < 0 or m > setting.max_interactions:
         return count
     if m > bare:
-        length, power = weigh_path(space, setting, m, scratch)
+        length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
         if count == len(rank) and power <= rank[count - 1, 0]:
             return count
-    p, new = scratch.point, np.empty(5)
+    if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, points):
+        return count
+    return list_path(scratch.point, m, who, length, power, rank, best, count)
+
+
+@compiled
+def is_limit(
+    space: Space,
+    tx: Float[np.ndarray, "3"],
+    rx: Float[np.ndarray, "3"],
+    who: Int[np.ndarray, " w"],
+    point: Float[np.ndarray, "m2 3"],
+    points: Float[np.ndarray, "m 3"],
+) -> bool:
+    """Whether a path that touches walls counts as seen: as in floor plans, from either end to the edge, or to rx."""
+    edge, before, after = who[0], who[1], who[2]
+    near, far = who[3 : 3 + before], who[3 + before : 3 + before + after]
+    target = point[before + 1].copy()
+    return _is_limit(space, tx, near, target, points) and (
+        edge < 0 or _is_limit(space, rx, far, target, points)
+    )
+
+
+@compiled
+def list_path(
+    p: Float[np.ndarray, "m2 3"],
+    m: int,
+    who: Int[np.ndarray, " w"],
+    length: float,
+    power: float,
+    rank: Float[np.ndarray, "k 5"],
+    best: Int[np.ndarray, "k w"],
+    count: int,
+) -> int:
+    """Enter a path of so many interactions into a link's list; new length of the list."""
+    new = np.empty(5)
     new[0], new[1] = power, length
     new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
     new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
     new[4] = 1000 * m + (500 if who[0] >= 0 else 0)
-    if seen == TOUCHED:
-        # Touching is seeing, as in floor plans: from either end to the edge, or to the receiver.
-        edge, before, after = who[0], who[1], who[2]
-        near, far = who[3 : 3 + before], who[3 + before : 3 + before + after]
-        target = p[before + 1].copy()
-        if not _is_limit(space, tx, near, target, points):
-            return count
-        if edge >= 0 and not _is_limit(space, rx, far, target, points):
-            return count
     count, place = enter(rank, best, count, new)
     if place >= 0:
-        best[place] = who
+        for k in range(len(who)):
+            best[place, k] = who[k]
     return count
-
-
-@compiled
-def images_over(
-    space: Space, source: Float[np.ndarray, "3"], chain: Int[np.ndarray, " m"]
-) -> Float[np.ndarray, "m1 3"]:
-    """A point, and its images over a chain of patches."""
-    image = np.empty((len(chain) + 1, 3))
-    image[0] = source
-    for k in range(len(chain)):
-        facet, off = space.patch_facet[chain[k]], 0.0
-        for i in range(3):
-            off += space.surfaces.facet_normal[facet, i] * (
-                image[k, i] - space.surfaces.facet_point[facet, i]
-            )
-        for i in range(3):
-            image[k + 1, i] = image[k, i] - 2 * off * space.surfaces.facet_normal[facet, i]
-    return image

@@ -116,7 +116,7 @@ class TracerConfig:
     search: Literal["auto", "exhaustive", "rays"] = "auto"
     """How chains of facets are found in space: all that there are, by rays, or by rays if there are many facets."""
     rays: int = 100_000
-    """Rays that each transmitter shoots in a search by rays, 10 to 10,000,000; a receiver shoots a sixteenth."""
+    """Rays that each transmitter shoots in a search by rays, 10 to 10,000,000; edges bend some more for each."""
     snap_m: float = 1e-6
     """Ends of walls closer than this are one [m]."""
 

@@ -92,13 +92,12 @@ def judged(request):
 def test_rays_find_the_strong_paths_and_no_false_one(judged, few, monkeypatch):
     """Of the paths within 40 dB of the strongest at least 99.9 % at the default number of rays; gains to 1e-9.
 
-    With few patches pairs and edges come from the cones of all, and none is missed; else (the second case) from rays,
-    here as many from receivers. A path that exhaustive search does not have would be a false one.
+    With few patches pairs and edges come from the cones of all, and none is missed; else (the second case) from rays.
+    A path that exhaustive search does not have would be a false one.
     """
     mesh, tx, rx, every = judged
     if not few:
-        monkeypatch.setattr(candidates, "RX_SHARE", 1)
-        monkeypatch.setattr(candidates, "FEWER", 10**9)
+        monkeypatch.setattr(candidates, "RAYS_A_PATCH", 10**9)
     rays = Tracer(mesh, config=config("rays")).trace(tx, rx)
     same = found(rays, every)
     assert (same >= 0).all()
@@ -142,6 +141,46 @@ def test_paths_do_not_depend_on_workers_or_on_other_links(monkeypatch):
     np.testing.assert_array_equal(one.point, three.point)
     alone = tracer.trace(tx[1:2], rx[7:8])
     np.testing.assert_array_equal(alone.gain, one.between(1, 7).gain)
+
+
+def test_a_transmitter_is_remembered_and_forgotten_without_a_trace(monkeypatch):
+    """Traced before or not, or forgotten since for want of memory: the same bits, and no more is kept than may be."""
+    tx, rx = places(3, 10), places(4, 11)
+    tracer = Tracer(SCENES["drum"], config=config("rays", max_paths=30))
+    first = tracer.trace(tx, rx)
+    again = tracer.trace(tx, rx)
+    known = tracer.scene._candidates._known
+    assert len(known) == 3
+    monkeypatch.setattr(candidates, "MEMORY", 0)
+    forgotten = Tracer(SCENES["drum"], config=config("rays", max_paths=30))
+    for paths in (again, forgotten.trace(tx, rx)):
+        np.testing.assert_array_equal(paths.gain, first.gain)
+        np.testing.assert_array_equal(paths.point, first.point)
+    assert len(forgotten.scene._candidates._known) == 1
+
+
+def test_edges_bend_rays_along_keller_cones():
+    """Behind a screen's edge rays reach each wall of a box that its cone meets, and no other.
+
+    Source and edge are at right angles: all rays stay in the plane through the source across the edge, so that the two
+    walls of the box that are parallel to it are not met.
+    """
+    screen = trimesh.creation.box(bounds=[(-0.01, -1.0, -0.6), (0.01, 1.0, 0.6)])
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0)), screen])
+    surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
+    space = make_space(surfaces, np.ones(len(surfaces.facet_face), bool))
+    # The middle of the upper edge of the face towards the source, cut short so that the cone is a plane.
+    middle = surfaces.edge.mean(axis=1)
+    edge = np.flatnonzero((np.abs(middle - [-0.01, 0.0, 0.6]) < 1e-9).all(axis=1))
+    source = np.array([[-2.0, 0.0, 0.6]])
+    short = surfaces.edge.copy()
+    short[edge[0]] *= [1.0, 1e-6, 1.0]
+    space = space._replace(surfaces=surfaces._replace(edge=short))
+    (behind,) = Shooter(space).bend(source, edge, np.ones(1, bool), 10**9, 1)
+    normals = surfaces.facet_normal[space.patch_facet[behind.chain[:, 0]]]
+    assert len(behind.chain) >= 4
+    assert (np.abs(normals[:, 1]) < 1e-9).all()
+    assert (behind.sight == 0).all()
 
 
 def test_two_reflections_about_an_edge_are_found_on_either_side(judged):
@@ -221,7 +260,7 @@ def test_rays_name_the_walls_that_they_bounce_off():
     mesh = trimesh.creation.box(bounds=BOUNDS - BOUNDS.mean(axis=0))
     surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
     space = make_space(surfaces, np.ones(6, bool))
-    (pairs,) = Shooter(space).shoot(np.zeros((1, 3)), 20_000, 2, 0).chains
+    (pairs,) = Shooter(space).shoot(np.zeros(3), 20_000, 2, 0).chains
     assert len(pairs) == 30
     assert (pairs[:, 0] != pairs[:, 1]).all()
 

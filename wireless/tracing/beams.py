@@ -1,0 +1,268 @@
+"""What a transmitter may reach, made ready once for all receivers: beams over chains of patches, and bends at edges.
+
+A beam is an image and the window that it looks through. A bend is an edge, the image that it is seen by, and the
+patches behind it, over which receivers are mirrored rather than the edge. Each is a row of a table that tells in some
+ten operations whether a receiver may get a path from it, and no row depends on receivers.
+
+Whether a bend over a patch is possible is found out in the half-plane of the edge, turned about it until source and
+patch lie in it: the source, unfolded to the other side of the edge, looks through the edge as through a window, and a
+ball around the patch must meet what it sees (the zone between the Keller cones of the edge's ends).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.geometry.cones import MAX_CORNERS
+from wireless.geometry.images import Space, cone_of, new_views, opens, windows_of
+from wireless.geometry.occlusion import NEAR_M
+from wireless.geometry.shooting import Bent
+from wireless.support.compiled import compiled
+from wireless.tracing.laying import edge_sight, is_open
+
+#: How much wider beams and bends are than they can be, for what rounding does [m].
+WIDER_M = 1e-6
+
+
+class Beams(NamedTuple):
+    """Chains of patches, seen from one transmitter."""
+
+    chain: Int[np.ndarray, "c m"]
+    """Patches, the first from the transmitter first; -1 beyond the last."""
+    order: Int[np.ndarray, " c"]
+    """Number of patches."""
+    column: Float[np.ndarray, "14 c"]
+    """Image, normal and level of the last patch, how far off it the image is, and a box around the window [m]."""
+
+
+class Sights(NamedTuple):
+    """Edges that a transmitter may see, directly or over patches."""
+
+    edge: Int[np.ndarray, " q"]
+    """Edges."""
+    order: Int[np.ndarray, " q"]
+    """Number of patches that each is seen over."""
+    over: Int[np.ndarray, "q m"]
+    """These patches, the first from the transmitter first; -1 beyond the last."""
+    place: Float[np.ndarray, "q 3"]
+    """Where the image is, as seen from the edge (`wireless.tracing.laying.edge_sight`)."""
+    part: Float[np.ndarray, "q 2"]
+    """From where to where along the edge the image sees it, past the windows if not past what hides [m]."""
+
+
+class Bends(NamedTuple):
+    """Edges with what is before and behind them."""
+
+    edge: Int[np.ndarray, " q"]
+    """Edges."""
+    near: Int[np.ndarray, "q m"]
+    """Patches before each, the first from the transmitter first; -1 beyond the last."""
+    far: Int[np.ndarray, "q l"]
+    """Patches behind it, the first from the receiver first; -1 beyond the last."""
+    angle: Float[np.ndarray, " q"]
+    """Angle of the image of the transmitter from the 0-face."""
+    column: Float[np.ndarray, "9 q"]
+    """The seen part of the edge, mirrored over the patches behind it: begin, direction and length; and the image: place
+    along it, distance from it."""
+
+
+@compiled
+def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"]) -> Beams:
+    """Beams over chains, without those whose windows close.
+
+    Args:
+        space: Surfaces.
+        tx: The transmitter, around the space's origin [m].
+        chain: Patches, by length and in rising order; -1 beyond the last.
+    """
+    most, count, windows = chain.shape[1], 0, windows_of(space)
+    # View k looks over the first k patches of a chain: of the next one only the views that differ are new.
+    views, same = new_views(most + 1, most), 0
+    spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
+    kept, orders, column = (
+        np.empty(len(chain), np.int64),
+        np.empty(len(chain), np.int64),
+        np.zeros((14, len(chain))),
+    )
+    views.image[0, 0] = tx
+    for c in range(len(chain)):
+        order, shared = 0, 0
+        while order < most and chain[c, order] >= 0:
+            order += 1
+        while c > 0 and shared < order and chain[c, shared] == chain[c - 1, shared]:
+            shared += 1
+        if shared > same:  # the patch that closed the chain before closes this one too
+            continue
+        same = shared
+        while same < order:
+            n_planes = cone_of(windows, views, same, plane)
+            if not opens(windows, views, same, chain[c, same], views, same + 1, plane, n_planes, spare):
+                break
+            same += 1
+        if same < order:
+            continue
+        kept[count], orders[count] = c, order
+        if order > 0:
+            patch, off = chain[c, order - 1], 0.0
+            for i in range(3):
+                normal = windows.plane[patch, i]
+                off += normal * views.image[order, order, i]
+                least, largest = np.inf, -np.inf
+                for k in range(views.corners[order]):
+                    least = min(least, views.window[order, k, i])
+                    largest = max(largest, views.window[order, k, i])
+                column[i, count], column[3 + i, count] = views.image[order, order, i], normal
+                column[8 + i, count], column[11 + i, count] = least - WIDER_M, largest + WIDER_M
+            column[6, count], column[7, count] = windows.plane[patch, 3], off - windows.plane[patch, 3]
+        count += 1
+    return Beams(chain[kept[:count]], orders[:count].copy(), column[:, :count].copy())
+
+
+@compiled
+def place_edges(
+    space: Space, tx: Float[np.ndarray, "3"], edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
+) -> Sights:
+    """The sights of some edges over some patches (-1 beyond the last) that are open to the image.
+
+    What is asked of one chain in a row is found out in a row.
+    """
+    most, count, windows = over.shape[1], 0, windows_of(space)
+    order, place, part = np.empty(len(edge), np.int64), np.empty((len(edge), 3)), np.empty((len(edge), 2))
+    views, same, n_planes, kept = new_views(most + 1, most), 0, 0, np.empty(len(edge), np.int64)
+    spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
+    views.image[0, 0] = tx
+    for j in range(len(edge)):
+        k, new = 0, j == 0
+        while k < most and over[j, k] >= 0:
+            new = new or over[j, k] != over[j - 1, k]
+            k += 1
+        if new or (k < most and over[j - 1, k] >= 0):
+            same = 0
+            while same <= k:
+                n_planes = cone_of(windows, views, same, plane)
+                if same == k or not opens(
+                    windows, views, same, over[j, same], views, same + 1, plane, n_planes, spare
+                ):
+                    break
+                same += 1
+        if same < k:
+            continue
+        e = edge[j]
+        z, distance, angle = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, e, views.image[k, k])
+        if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[e], distance, angle):
+            continue
+        low, high = _part_in(space.surfaces.edge[e], plane[:n_planes])
+        if low <= high:
+            kept[count], order[count] = j, k
+            place[count, 0], place[count, 1], place[count, 2] = z, distance, angle
+            part[count, 0], part[count, 1] = low, high
+            count += 1
+    return Sights(
+        edge[kept[:count]],
+        order[:count].copy(),
+        over[kept[:count]],
+        place[:count].copy(),
+        part[:count].copy(),
+    )
+
+
+@compiled
+def _part_in(ends: Float[np.ndarray, "2 3"], plane: Float[np.ndarray, "p 4"]) -> tuple[float, float]:
+    """The part of an edge within planes, almost: from where to where along it; nothing if the first is farther."""
+    length, low, high = 0.0, 0.0, 1.0
+    for i in range(3):
+        length += (ends[1, i] - ends[0, i]) ** 2
+    for k in range(len(plane)):
+        a, b = WIDER_M - plane[k, 3], WIDER_M - plane[k, 3]
+        for i in range(3):
+            a += plane[k, i] * ends[0, i]
+            b += plane[k, i] * ends[1, i]
+        if a < 0 and b < 0:
+            return 1.0, 0.0
+        if a < 0:
+            low = max(low, a / (a - b))
+        elif b < 0:
+            high = min(high, a / (a - b))
+    length = np.sqrt(length)
+    return low * length, high * length
+
+
+@compiled
+def patches_behind(
+    surfaces: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
+    edge: Int[np.ndarray, " q"],
+    place: Float[np.ndarray, "q 3"],
+    part: Float[np.ndarray, "q 2"],
+    patch: Int[np.ndarray, " p"],
+    ball: Float[np.ndarray, "p 4"],
+) -> tuple[Int[np.ndarray, " b"], Int[np.ndarray, " b"]]:
+    """Pairs of a sight and a patch that its edge may bend rays to; more rather than fewer.
+
+    Args:
+        surfaces: Ends, wedges and open angles of all edges.
+        edge: Edges of sights.
+        place: Where their images are.
+        part: What they see of the edges.
+        patch: Patches that are asked about.
+        ball: Centre and radius of a ball around each of these [m].
+    """
+    ends, wedge, gap = surfaces
+    sight, which, count = np.empty(1024, np.int64), np.empty(1024, np.int64), 0
+    for j in range(len(edge)):
+        e, z0, r0, low, high = edge[j], place[j, 0], place[j, 1], part[j, 0], part[j, 1]
+        begin, end = np.hypot(z0 - low, r0), np.hypot(z0 - high, r0)
+        c, s = np.cos(gap[e]), np.sin(gap[e])
+        while count + len(patch) > len(sight):
+            sight, which = np.concatenate((sight, sight)), np.concatenate((which, which))
+        for p in range(len(patch)):
+            x, y, z, radius = 0.0, 0.0, 0.0, ball[p, 3] + WIDER_M
+            for i in range(3):
+                d = ball[p, i] - ends[e, 0, i]
+                z += d * wedge[e, 0, i]
+                x += d * wedge[e, 1, i]
+                y += d * wedge[e, 2, i]
+            if y < -radius and c * y - s * x > radius:  # inside of the wedge
+                continue
+            distance = np.sqrt(x * x + y * y)
+            if r0 * (z - low) + (z0 - low) * distance < -radius * begin:
+                continue
+            if r0 * (z - high) + (z0 - high) * distance > radius * end:
+                continue
+            sight[count], which[count] = j, patch[p]
+            count += 1
+    return sight[:count].copy(), which[:count].copy()
+
+
+def make_bends(space: Space, sights: Sights, behind: list[Bent]) -> Bends:
+    """Bends of all sights, without patches behind the edge, and with some.
+
+    Args:
+        space: Surfaces.
+        sights: What the transmitter sees.
+        behind: Patches behind edges, numbers are those of sights.
+    """
+    sight = np.concatenate([np.arange(len(sights.edge)), *(bent.sight for bent in behind)])
+    far = np.full((len(sight), max([1, *(bent.chain.shape[1] for bent in behind)])), -1, np.int64)
+    row = len(sights.edge)
+    for bent in behind:
+        far[row : row + len(bent.sight), : bent.chain.shape[1]] = bent.chain[:, ::-1]
+        row += len(bent.sight)
+    edge, place, part = sights.edge[sight], sights.place[sight], sights.part[sight]
+    along = space.surfaces.edge_wedge[edge, 0]
+    begin = space.surfaces.edge[edge, 0] + part[:, :1] * along
+    for patch in far.T[::-1]:  # what is next to the edge comes first
+        some = np.flatnonzero(patch >= 0)
+        normal, level = space.panes.plane[patch[some], :3], space.panes.plane[patch[some], 3]
+        off = np.einsum("qi,qi->q", begin[some], normal) - level
+        begin[some] -= 2 * off[:, None] * normal
+        along[some] -= 2 * np.einsum("qi,qi->q", along[some], normal)[:, None] * normal
+    return Bends(
+        edge=edge,
+        near=sights.over[sight],
+        far=far,
+        angle=place[:, 2].copy(),
+        column=np.ascontiguousarray(
+            np.column_stack([begin, along, part[:, 1] - part[:, 0], place[:, 0] - part[:, 0], place[:, 1]]).T
+        ),
+    )

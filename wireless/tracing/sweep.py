@@ -1,0 +1,191 @@
+"""Which of a transmitter's beams and bends may reach a receiver: one sweep over both tables.
+
+Each row takes some ten operations. Loops read and write so few arrays that the compiler makes them handle several
+numbers at once, and go over so few rows for each receiver in turn that these stay in the processor's cache. More is
+found rather than less: what rounding does is allowed for (`WIDER_M`), and paths are laid out exactly later.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.geometry.images import Panes
+from wireless.geometry.occlusion import NEAR_M
+from wireless.support.compiled import compiled
+from wireless.tracing.beams import WIDER_M, Beams, Bends
+
+#: Rows that are asked for each receiver in turn: they stay in the processor's cache.
+_ROWS = 256
+
+
+class Hits(NamedTuple):
+    """Rows that receivers may get paths from, by receiver."""
+
+    start: Int[np.ndarray, " r1"]
+    """Where each receiver's begin, and an end."""
+    row: Int[np.ndarray, " h"]
+    """Rows, rising for each receiver."""
+
+
+@compiled
+def _in_beams(
+    column: Float[np.ndarray, "14 c"],
+    first: int,
+    last: int,
+    p: Float[np.ndarray, "3"],
+    work: Float[np.ndarray, "3 n"],
+    found: Int[np.ndarray, " n"],
+) -> int:
+    """Beams from first to last whose window is between image and receiver, or almost; their number."""
+    n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
+    share, margin = work[0], work[1]
+    nx, ny, nz = column[3, first:last], column[4, first:last], column[5, first:last]
+    level, off = column[6, first:last], column[7, first:last]
+    for c in range(size):
+        a, b = off[c], nx[c] * px + ny[c] * py + nz[c] * pz - level[c]
+        # On one side of the patch: no number, nor what is made of it.
+        share[c] = a / (a - b) if a * b <= NEAR_M * abs(a) else np.nan
+        margin[c] = np.inf
+    for i in range(3):
+        image, low, high, x = (
+            column[i, first:last],
+            column[8 + i, first:last],
+            column[11 + i, first:last],
+            p[i],
+        )
+        for c in range(size):
+            at = image[c] + share[c] * (x - image[c])
+            below, above = at - low[c], high[c] - at
+            least = below if below < above else above
+            margin[c] = margin[c] if margin[c] < least else least
+    for c in range(size):
+        if margin[c] >= 0:
+            found[n] = first + c
+            n += 1
+    return n
+
+
+@compiled
+def _in_bends(
+    column: Float[np.ndarray, "9 q"],
+    first: int,
+    last: int,
+    p: Float[np.ndarray, "3"],
+    work: Float[np.ndarray, "3 n"],
+    found: Int[np.ndarray, " n"],
+) -> int:
+    """Bends from first to last whose edge is met where the ray leaves it for a point as it came; their number."""
+    n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
+    ox, oy, oz = column[0, first:last], column[1, first:last], column[2, first:last]
+    ax, ay, az = column[3, first:last], column[4, first:last], column[5, first:last]
+    length, place, off = column[6, first:last], column[7, first:last], column[8, first:last]
+    along, distance, margin = work[0], work[1], work[2]
+    for q in range(size):
+        along[q] = (px - ox[q]) * ax[q] + (py - oy[q]) * ay[q] + (pz - oz[q]) * az[q]
+    for q in range(size):
+        x, y, z, w = px - ox[q], py - oy[q], pz - oz[q], along[q]
+        distance[q] = np.sqrt(abs(x * x + y * y + z * z - w * w))
+    for q in range(size):
+        d, w = distance[q], along[q]
+        slack = WIDER_M * (d + off[q])
+        low = place[q] * d + w * off[q] + slack
+        high = slack - (place[q] - length[q]) * d - (w - length[q]) * off[q]
+        margin[q] = low if low < high else high
+    for q in range(size):
+        if margin[q] >= 0:
+            found[n] = first + q
+            n += 1
+    return n
+
+
+@compiled
+def _through_pane(
+    panes: Panes,
+    far: Int[np.ndarray, "q l"],
+    column: Float[np.ndarray, "9 q"],
+    rx: Float[np.ndarray, "3"],
+    found: Int[np.ndarray, " n"],
+    n: int,
+) -> int:
+    """Those of n bends that meet the patch next to the receiver on the way to it, or have none; their number."""
+    plane, low, high, kept, at = panes.plane, panes.low, panes.high, 0, np.empty(3)
+    for j in range(n):
+        q, along, size, inside = found[j], 0.0, 0.0, True
+        patch = far[q, 0]
+        if patch >= 0:
+            for i in range(3):
+                d = rx[i] - column[i, q]
+                along += d * column[3 + i, q]
+                size += d * d
+            distance, a, b = np.sqrt(abs(size - along * along)), -plane[patch, 3], -plane[patch, 3]
+            total = distance + column[8, q]
+            share = (column[7, q] * distance + along * column[8, q]) / total if total > 0 else 0.0
+            for i in range(3):
+                at[i] = column[i, q] + share * column[3 + i, q]
+                a += plane[patch, i] * at[i]
+                b += plane[patch, i] * rx[i]
+            if a * b > 0 and abs(a) > WIDER_M and abs(b) > WIDER_M:
+                continue
+            if abs(b - a) > WIDER_M:
+                for i in range(3):
+                    here = rx[i] + b / (b - a) * (at[i] - rx[i])
+                    inside = inside and low[patch, i] - WIDER_M <= here <= high[patch, i] + WIDER_M
+        if inside:
+            found[kept] = q
+            kept += 1
+    return kept
+
+
+@compiled
+def _by_receiver(receiver: Int[np.ndarray, " h"], row: Int[np.ndarray, " h"], n_rx: int) -> Hits:
+    """Hits in their order, sorted by receiver."""
+    start, place, sorted_row = np.zeros(n_rx + 1, np.int64), np.empty(n_rx, np.int64), np.empty_like(row)
+    for r in receiver:
+        start[r + 1] += 1
+    for r in range(n_rx):
+        place[r] = start[r]
+        start[r + 1] += start[r]
+    for h in range(len(row)):
+        sorted_row[place[receiver[h]]] = row[h]
+        place[receiver[h]] += 1
+    return Hits(start, sorted_row)
+
+
+@compiled
+def beams_at(beams: Beams, rx: Float[np.ndarray, "r 3"]) -> Hits:
+    """Beams that may reach each receiver."""
+    receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
+    found, work, direct, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), 0, beams.column
+    while direct < len(beams.order) and beams.order[direct] == 0:
+        direct += 1
+    for first in range(0, len(beams.order), _ROWS):
+        last = min(first + _ROWS, len(beams.order))
+        for r in range(len(rx)):
+            n = 0
+            for c in range(first, min(last, direct)):
+                found[n] = c
+                n += 1
+            n += _in_beams(column, max(first, direct), last, rx[r], work, found[n:])
+            if count + n > len(hit):
+                receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
+            receiver[count : count + n], hit[count : count + n] = r, found[:n]
+            count += n
+    return _by_receiver(receiver[:count], hit[:count], len(rx))
+
+
+@compiled
+def bends_at(panes: Panes, bends: Bends, rx: Float[np.ndarray, "r 3"]) -> Hits:
+    """Bends that may reach each receiver."""
+    receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
+    found, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), bends.far, bends.column
+    for first in range(0, len(far), _ROWS):
+        last = min(first + _ROWS, len(far))
+        for r in range(len(rx)):
+            n = _in_bends(column, first, last, rx[r], work, found)
+            n = _through_pane(panes, far, column, rx[r], found, n)
+            if count + n > len(hit):
+                receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
+            receiver[count : count + n], hit[count : count + n] = r, found[:n]
+            count += n
+    return _by_receiver(receiver[:count], hit[:count], len(rx))
