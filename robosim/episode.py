@@ -201,7 +201,7 @@ def drive(
         if goal is None:
             return turn, True
         with watch.stage("planner"):
-            goal = rounds.goal(goal)
+            goal = rounds.goal(goal, estimate.pose)
             plan = planner.plan(estimate, goal)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()

@@ -24,7 +24,8 @@ logger = logging.getLogger(__name__)
 _DECISIONS, _NEAR_M, _DRIVEN_M = 60, 2.0, 2.0
 #: A way that is shorter by less in the second half of them does not get shorter [m].
 _PROGRESS_M = 0.5
-#: Goals this far apart are different [m]; so many of them at most, with so many changes at least, take turns.
+#: Goals this far apart are different, and one that is nearer is reached [m]; so many of them at most, with so many
+#: changes at least, take turns.
 _APART_M, _FEW, _CHANGES = 0.5, 3, 4
 
 
@@ -51,9 +52,10 @@ class Rounds:
         self._kept: Float[np.ndarray, 2] | None = None
         self._left = 0
 
-    def goal(self, asked: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"]:
-        """The goal to go to, (x, y) [m]: the one asked for, or one that is kept."""
-        if self._kept is None or not self._left:
+    def goal(self, asked: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
+        """The goal to go to, (x, y) [m]: the one asked for, or one that is kept until the robot is there."""
+        if self._kept is None or not self._left or math.hypot(*(self._kept - pose[:2])) < _APART_M:
+            self._kept = None
             return asked
         self._left -= 1
         return self._kept
@@ -95,8 +97,9 @@ class Rounds:
         if goals == 1:
             # Where there is no way at all its length is infinite.
             length = np.minimum([one.length_m for one in self._last], 1e6)
-            half = _DECISIONS // 2
-            return Remedy.PLAN_CLOSELY if length[:half].min() - length[half:].min() < _PROGRESS_M else None
+            half, least = _DECISIONS // 2, length.min()
+            on = length[:half].min() - length[half:].min() >= _PROGRESS_M
+            return None if on or least < _APART_M else Remedy.PLAN_CLOSELY
         return Remedy.KEEP_GOAL if goals <= _FEW and changes >= _CHANGES else None
 
     def _goals(self) -> tuple[int, int]:

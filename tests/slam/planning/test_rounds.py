@@ -10,7 +10,7 @@ from slam.planning.planner import Plan, Planner
 from slam.planning.rounds import Remedy, Rounds
 from tests.slam.floors import floor
 
-A, B = np.array([2.5, 0.0]), np.array([-2.5, 0.0])
+A, B, HERE = np.array([2.5, 0.0]), np.array([-2.5, 0.0]), np.zeros(3)
 
 
 def _plan(goal, length_m) -> Plan:
@@ -50,8 +50,11 @@ def test_goals_that_take_turns_are_kept_for_a_while():
     goals = [A if k // 10 % 2 else B for k in range(60)]
     rounds, when, what = _watched(_circle(60), goals, [3.0] * 60)
     assert (when, what) == ([59], [Remedy.KEEP_GOAL])
-    assert all(np.array_equal(rounds.goal(B), A) for _ in range(60))
-    assert np.array_equal(rounds.goal(B), B)
+    assert all(np.array_equal(rounds.goal(B, HERE), A) for _ in range(60))
+    assert np.array_equal(rounds.goal(B, HERE), B)
+    rounds, _, _ = _watched(_circle(60), goals, [3.0] * 60)
+    assert np.array_equal(rounds.goal(B, np.append(A, 0.0)), B), "a goal that was reached is kept no longer"
+    assert np.array_equal(rounds.goal(B, HERE), B)
 
 
 def test_what_gets_on_is_left_alone():
@@ -63,10 +66,11 @@ def test_what_gets_on_is_left_alone():
         (on, [A] * 120, [5.0] * 120),
         (0.0 * on, [A] * 120, [5.0] * 120),
         (_circle(120), new, [5.0] * 120),
+        (_circle(120), [A] * 120, [0.3] * 120),
     ):
         rounds, when, _ = _watched(places, goals, lengths)
         assert not when
-        assert np.array_equal(rounds.goal(B), B)
+        assert np.array_equal(rounds.goal(B, HERE), B)
 
 
 def test_looking_closely_plans_far_ways_on_the_maps_own_cells():
