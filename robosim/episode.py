@@ -49,6 +49,7 @@ from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Listener
 from slam.planning.planner import Plan
+from slam.planning.rounds import Remedy, Rounds
 from wireless.paths import Paths
 
 
@@ -183,6 +184,7 @@ def drive(
     """
     watch = watch or Stopwatch()
     mapper, planner, controller, _ = navigator
+    rounds = Rounds()
     view, motion, action = simulator.reset(task, rng), None, None
     mapper.reset(task.start)
     while True:
@@ -199,7 +201,10 @@ def drive(
         if goal is None:
             return turn, True
         with watch.stage("planner"):
+            goal = rounds.goal(goal, estimate.pose)
             plan = planner.plan(estimate, goal)
+            if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
+                planner.look_closely()
             action = controller.act(estimate.pose, plan)
         paths = simulator.radio.paths if simulator.radio else None
         on_decision(

@@ -23,9 +23,10 @@ from itertools import pairwise
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.control.swing import pushes, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
@@ -51,6 +52,8 @@ class ControlConfig:
     motions: tuple[tuple[float, float, float] | None, ...] = (None, None, None)
     """What each action does in the mean, in the order of `Action`: x, y [m], yaw [rad], as a calibration finds it; None
     for nominal."""
+    push_price: float = 2.0
+    """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
     arrived_m: float = 0.15
     """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
     stuck_decisions: int = 45
@@ -71,6 +74,7 @@ class ControlConfig:
             reach_steps=(1, 1000, "steps"),
             forward_m=(0.001, 10, "m"),
             turn_rad=(1e-4, math.pi, "rad"),
+            push_price=(0, 1e6, "decisions"),
             arrived_m=(0, 10, "m"),
             stuck_decisions=(1, 1_000_000, "decisions"),
             stuck_radius_m=(0, 100, "m"),
@@ -91,6 +95,9 @@ HISTORY, MOST_REVERSALS = 16, 4
 _CALIBRATED, _SURE = 50, 5
 #: A turn that moves the hull by less than this does not swing it [m].
 _SWING_M = 0.008
+
+#: Sides to look around to, the one that is preferred first; and room beside the hull on a step out of a niche [m].
+_SIDES, _CLEAR_M = (Action.LEFT, Action.RIGHT), 0.02
 
 #: Places at which one step of a run is checked against obstacles.
 PARTS = 4
@@ -127,7 +134,7 @@ class Controller:
         self._bumps: deque[tuple[float, float, float, float]] = deque(maxlen=12)
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
-        self._looking = False
+        self._looking: Action | None = None
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -146,7 +153,7 @@ class Controller:
         elif plan.length_m < self.config.arrived_m:
             action = self._face(pose, plan)
         else:
-            self._looking = False
+            self._looking = None
             action = self._best(pose, plan)
         self._last, self._last_pose = action, pose.copy()
         self._recent.append(action)
@@ -210,6 +217,7 @@ class Controller:
         price += off / config.turn_rad * np.minimum(left, 1.0)
         price += self._tightness(points, distance, plan.clearance)
         price += (np.abs(self._turns) + self._reluctance(pose, headings))[:, None]
+        price += self._pushing(pose, plan.clearance)[:, None]
         cheapest = price.min(axis=1)
         k = int(np.argmin(cheapest))
         if not np.isfinite(cheapest[k]):
@@ -232,13 +240,16 @@ class Controller:
         poses = np.empty((len(self._turns), 3))
         n = np.abs(self._turns)
         for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns <= 0)):
-            dx, dy, turn = self.motion[action]
-            yaw = pose[2] + turn * np.arange(n.max() + 1)
-            c, s = np.cos(yaw[:-1]), np.sin(yaw[:-1])
-            x = pose[0] + np.append(0, np.cumsum(c * dx - s * dy))
-            y = pose[1] + np.append(0, np.cumsum(s * dx + c * dy))
-            poses[side] = np.column_stack([x, y, yaw])[n[side]]
+            poses[side] = swung(pose, self.motion[action], int(n.max()))[n[side]]
         return poses
+
+    def _pushes(
+        self, pose: Float[np.ndarray, "3"], action: Action, turns: int, clearance: Clearance
+    ) -> Int[np.ndarray, " n"]:
+        """How many of 0, 1, ... turns to a side push the hull against something; none of a base that turns in place."""
+        if math.hypot(*self.motion[action][:2]) < _SWING_M:
+            return np.zeros(turns + 1, int)
+        return pushes(swung(pose, self.motion[action], turns), clearance, self.config.radius_m)
 
     def _tightness(
         self,
@@ -262,6 +273,14 @@ class Controller:
         price = np.interp(space, config.slacks_m, config.slack_prices)
         price[space < least] = np.inf
         return price
+
+    def _pushing(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Float[np.ndarray, " k"]:
+        """Decisions by which turns that push the hull against something make each heading dearer."""
+        extra = np.zeros(len(self._turns))
+        n = np.abs(self._turns)
+        for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns < 0)):
+            extra[side] = self._pushes(pose, action, int(n.max()), clearance)[n[side]]
+        return self.config.push_price * extra
 
     def _reluctance(
         self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, " k"]
@@ -288,10 +307,27 @@ class Controller:
         """At the end of the way: turn to the goal asked for, then look around."""
         dx, dy = plan.asked_xy - pose[:2]
         turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
-        if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking:
-            self._looking = True
-            return Action.LEFT
+        if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking is not None:
+            return self._look_around(pose, plan)
         return _first(turns)
+
+    def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
+        """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
+        if self._looking is None:
+            once = turns_round(self.config.turn_rad)
+            pushed = [int(self._pushes(pose, side, once, plan.clearance)[-1]) for side in _SIDES]
+            self._looking = _SIDES[int(np.argmin(pushed))]
+            if min(pushed) and self._roomier_ahead(pose, plan.clearance):
+                return Action.FORWARD
+        return self._looking
+
+    def _roomier_ahead(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> bool:
+        """Whether a step forward leads to a place with more room, with the hull clear of everything on the way."""
+        dx, dy, _ = self.motion[Action.FORWARD]
+        c, s = math.cos(pose[2]), math.sin(pose[2])
+        part = np.linspace(0, 1, PARTS + 1)[:, None]
+        room = clearance.at(pose[:2] + part * [c * dx - s * dy, s * dx + c * dy]) - self.config.radius_m
+        return bool(room[-1] > room[0] and room[1:].min() > min(room[0], _CLEAR_M))
 
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""

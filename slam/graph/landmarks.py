@@ -1,20 +1,26 @@
 """Sources of a radio as landmarks: where they stand comes out with the trajectory, and holds it.
 
-What appears in line of sight is the source itself, and the same whenever it is seen again. So is, whatever its link
-state is taken for, what appears where the source stands and as strong as from there; and what on some metres of way
-keeps to one place, by its directions and by what free space makes of its strength. Beside a source, other paths come
-from mirror images, which stand still too: they are followed as long as they appear where they are expected, and are
-other landmarks after that. What was seen too seldom, or does not keep to a place, holds nothing.
+What a path comes from stands still: in line of sight the source itself, else a mirror image of it in walls. A path
+belongs to the landmark from whose place it comes and as strong as from there, whatever its link state is taken for;
+else it may be the first of a new one. Further paths are told by how much longer they are than the first; they are
+followed as long as they appear where they are expected, and are other landmarks after that.
 
-Bearings are taken again only once the robot has moved: from one place, they err alike.
-Reference: Gentner et al., Multipath assisted positioning with simultaneous localization and mapping, IEEE Trans.
-Wireless Communications 15 (2016), whose virtual transmitters these are.
+No landmark holds a pose before directions alone, taken along a way, have told one place for all that was seen of it,
+with a depth that is no more open than its strength. An arrival that only looks like line of sight, off the corner of a
+wall or off something far down a corridor, tells no such place: its strength says another depth than its directions,
+or they say none. All that was seen before holds then as well.
+
+Bearings are taken again only once the robot has moved: from one place, they err alike. What the pose has gathered in
+error since its node of the graph counts as an error of the bearing.
+References: Gentner et al., Multipath assisted positioning with simultaneous localization and mapping, IEEE Trans.
+Wireless Communications 15 (2016), whose virtual transmitters these are; Stansfield, Statistical theory of D.F. fixing,
+Journal of the IEE 94 (1947), on the place that directions tell.
 """
 
 import math
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -26,19 +32,23 @@ from slam.sensing.bearings import Bearing
 
 #: Bearings are taken again after a way, or a turn, of this [m, rad].
 _APART_M, _APART_RAD = 0.25, math.radians(15.0)
-#: Sightings after which a landmark holds the poses.
-_ENOUGH = 5
-#: What is followed may appear so many standard deviations, and so far [rad, m], from where it is expected.
+#: A place is told by so many sightings, if its depth is open by so much of it, and if the root mean square of what
+#: directions are off is so many standard deviations, at most.
+_ENOUGH, _DEPTH, _OFF = 6, 0.1, 1.5
+#: How far headings along such a way may be off, beside bearings [rad].
+_HEADING_RAD = math.radians(0.2)
+#: Sightings that are kept of what tells no place yet.
+_KEPT = 60
+#: What is known may appear so many standard deviations, and so far [rad, m], from where it is expected.
 _GATE, _JITTER_RAD, _JITTER_M = 4.0, math.radians(1.0), 0.1
 #: It is given up when it has not appeared on so much way [m].
 _GONE_M = 3.0
 #: A path is as strong as in line of sight if free space would do with a distance within so much of it (logarithm).
 _WEAK = 0.1
-#: What keeps to a place does so on so many sightings and so much way [m], with root mean squares of so much at most
-#: (logarithm, rad).
-_KEPT, _KEPT_M, _KEPT_LOG, _KEPT_RAD = 8, 2.0, 0.05, math.radians(0.5)
 #: Line of sight is believed from this probability on.
 _BELIEVED = 0.5
+#: Steps in which a place is told, and the least distance of one [m].
+_STEPS, _NEAREST_M = 5, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,7 +60,7 @@ class Transmitter:
     covariance: Float[np.ndarray, "2 2"]
     """Of that [m^2]."""
     sightings: int
-    """Bearings in line of sight that it comes from."""
+    """Bearings that it comes from."""
 
 
 class _Seen(NamedTuple):
@@ -74,24 +84,34 @@ class _Landmark:
     seen: list[_Seen] = field(default_factory=list)
     place: int | None = None
     """Its number in the graph, once it holds poses."""
+    in_sight: int = 0
+    """How often it was taken to be in line of sight."""
 
 
 class Landmarks:
     """All that has been seen of sources."""
 
     def __init__(self) -> None:
-        self._direct: dict[str, _Landmark] = {}
-        self._followed: dict[str, list[_Landmark]] = defaultdict(list)
-        self._unsure: dict[str, list[_Seen]] = defaultdict(list)
+        self._sources: dict[str, list[_Landmark]] = defaultdict(list)
+        self._images: dict[str, list[_Landmark]] = defaultdict(list)
         self._last: Float[np.ndarray, 3] | None = None
         self._time, self._way_m = 0, 0.0
+        self.taken = 0
+        """Bearings that hold poses, or may do so later on."""
 
-    def see(self, graph: PoseGraph, here: Float[np.ndarray, "3"], bearings: Sequence[Bearing]) -> None:
+    def see(
+        self,
+        graph: PoseGraph,
+        here: Float[np.ndarray, "3"],
+        spread: Float[np.ndarray, "3 3"],
+        bearings: Sequence[Bearing],
+    ) -> None:
         """Take in what appears from a pose.
 
         Args:
             graph: Whose last pose `here` is told in.
             here: Where the robot is: x [m], y [m], yaw [rad].
+            spread: Covariance of that [m^2, m rad, rad^2].
             bearings: Of each source the first path, and then others.
         """
         pose, node = compose(graph.poses[-1], here), len(graph.poses) - 1
@@ -102,93 +122,154 @@ class Landmarks:
             self._way_m += gap_m
         self._last, self._time = pose, self._time + 1
         firsts: dict[str, _Landmark] = {}
-        for bearing in bearings:
-            name, first = bearing.source, bearing.beyond_m is None
-            if not first and name not in firsts:
+        for one in bearings:
+            bearing, first = _from_uncertain(one, here, spread), firsts.get(one.source)
+            if bearing.beyond_m is None:
+                landmark = firsts[one.source] = self._source(graph, pose, bearing)
+                first = None
+            elif first is not None:
+                landmark = self._image(graph, pose, bearing, first)
+            else:
                 continue
-            seen = _Seen(self._time, self._way_m, node, here.copy(), bearing, None if first else firsts[name])
-            landmark = self._source(graph, pose, seen) if first else self._image(graph, pose, bearing)
-            if landmark is None:
-                continue
-            if first:
-                firsts[name] = landmark
-            landmark.seen.append(seen)
-            if landmark.place is not None:
-                _hold(graph, landmark, seen)
-            elif landmark.place_xy is not None or len(landmark.seen) >= _ENOUGH:
-                known = landmark.place_xy
-                xy = _appears(graph, seen) if known is None else known
-                landmark.place = graph.add_place(xy, known=known is not None)
-                for each in landmark.seen:
-                    _hold(graph, landmark, each)
+            seen = _Seen(self._time, self._way_m, node, here.copy(), bearing, first)
+            self._take(graph, landmark, seen)
 
     def transmitters(self, graph: PoseGraph) -> dict[str, Transmitter]:
-        """Where sources stand that were seen in line of sight."""
-        return {
-            name: Transmitter(
-                xy=graph.places[landmark.place].copy(),
-                covariance=graph.place_covariance(landmark.place),
-                sightings=len(landmark.seen),
-            )
-            for name, landmark in self._direct.items()
-            if landmark.place is not None
-        }
+        """Where sources stand: of the places of each, that which was in line of sight most often."""
+        found = {}
+        for name, landmarks in self._sources.items():
+            best = max(landmarks, key=lambda one: (one.place is not None, one.in_sight, len(one.seen)))
+            if best.place is not None:
+                found[name] = Transmitter(
+                    xy=graph.places[best.place].copy(),
+                    covariance=graph.place_covariance(best.place),
+                    sightings=len(best.seen),
+                )
+        return found
 
-    def _source(self, graph: PoseGraph, pose: Float[np.ndarray, "3"], seen: _Seen) -> _Landmark | None:
-        """The source that a first path comes from; None if nobody knows that it comes from there."""
-        bearing = seen.bearing
-        source = self._direct.get(bearing.source)
-        if bearing.direct >= _BELIEVED:
-            return source or self._direct.setdefault(bearing.source, _Landmark(place_xy=bearing.place_xy))
-        if source is not None:
-            return source if _is_there(graph, source, pose, bearing) else None
-        unsure = self._unsure[bearing.source]
-        unsure.append(seen)
-        if not _keeps_to_a_place(graph, unsure):
-            del unsure[: -2 * _KEPT]
-            return None
-        source = self._direct[bearing.source] = _Landmark(place_xy=bearing.place_xy)
-        source.seen.extend(self._unsure.pop(bearing.source)[:-1])
-        return source
+    def _take(self, graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
+        """Let a landmark hold poses by what was seen of it, once its place is told."""
+        believed = seen.bearing.direct >= _BELIEVED
+        landmark.seen.append(seen)
+        landmark.in_sight += believed
+        self.taken += believed or landmark.place is not None
+        if landmark.place is not None:
+            _hold(graph, landmark, seen)
+            return
+        del landmark.seen[:-_KEPT]
+        known = landmark.place_xy
+        xy = _one_place(graph, landmark.seen) if known is None else known
+        if xy is not None:
+            landmark.place = graph.add_place(xy, known=known is not None)
+            for each in landmark.seen:
+                _hold(graph, landmark, each)
 
-    def _image(self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing) -> _Landmark:
+    def _source(self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing) -> _Landmark:
+        """What a first path comes from."""
+        landmarks = self._sources[bearing.source]
+        if bearing.place_xy is not None and bearing.direct >= _BELIEVED:
+            known = [one for one in landmarks if one.place_xy is not None]
+            if not known:
+                landmarks.append(_Landmark(place_xy=bearing.place_xy))
+            return (known or landmarks)[-1]
+        rated = [(_elsewhere(graph, one, pose, bearing), k) for k, one in enumerate(landmarks)]
+        unlike, best = min(rated, default=(math.inf, 0))
+        if unlike < 1.0:
+            return landmarks[best]
+        landmarks[:] = [
+            one for one in landmarks if one.place is not None or one.in_sight or self._lately(one)
+        ]
+        landmarks.append(_Landmark())
+        return landmarks[-1]
+
+    def _image(
+        self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing, first: _Landmark
+    ) -> _Landmark:
         """The mirror image that a further path comes from."""
-        followed = self._followed[bearing.source]
-        followed[:] = [one for one in followed if self._way_m - one.seen[-1].way_m < _GONE_M]
+        landmarks = self._images[bearing.source]
+        landmarks[:] = [one for one in landmarks if self._lately(one)]
         # Another path of this measurement may be from there already.
-        free = [one for one in followed if one.seen[-1].time < self._time]
+        free = [one for one in landmarks if one.seen[-1].time < self._time and one.seen[-1].first is first]
         rated = [(_unlike(graph, one, pose, bearing), k) for k, one in enumerate(free)]
         unlike, best = min(rated, default=(math.inf, 0))
         if unlike < 1.0:
             return free[best]
-        followed.append(_Landmark())
-        return followed[-1]
+        landmarks.append(_Landmark())
+        return landmarks[-1]
+
+    def _lately(self, landmark: _Landmark) -> bool:
+        """Whether a landmark has appeared on the last metres of way."""
+        return self._way_m - landmark.seen[-1].way_m < _GONE_M
 
 
-def _is_there(graph: PoseGraph, source: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing) -> bool:
-    """Whether a first path comes from where a source stands, and is as strong as from there."""
-    if source.place is None:
-        return False
-    away_m = math.hypot(*(graph.places[source.place] - pose[:2]))
-    weak = abs(math.log(bearing.range_m / max(away_m, 1e-3)))
-    return weak < _WEAK and _unlike(graph, source, pose, bearing) < 1.0
+def _from_uncertain(
+    bearing: Bearing, here: Float[np.ndarray, "3"], spread: Float[np.ndarray, "3 3"]
+) -> Bearing:
+    """A bearing that is as uncertain as the pose that it was taken from makes it."""
+    azimuth = here[2] + bearing.bearing_rad
+    turn = np.array([math.sin(azimuth) / bearing.range_m, -math.cos(azimuth) / bearing.range_m, -1.0])
+    sigma_rad = math.sqrt(bearing.sigma_rad**2 + float(turn @ spread @ turn))
+    return replace(bearing, sigma_rad=min(sigma_rad, math.pi))
 
 
-def _keeps_to_a_place(graph: PoseGraph, unsure: Sequence[_Seen]) -> bool:
-    """Whether directions and distances of the last paths are of one place, seen from different ones."""
-    last = unsure[-_KEPT:]
-    if len(last) < _KEPT or last[-1].way_m - last[0].way_m < _KEPT_M:
-        return False
-    seen_from = np.array([compose(graph.poses[seen.node], seen.at) for seen in last])
-    away = np.mean([_appears(graph, seen) for seen in last], axis=0) - seen_from[:, :2]
-    azimuth = seen_from[:, 2] + [seen.bearing.bearing_rad for seen in last]
-    turn = wrap(np.arctan2(away[:, 1], away[:, 0]) - azimuth)
-    far = np.log(np.hypot(*away.T) / [seen.bearing.range_m for seen in last])
-    return bool(np.sqrt(np.mean(turn**2)) < _KEPT_RAD and np.sqrt(np.mean(far**2)) < _KEPT_LOG)
+def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"] | None:
+    """The place that all was seen at, told by directions alone [m]; None if they do not tell one.
+
+    Least squares of the distances of a point from lines of sight, each over the distance along it (Stansfield).
+    """
+    if len(seen) < _ENOUGH:
+        return None
+    seen_from = np.array([compose(graph.poses[one.node], one.at) for one in seen])
+    azimuth = seen_from[:, 2] + [one.bearing.bearing_rad for one in seen]
+    sigma = np.hypot([one.bearing.sigma_rad for one in seen], _HEADING_RAD)
+    across = np.column_stack([-np.sin(azimuth), np.cos(azimuth)])
+    beside = (across * seen_from[:, :2]).sum(axis=1)
+    range_m = np.array([one.bearing.range_m for one in seen])
+    away_m = range_m
+    for _ in range(_STEPS):
+        weighted = across / (sigma * away_m)[:, None]
+        information = weighted.T @ weighted
+        least, most = np.linalg.eigvalsh(information)
+        if least < 1e-9 * most:
+            return None
+        place = np.linalg.solve(information, weighted.T @ (beside / (sigma * away_m)))
+        away = place - seen_from[:, :2]
+        away_m = np.maximum(np.hypot(*away.T), _NEAREST_M)
+    off = wrap(np.arctan2(away[:, 1], away[:, 0]) - azimuth) / sigma
+    depth = 1 / math.sqrt(least) / float(away_m.mean())
+    if depth > _DEPTH or _rms(off) > _OFF:
+        return None
+    if seen[-1].first is None and _rms(np.log(away_m / range_m)) > _WEAK + 2 * depth:
+        return None
+    return np.asarray(place)
+
+
+def _rms(values: Float[np.ndarray, " n"]) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _elsewhere(
+    graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing
+) -> float:
+    """How far a first path comes from elsewhere than a landmark's place, as a part of what is allowed; 1 is too far.
+
+    A landmark without a place is taken to stand where its last sighting, by its strength, says.
+    """
+    if landmark.place is None:
+        last = landmark.seen[-1]
+        there, open_m = _appears(graph, last), _WEAK * last.bearing.range_m
+    else:
+        there, open_m = graph.places[landmark.place], 0.0
+    away = there - pose[:2]
+    away_m = max(math.hypot(*away), _NEAREST_M)
+    turn = abs(wrap(float(pose[2] + bearing.bearing_rad) - math.atan2(away[1], away[0])))
+    noise = _GATE * bearing.sigma_rad + _JITTER_RAD + math.atan2(open_m, away_m)
+    weak = abs(math.log(bearing.range_m / away_m))
+    return max(turn / noise, weak / (_WEAK + open_m / away_m))
 
 
 def _unlike(graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing) -> float:
-    """How far a path is from where a landmark is expected, as a part of what is allowed; 1 is too far."""
+    """How far a further path is from where an image is expected, as a part of what is allowed; 1 is too far."""
     _, _, node, at, before, _ = landmark.seen[-1]
     seen_from = compose(graph.poses[node], at)
     moved_m = math.hypot(*(pose - seen_from)[:2])
@@ -200,8 +281,7 @@ def _unlike(graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"],
         away = graph.places[landmark.place] - pose[:2]
         azimuth = math.atan2(away[1], away[0])
     unlike = abs(wrap(float(pose[2] + bearing.bearing_rad - azimuth))) / noise
-    if bearing.beyond_m is None or before.beyond_m is None:
-        return unlike if bearing.beyond_m is before.beyond_m else math.inf
+    assert bearing.beyond_m is not None and before.beyond_m is not None
     slack_m = _GATE * math.hypot(bearing.sigma_m, before.sigma_m) + _JITTER_M + 2 * moved_m
     return max(unlike, abs(bearing.beyond_m - before.beyond_m) / slack_m)
 

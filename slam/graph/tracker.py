@@ -107,7 +107,7 @@ _WAITING = 24
 #: Scans after which a submap is closed where one lies beside it that is not known to fit [m].
 _SOON, _BESIDE_M = 12, 8.0
 #: Submaps are closed early where sources are heard and the heading has become so uncertain [rad].
-_VAGUE_RAD = math.radians(0.2)
+_VAGUE_RAD = math.radians(0.1)
 #: How often all submaps are gone through again in the end, at most.
 _ROUNDS = 3
 #: The surfaces around are put together anew when a pose moves by more [m].
@@ -204,13 +204,12 @@ class Tracker:
 
     def _vague(self) -> bool:
         """Whether sources can tell more of the pose than what was seen since the submap was begun."""
-        heard = len(self.graph.sightings) > self._heard
-        return heard and bool(self._spread[2, 2] > _VAGUE_RAD**2)
+        return self.landmarks.taken > self._heard and bool(self._spread[2, 2] > _VAGUE_RAD**2)
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
         if self.config.radio:
-            self.landmarks.see(self.graph, self._here, bearings)
+            self.landmarks.see(self.graph, self._here, self._spread, bearings)
 
     def transmitters(self) -> dict[str, Transmitter]:
         """Where sources stand that were seen in line of sight."""
@@ -328,7 +327,7 @@ class Tracker:
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
             self._queue = [*self._candidates(last), *self._queue][:_WAITING]
-        heard, self._heard = self._heard, len(self.graph.sightings)
+        heard, self._heard = self._heard, self.landmarks.taken
         moved = self._heard > heard and self._solve()
         if not moved:
             self._look_around()

@@ -154,6 +154,11 @@ class Planner:
         self._plan = _completed(plan, estimate)
         return self._plan
 
+    def look_closely(self) -> None:
+        """Plan the next way, and those to the same goal that come, on the map's own cells throughout."""
+        self._closely = True
+        self._near_age, self._far_age = self.config.near_every, self.config.far_every
+
     def _around(self, estimate: MapEstimate) -> Clearance:
         return Clearance.around(estimate, self.config.look_m, bumps=self._bumps)
 

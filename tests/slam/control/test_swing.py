@@ -1,0 +1,70 @@
+"""Turns of a base that does not turn about its middle: where they lead, and that they spare the hull."""
+
+import math
+
+import numpy as np
+import pytest
+
+from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.control.controller import ControlConfig, Controller
+from slam.control.swing import pushes, swung, turns_round
+from slam.planning.clearance import Clearance
+from slam.planning.planner import Planner
+from tests.slam.floors import floor
+
+#: What actions of a base do that swings 2 cm to the side with each turn of 10 degrees.
+SWING_M = 0.02
+SWINGS = ((FORWARD_M, 0.0, 0.0), (0.0, SWING_M, TURN_RAD), (0.0, -SWING_M, -TURN_RAD))
+
+
+def _around(estimate) -> Clearance:
+    return Clearance.around(estimate, 2.0)
+
+
+def _looks(walls, motions=SWINGS, yaw=0.0) -> Action:
+    """First action of a robot at the origin whose goal is where it stands."""
+    estimate = floor((0.0, 0.0, yaw), walls=walls)
+    plan = Planner().plan(estimate, estimate.pose[:2])
+    return Controller(ControlConfig(motions=motions)).act(estimate.pose, plan)
+
+
+def test_turns_go_round_a_circle():
+    """36 turns end where they began; the farthest place lies across the circle, of diameter d / sin(10 deg / 2)."""
+    pose = np.array([1.0, 2.0, 0.7])
+    poses = swung(pose, np.array(SWINGS[Action.LEFT]), turns_round(TURN_RAD))
+    assert len(poses) == 37
+    assert np.allclose(poses[-1, :2], pose[:2], atol=1e-12)
+    far_m = np.hypot(*(poses[:, :2] - pose[:2]).T).max()
+    assert far_m == pytest.approx(SWING_M / math.sin(TURN_RAD / 2), rel=1e-12)
+
+
+def test_turns_push_where_they_bring_the_hull_nearer_than_its_room():
+    """A wall to the left: told turn by turn by going through the wall's cells; turns to the right push nowhere.
+
+    The turns that push are among the first nine: after a quarter round the circle leads away from the wall.
+    """
+    estimate = floor(walls=[(-1.0, 0.15, 1.0, 0.2)])
+    poses = swung(estimate.pose, np.array(SWINGS[Action.LEFT]), 18)
+    wall = np.column_stack([np.arange(-0.975, 1.0, 0.05), np.full(40, 0.175)])
+    room = np.hypot(*(poses[:, None, :2] - wall).transpose(2, 0, 1)).min(axis=1) - 0.1
+    expected = [room[k + 1] < 0.005 and room[k + 1] < room[k] - 0.002 for k in range(18)]
+    pushed = pushes(poses, _around(estimate), 0.1)
+    assert np.array_equal(np.diff(pushed), expected)
+    assert 4 <= sum(expected[:10]) == sum(expected)
+    assert not pushes(swung(estimate.pose, np.array(SWINGS[Action.RIGHT]), 18), _around(estimate), 0.1).any()
+
+
+def test_it_looks_around_to_the_side_that_is_free():
+    """To the left in the open; to the right where a wall stands to the left; left all the same if it does not swing."""
+    wall = [(-1.0, 0.15, 1.0, 0.2)]
+    assert _looks([]) is Action.LEFT
+    assert _looks(wall) is Action.RIGHT
+    in_place = ((FORWARD_M, 0.0, 0.0), (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD))
+    assert _looks(wall, in_place) is Action.LEFT
+
+
+def test_it_steps_out_of_a_niche_before_it_looks_around():
+    """Walls on both sides and behind, open floor ahead: forward first. Closed ahead too, it turns where it is."""
+    niche = [(-0.2, 0.15, 0.1, 0.2), (-0.2, -0.2, 0.1, -0.15), (-0.25, -0.2, -0.2, 0.2)]
+    assert _looks(niche) is Action.FORWARD
+    assert _looks([*niche, (0.25, -0.3, 0.3, 0.3)]) is not Action.FORWARD
