@@ -1,6 +1,6 @@
 """Notices a robot that drives round and round near a place, says why, and what is done about it.
 
-It drives there for long, and either its way to one and the same goal does not get shorter, or a few goals take turns.
+It drives there for long, and either its way to one and the same goal does not get shorter, or two goals take turns.
 In the first case the way is planned on the map's own cells throughout, since larger cells may lead it to a neck where
 the hull does not fit; in the second the goal that it has is kept for a while. Runs in which neither happens are left
 as they are: nothing is decided here then.
@@ -26,14 +26,14 @@ _DECISIONS, _NEAR_M, _DRIVEN_M = 60, 2.0, 2.0
 _PROGRESS_M = 0.5
 #: Goals this far apart are different, and one that is nearer is reached [m]; so many of them at most, with so many
 #: changes at least, take turns.
-_APART_M, _FEW, _CHANGES = 0.5, 3, 4
+_APART_M, _FEW, _CHANGES = 0.5, 2, 5
 
 
 class Remedy(Enum):
     """What is done about going round."""
 
     PLAN_CLOSELY = "the way does not get shorter; it is planned on the map's own cells from now on"
-    KEEP_GOAL = f"few goals take turns; the present one is kept for {_DECISIONS} decisions"
+    KEEP_GOAL = f"two goals take turns; the present one is kept for {_DECISIONS} decisions"
 
 
 class _Decision(NamedTuple):
