@@ -13,6 +13,7 @@ Reference: F. Bungiu et al., Efficient computation of visibility polygons, EuroC
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
 
@@ -20,16 +21,6 @@ from wireless.support.compiled import compiled
 NEAR_M = 1e-9
 #: Views narrower than this [rad] end: no target fits in.
 NARROW_RAD = 1e-13
-
-
-@compiled
-def _longer_ints(a: Int[np.ndarray, "n k"]) -> Int[np.ndarray, "m k"]:
-    return np.concatenate((a, np.empty_like(a)))
-
-
-@compiled
-def _longer(a: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
-    return np.concatenate((a, np.empty_like(a)))
 
 
 @compiled
@@ -112,7 +103,7 @@ def cast(
                     if stamp[p] != now and (inside or _within(sight, x, y, target[p, 0], target[p, 1])[0]):
                         stamp[p] = now
                         if n_hits == len(hit):
-                            hit = _longer_ints(hit)
+                            hit = longer_ints(hit)
                         hit[n_hits, 0], hit[n_hits, 1] = p, now
                         n_hits += 1
             if order <= corner_order:
@@ -124,7 +115,7 @@ def cast(
                     if inside or _within(sight, x, y, vertex[v, 0], vertex[v, 1])[0]:
                         corner_stamp[c] = now
                         if n_corner_hits == len(corner_hit):
-                            corner_hit = _longer_ints(corner_hit)
+                            corner_hit = longer_ints(corner_hit)
                         corner_hit[n_corner_hits, 0], corner_hit[n_corner_hits, 1] = c, now
                         n_corner_hits += 1
             for i in range(3):
@@ -161,7 +152,7 @@ def cast(
                     if u < 0:
                         continue
                     if depth == len(stack):
-                        stack, stack_sector = _longer_ints(stack), _longer(stack_sector)
+                        stack, stack_sector = longer_ints(stack), longer(stack_sector)
                     back = 0
                     while tri_next[u, back] != t:
                         back += 1
@@ -172,8 +163,8 @@ def cast(
                     continue
                 if view[now, 3] < max_through and tri_open[t, i]:
                     if n_views == len(image):
-                        image, sector = _longer(image), _longer(sector)
-                        view, begin = _longer_ints(view), _longer_ints(begin)
+                        image, sector = longer(image), longer(sector)
+                        view, begin = longer_ints(view), longer_ints(begin)
                     u, back = tri_next[t, i], 0
                     while tri_next[u, back] != t:
                         back += 1
@@ -190,8 +181,8 @@ def cast(
                     if abs(off) < NEAR_M:
                         continue
                     if n_views == len(image):
-                        image, sector = _longer(image), _longer(sector)
-                        view, begin = _longer_ints(view), _longer_ints(begin)
+                        image, sector = longer(image), longer(sector)
+                        view, begin = longer_ints(view), longer_ints(begin)
                     image[n_views, 0], image[n_views, 1] = x - 2 * off * nx, y - 2 * off * ny
                     view[n_views, 0], view[n_views, 1], view[n_views, 2] = w, now, order + 1
                     view[n_views, 3], view[n_views, 4] = view[now, 3], 0

@@ -18,6 +18,7 @@ from jaxtyping import Float, Int
 
 from wireless.geometry.beams import NARROW_RAD, NEAR_M
 from wireless.geometry.convex import apart, area_of, kept_left
+from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.layers import Layers
 from wireless.support.compiled import compiled
 
@@ -42,16 +43,6 @@ class Seen(NamedTuple):
     """Pairs of rim and view."""
     rim_part: Float[np.ndarray, "e 2"]
     """From where to where along the rim it is seen [m]."""
-
-
-@compiled
-def _longer_ints(a: Int[np.ndarray, "n k"]) -> Int[np.ndarray, "m k"]:
-    return np.concatenate((a, np.empty_like(a)))
-
-
-@compiled
-def _longer(a: Float[np.ndarray, "n k"]) -> Float[np.ndarray, "m k"]:
-    return np.concatenate((a, np.empty_like(a)))
 
 
 @compiled
@@ -216,7 +207,7 @@ def cast_layers(
                             continue
                     stamp[p] = now
                     if n_hits == len(hit):
-                        hit = _longer_ints(hit)
+                        hit = longer_ints(hit)
                     hit[n_hits, 0], hit[n_hits, 1] = p, now
                     n_hits += 1
             if order <= edge_order:
@@ -242,7 +233,7 @@ def cast_layers(
                         continue
                     corner_stamp[c] = now
                     if n_corner_hits == len(corner_hit):
-                        corner_hit, slope = _longer_ints(corner_hit), _longer(slope)
+                        corner_hit, slope = longer_ints(corner_hit), longer(slope)
                     corner_hit[n_corner_hits, 0], corner_hit[n_corner_hits, 1] = c, now
                     slope[n_corner_hits, 0], slope[n_corner_hits, 1] = least, most
                     n_corner_hits += 1
@@ -274,10 +265,10 @@ def cast_layers(
                     if n == 0 or area_of(polygon, n) < _NOTHING_M2:
                         continue
                     if n_views == len(image):
-                        image, sector, at = _longer(image), _longer(sector), _longer(at)
-                        view, begin, part = _longer_ints(view), _longer_ints(begin), _longer_ints(part)
+                        image, sector, at = longer(image), longer(sector), longer(at)
+                        view, begin, part = longer_ints(view), longer_ints(begin), longer_ints(part)
                     while n_window + n > len(window):
-                        window = _longer(window)
+                        window = longer(window)
                     image[n_views], view[n_views] = image[now], view[now]
                     begin[n_views, 0], begin[n_views, 1] = piece_next[h], -1
                     at[n_views, 0], part[n_views, 0], part[n_views, 1] = bound, n_window, n
@@ -339,7 +330,7 @@ def cast_layers(
                     if low > high:
                         continue
                     if n_rim_hits == len(rim_hit):
-                        rim_hit, rim_part = _longer_ints(rim_hit), _longer(rim_part)
+                        rim_hit, rim_part = longer_ints(rim_hit), longer(rim_part)
                     ex, ey = rim_wedge[edge, 0, 0], rim_wedge[edge, 0, 1]
                     base = (from_x - rim[edge, 0, 0]) * ex + (from_y - rim[edge, 0, 1]) * ey
                     step = dx * ex + dy * ey
@@ -353,7 +344,7 @@ def cast_layers(
                     if u < 0:
                         continue
                     if depth == len(stack):
-                        stack, stack_sector = _longer_ints(stack), _longer(stack_sector)
+                        stack, stack_sector = longer_ints(stack), longer(stack_sector)
                     back = 0
                     while tri_next[u, back] != t:
                         back += 1
@@ -368,10 +359,10 @@ def cast_layers(
                     if abs(off) < NEAR_M:
                         continue
                     if n_views == len(image):
-                        image, sector, at = _longer(image), _longer(sector), _longer(at)
-                        view, begin, part = _longer_ints(view), _longer_ints(begin), _longer_ints(part)
+                        image, sector, at = longer(image), longer(sector), longer(at)
+                        view, begin, part = longer_ints(view), longer_ints(begin), longer_ints(part)
                     while n_window + n_corners > len(window):
-                        window = _longer(window)
+                        window = longer(window)
                     image[n_views, 0], image[n_views, 1] = x - 2 * off * nx, y - 2 * off * ny
                     view[n_views, 0], view[n_views, 1], view[n_views, 2] = w, now, order + 1
                     view[n_views, 3], view[n_views, 4] = 0, 0

@@ -16,6 +16,7 @@ from jaxtyping import Float, Int
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.geometry.beams import NEAR_M
+from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.layer_beams import cast_layers
 from wireless.geometry.layers import Layers
 from wireless.support.compiled import compiled
@@ -55,14 +56,14 @@ class LayerViews(NamedTuple):
 @compiled
 def _grown_ints(a: Int[np.ndarray, "n k"], n: int) -> Int[np.ndarray, "m k"]:
     while len(a) < n:
-        a = np.concatenate((a, np.empty_like(a)))
+        a = longer_ints(a)
     return a
 
 
 @compiled
 def _grown(a: Float[np.ndarray, "n k"], n: int) -> Float[np.ndarray, "m k"]:
     while len(a) < n:
-        a = np.concatenate((a, np.empty_like(a)))
+        a = longer(a)
     return a
 
 

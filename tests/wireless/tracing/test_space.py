@@ -7,6 +7,7 @@ import trimesh
 from scipy.constants import speed_of_light
 from scipy.spatial.transform import Rotation
 
+from tests.wireless.tracing.path_rows import table
 from wireless.geometry.facets import find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.occlusion import hidden_each, make_tree
 from wireless.paths import Interaction
@@ -21,23 +22,6 @@ RX = np.array([[7.3, 1.2, 1.2], [3.2, 1.1, 1.8], [0.7, 0.9, 1.5], [5.03, 2.73, 1
 @pytest.fixture(scope="module")
 def walls(ring):
     return np.concatenate([ring(*BEND), ring(*PILLAR)])
-
-
-def table(paths):
-    """Link, order, length, azimuths, elevations and gain of each path, in an order of its own."""
-    rows = np.column_stack(
-        [
-            paths.link,
-            paths.order,
-            paths.delay_s * speed_of_light,
-            np.cos(paths.aod_az),
-            np.sin(paths.aoa_az),
-            paths.aod_el,
-            paths.aoa_el,
-            np.abs(paths.gain).reshape(-1, 4) * 1e3,
-        ]
-    )
-    return rows[np.lexsort(np.round(rows[:, ::-1], 7).T)]
 
 
 @pytest.mark.parametrize("floor_ceiling", [False, True])

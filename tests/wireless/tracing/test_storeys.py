@@ -8,6 +8,7 @@ import shapely
 import trimesh
 from scipy.constants import speed_of_light
 
+from tests.wireless.tracing.path_rows import table
 from wireless.geometry.stack import find_stack
 from wireless.paths import Interaction
 from wireless.tracing.scenes import PlanScene, SpaceScene
@@ -76,23 +77,6 @@ def random_points(rng, free, count):
         if shapely.contains_xy(free[k].buffer(-0.05), *p):
             found.append((*p, k * FLOOR + rng.uniform(0.2, 2.3)))
     return np.array(found)
-
-
-def table(paths):
-    """Link, order, length, directions and gains of each path, in an order of its own."""
-    rows = np.column_stack(
-        [
-            paths.link,
-            paths.order,
-            paths.delay_s * speed_of_light,
-            np.cos(paths.aod_az),
-            np.sin(paths.aoa_az),
-            paths.aod_el,
-            paths.aoa_el,
-            np.abs(paths.gain).reshape(-1, 4) * 1e3,
-        ]
-    )
-    return rows[np.lexsort(np.round(rows[:, ::-1], 7).T)]
 
 
 def traced(mesh, tx, rx, scene, **options):
