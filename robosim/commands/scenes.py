@@ -104,7 +104,7 @@ def plan(
         console.print(f"{len(building.furnishings)} things are placed in it, of {n_placed} triangles.")
     if engine == "space":
         console.print(
-            "It is no extruded plan, so that radio is traced in space: some ten to a thousand times slower a link."
+            "It is no extruded plan, so that radio is traced in space: some ten to a hundred times slower a link."
         )
     for room in cut_off:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"

@@ -188,7 +188,7 @@ def _prepare(
         scene = RadioScene(plan, config)
     if scene.engine == "space":
         console.print(
-            f"{plan.name} is traced in space, some ten to a thousand times slower: not all of its "
+            f"{plan.name} is traced in space, some ten to a hundred times slower: not all of its "
             f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings. A "
             "reflection less (--max-reflections 2) makes it faster.",
             highlight=False,
