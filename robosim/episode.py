@@ -144,9 +144,15 @@ def check_weights(config: EpisodeConfig) -> None:
         ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=np.zeros(2))
-    if make_policy(config.goal, context).uses_radio:
+    if _policy(config, navigator, np.zeros(2)).uses_radio:
         check_classifier(config.link_states)
+
+
+def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:
+    """Who chooses the goals; without a camera nothing was seen to be empty."""
+    looks = config.simulator.camera != "none"
+    fused = config.fused if looks else replace(config.fused, uses_camera=False)
+    return make_policy(config.goal, PolicyContext(explorer=navigator.explorer, fused=fused, target=target))
 
 
 def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
@@ -247,8 +253,7 @@ def run_episode(
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
-    context = PolicyContext(explorer=navigator.explorer, fused=config.fused, target=task.target)
-    policy = make_policy(config.goal, context)
+    policy = _policy(config, navigator, task.target)
     simulator = Simulator(
         building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )

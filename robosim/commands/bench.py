@@ -520,6 +520,56 @@ def episode(
     console.print(f"Wrote episode.json and episode.png in {folder}")
 
 
+def belief(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    goal: Literal["snr", "los", "los-or-first", "fused"] = "fused",
+    targets: int = 3,
+    seed: int = 0,
+    max_steps: int = 1000,
+    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
+    out: Path | None = None,
+) -> None:
+    """Measure the belief about the target's place: is it calibrated, how much does it say, what does it cost.
+
+    One policy drives, and beliefs with parts left out look on. Goes on after a kill if given the same folder; the
+    scores do not depend on the number of workers.
+
+    Example: robosim bench belief flat office --out out/belief
+
+    Args:
+        plans: Floor plans, or folders of them.
+        goal: Who drives.
+        targets: Tasks of each plan.
+        seed: Seed of the tasks and of the noise.
+        max_steps: Actions before giving up.
+        work: Who does the work.
+        out: Folder for the table and the plot; a new one under runs/ if not given.
+    """
+    from robosim.bench.belief import run
+
+    check_some("plans", plans, PLANS)
+    check_number("targets", targets, *TASKS, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    check_number("max_steps", max_steps, *STEPS, whole=True)
+    folder = folder_for(out, "bench belief")
+    with going_on(folder):
+        table = run(
+            plans,
+            goal=goal,
+            targets=targets,
+            seed=seed,
+            max_steps=max_steps,
+            workers=work.count,
+            cluster=work.cluster,
+            out=folder,
+            console=console,
+        )
+    console.print(table)
+    tell_file(folder / "belief.json")
+    console.print(f"Wrote belief.json and belief.png in {folder}")
+
+
 def positioning(
     paths: Positional[Path],
     *,

@@ -26,6 +26,7 @@ COMMANDS = {
     "bench exploration": "bench:exploration",
     "bench episode": "bench:episode",
     "bench slam": "bench:slam",
+    "bench belief": "bench:belief",
     "bench endurance": "bench:endurance",
     "bench wireless": "bench:wireless",
     "bench storeys": "bench:storeys",

@@ -153,7 +153,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     """
     begin = perf_counter()
     building, places = job.scene()
-    task = _task(places, job.task)
+    task = task_of(places, job.task)
     goals: list[np.ndarray] = []
 
     def look(log: EpisodeLog, decision: Decision) -> None:
@@ -232,7 +232,12 @@ def scene(
     return building, reach(building, *hull_m)
 
 
-def _task(places: Reach, task: SuiteTask) -> Task:
+def task_of(places: Reach, task: SuiteTask) -> Task:
+    """A task of a suite in its building.
+
+    Raises:
+        MapError: If it cannot be done there.
+    """
     x, y, yaw_deg = task.start
     start = np.array([x, y, np.radians(yaw_deg)])
     try:

@@ -1,15 +1,10 @@
 """Where the target may be: a probability for each cell, from all that was measured so far and the map as known then.
 
-Each measurement says something for each link state that it may have had:
-
-    line of sight   the target lies along the arrival, as far away as its power says, with nothing known between
-    first order     one corner or wall lies along the arrival, from where the departure leads back to the target
-    higher order    the target is out of sight, no farther than a free wave of that power
-    outage          the target is out of sight
-
-These densities are mixed by the probabilities of the states, and measurements multiplied. Places near each other
-have errors in common, so only those some way apart count, each as part of an independent one; and none is believed
-altogether, so that later ones can put right what an early one got wrong.
+Before anything is measured, places near to what was seen of the building are likelier than those far outside of it,
+and what stands there, where the robot was and what its camera saw from near hold no target. Each measurement then
+counts by its likelihood (`likelihood`), and measurements are multiplied. Places near each other have errors in
+common, so only those some way apart count, each as part of an independent one; and none is believed altogether, so
+that later ones can put right what an early one got wrong.
 """
 
 import math
@@ -19,11 +14,14 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from robosim.policies.sightlines import Knowledge, bent, in_sight, knowledge
+from robosim.policies.leads import filled
+from robosim.policies.likelihood import Likelihood, normal
+from robosim.policies.sightlines import in_sight, knowledge
 from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
+from slam.poses import wrap
 from wireless.paths import LinkState
 
 #: Cells along the side of a grid; more would not fit into memory.
@@ -32,6 +30,14 @@ MOST_CELLS = 4000
 _FARTHEST_M = 200.0
 #: Squared errors of places that a graph tells, over their variances.
 _TOLD = 2.0
+#: Cells of which obstacles fill more hold no target.
+_FULL = 0.6
+#: The target is no nearer than this to where the robot was, or the search would have ended [m].
+_BEEN_M = 0.3
+#: How much less likely the target is where it would have been found, or where something else stands.
+_EMPTY = 0.1
+#: Nothing is less likely than this part of what is most likely before any measurement.
+_LEAST_PRIOR = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,12 +59,20 @@ class BeliefConfig:
     """Standard deviation of powers in line of sight [dB]: other paths add to them and take from them."""
     doubt: float = 0.05
     """Probability that a measurement says nothing."""
-    weight: float = 0.4
+    weight: float = 0.6
     """Part of an independent measurement that each one counts as."""
-    apart_m: float = 0.15
+    apart_m: float = 0.3
     """Measurements nearer to the last one do not count [m]."""
+    beyond_m: float = 5.0
+    """How far beyond what was seen the target may be: every so many metres it is less likely by a factor e [m]."""
+    look_m: float = 1.2
+    """How far the camera finds the target for sure; 0 if it does not look for it [m]."""
+    look_deg: float = 80.0
+    """Width of the camera's view in which it finds it for sure [deg]."""
     in_sight: float = 0.02
     """How much less likely the target is where it would be in line of sight, if it is not."""
+    ways: bool = True
+    """Whether arrivals that come round corners tell of the target by the ways that lead there."""
     departures: bool = True
     """Whether directions of departure are known; they are not if the target's beams are not."""
     remembers: bool = True
@@ -76,6 +90,9 @@ class BeliefConfig:
             doubt=(0, 1),
             weight=(0, 1),
             apart_m=(0, 100, "m"),
+            beyond_m=(0.1, 1e6, "m"),
+            look_m=(0, 100, "m"),
+            look_deg=(0, 360, "degrees"),
             in_sight=(0, 1),
         )
         if self.half_side_m > MOST_CELLS / 2 * self.cell_m:
@@ -97,12 +114,14 @@ class TargetBelief:
         )
         self._log = np.zeros((n, n), np.float32)
         self._located = np.zeros((n, n), np.float32)
+        self._empty = np.zeros((n, n), bool)
+        self._prior = np.zeros((n, n), np.float32)
         self._centres = _centres(self.frame)
         self._last: np.ndarray | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Of each cell to hold the target; they add up to 1."""
-        log = self._log + self._located
+        log = self._prior + self._log + self._located
         p = np.exp(log - log.max())
         return p / p.sum()
 
@@ -115,28 +134,72 @@ class TargetBelief:
         covariance = _TOLD * found.covariance + c.cell_m**2 / 12 * np.eye(2)
         off = self._centres - found.xy
         square = np.einsum("yxi,ij,yxj->yx", off, np.linalg.inv(covariance), off, optimize=True)
-        density = _normal(np.exp(-0.5 * square))
+        density = normal(np.exp(-0.5 * square))
         flat = np.float32(c.doubt / density.size)
         self._located = np.log(flat + np.float32(1 - c.doubt) * density)
 
     def add(self, measurement: Measurement, estimate: MapEstimate) -> bool:
         """Take in a measurement; says whether it counted, being far enough from the last one that did."""
-        place = measurement.pose[:2]
-        if self._last is not None and math.hypot(*(place - self._last)) < self.config.apart_m:
+        c, place = self.config, measurement.pose[:2]
+        if self._last is not None and math.hypot(*(place - self._last)) < c.apart_m:
             return False
         self._last = place.copy()
-        self._make_room(_ends(measurement, self.config))
+        self._make_room(_ends(measurement, c))
         known = knowledge(estimate, beside_m=0.2)
-        density = self._density(measurement, known)
-        flat = np.float32(self.config.doubt / density.size)
-        told = np.log(flat + (1 - np.float32(self.config.doubt)) * density)
-        if self.config.remembers:
-            self._log += np.float32(self.config.weight) * told
+        surely, _ = in_sight(known, place, self.frame, c.half_side_m)
+        self._look(measurement.pose, surely)
+        self._prior = self._before(estimate)
+        prior = normal(np.exp(self._prior))
+        likelihood = Likelihood(
+            measurement,
+            estimate,
+            known,
+            self.frame,
+            self._centres,
+            frequency_hz=c.frequency_hz,
+            departures=c.departures,
+            ways=c.ways,
+        )
+        density = likelihood.density(
+            prior,
+            np.where(surely, np.float32(c.in_sight), np.float32(1)) * prior,
+            arrival_rad=math.radians(c.arrival_deg),
+            departure_rad=math.radians(c.departure_deg),
+            power_db=c.power_db,
+            reach_m=c.half_side_m,
+        )
+        told = np.log(np.float32(c.doubt) + np.float32(1 - c.doubt) * density / prior)
+        if c.remembers:
+            self._log += np.float32(c.weight) * told
         else:
             self._log = told
         # Nothing is ruled out for good.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
+
+    def _look(self, pose: Float[np.ndarray, "3"], surely: Bool[np.ndarray, "ny nx"]) -> None:
+        """The robot is here, and its camera sees no target ahead."""
+        c, off = self.config, self._centres - pose[:2]
+        distance = np.hypot(off[..., 0], off[..., 1])
+        if not c.remembers:
+            self._empty[:] = False
+        self._empty |= distance <= _BEEN_M
+        if c.look_m > 0:
+            aside = np.abs(wrap(np.arctan2(off[..., 1], off[..., 0]) - pose[2]))
+            self._empty |= surely & (distance <= c.look_m) & (aside <= math.radians(c.look_deg) / 2)
+
+    def _before(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
+        """Logarithm of the probability of each cell, but for a constant, before anything is measured."""
+        row, column = self.frame.index(estimate.frame.centres(estimate.explored))
+        inside = self.frame.inside(row, column)
+        unseen = np.ones(self.frame.shape, np.uint8)
+        unseen[row[inside], column[inside]] = 0
+        away_m = self.config.cell_m * cv2.distanceTransform(unseen, cv2.DIST_L2, 5)
+        if unseen.all():
+            away_m[:] = 0
+        prior = np.maximum(-away_m / np.float32(self.config.beyond_m), np.float32(math.log(_LEAST_PRIOR)))
+        prior[self._empty | (filled(estimate, self.frame) > _FULL)] += np.float32(math.log(_EMPTY))
+        return prior
 
     def _make_room(self, points: Float[np.ndarray, "n 2"]) -> None:
         """Let the grid grow where points (x, y) [m] come near its edge: as likely there as at the edge."""
@@ -150,7 +213,10 @@ class TargetBelief:
         left, right, below, above = (pad + round(ahead) if pad else 0 for pad in pads)
         self.frame = self.frame.padded(left, right, below, above)
         sides = ((below, above), (left, right))
-        self._log, self._located = (np.pad(log, sides, mode="edge") for log in (self._log, self._located))
+        self._log, self._located, self._empty, self._prior = (
+            np.pad(layer, sides, mode="edge")
+            for layer in (self._log, self._located, self._empty, self._prior)
+        )
         self._centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
@@ -168,63 +234,6 @@ class TargetBelief:
         mass = p[part]
         return (self._centres[part] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
 
-    def _density(self, measurement: Measurement, known: Knowledge) -> Float32[np.ndarray, "ny nx"]:
-        """Density of the target's place given one measurement."""
-        place = measurement.pose[:2]
-        surely, _ = in_sight(known, place, self.frame, self.config.half_side_m)
-        hidden = np.where(surely, np.float32(self.config.in_sight), np.float32(1.0))
-        probability = measurement.probability.astype(np.float32)
-        total = probability[LinkState.OUTAGE] * _normal(hidden)
-        if not len(measurement.aoa_rad):
-            return (
-                total / probability[LinkState.OUTAGE]
-                if probability[LinkState.OUTAGE] > 0
-                else _normal(hidden)
-            )
-        free_m = self._free_m(float(measurement.gain_db[0]))
-        distance = np.hypot(*(self._centres - place).transpose(2, 0, 1)).astype(np.float32)
-        if probability[LinkState.LOS] > 1e-3:
-            total = total + probability[LinkState.LOS] * self._straight(measurement, known, free_m, distance)
-        if probability[LinkState.FIRST_ORDER] > 1e-3:
-            spread = math.radians(self.config.departure_deg)
-            aoa = float(measurement.aoa_rad[0])
-            aod = float(measurement.aod_rad[0]) if self.config.departures else None
-            once = bent(known, place, aoa, aod, spread, free_m, self.frame) * hidden
-            total = total + probability[LinkState.FIRST_ORDER] * _normal(once if once.any() else hidden)
-        if probability[LinkState.HIGHER_ORDER] > 1e-3:
-            near = hidden * (distance <= 1.2 * free_m)
-            total = total + probability[LinkState.HIGHER_ORDER] * _normal(near)
-        return total
-
-    def _straight(
-        self,
-        measurement: Measurement,
-        known: Knowledge,
-        free_m: float,
-        distance: Float32[np.ndarray, "ny nx"],
-    ) -> Float32[np.ndarray, "ny nx"]:
-        """Density in line of sight: along the arrival, as far as the power says, nothing known between."""
-        c, place = self.config, measurement.pose[:2]
-        near = np.maximum(distance, 0.5 * c.cell_m)
-        off = self._centres - place
-        aside = off[..., 1] * math.cos(measurement.aoa_rad[0]) - off[..., 0] * math.sin(
-            measurement.aoa_rad[0]
-        )
-        ahead = off[..., 0] * math.cos(measurement.aoa_rad[0]) + off[..., 1] * math.sin(
-            measurement.aoa_rad[0]
-        )
-        spread = np.hypot(np.radians(c.arrival_deg) * near, 0.5 * c.cell_m)
-        power = 20 * np.log10(near / free_m) / np.hypot(c.power_db, 8.7 * 0.5 * c.cell_m / near)
-        density = np.exp(-0.5 * ((aside / spread) ** 2 + power**2)).astype(np.float32)
-        density[ahead < -c.cell_m] = 0
-        _, possibly = in_sight(known, place, self.frame, min(2 * free_m + 1, c.half_side_m))
-        density[~possibly] *= np.float32(0.05)
-        return _normal(density)
-
-    def _free_m(self, gain_db: float) -> float:
-        """Length of a free wave that lost so much [m] (Friis)."""
-        return float(np.clip(free_path_m(gain_db, self.config.frequency_hz), 0.1, 1e3))
-
 
 def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "n 2"]:
     """The robot's place (x, y) [m], and where a transmitter stands that is in line of sight for all that is known."""
@@ -239,11 +248,3 @@ def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "
 def _centres(frame: GridFrame) -> Float[np.ndarray, "ny nx 2"]:
     """Centres of the cells (x, y) [m]."""
     return frame.centres(np.ones(frame.shape, bool)).reshape(*frame.shape, 2)
-
-
-def _normal(density: Float[np.ndarray, "ny nx"] | Bool[np.ndarray, "ny nx"]) -> Float32[np.ndarray, "ny nx"]:
-    """The same, adding up to 1; even if there is nothing of it."""
-    total = float(density.sum())
-    if total <= 0:
-        return np.full(density.shape, 1 / density.size, np.float32)
-    return (density / total).astype(np.float32)

@@ -4,27 +4,28 @@ A target seen by the camera is gone to at once. In line of sight the robot follo
 to a degree, where the belief knows the distance to a third only. Else, where the belief has gathered, it goes there;
 what the mapper's graph makes of all directions in line of sight, a place with a covariance, is part of the belief;
 and where it has not, it goes where it will learn most in the least time: of all frontiers, to the one from which most
-of the belief may come in sight for each decision that the way takes.
+of the belief may come in sight, and behind which most of it lies, for each decision that the way takes.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.leads import leads
+from robosim.policies.prospects import prospects
 from robosim.policies.sightlines import in_sight, knowledge
 from robosim.policies.situation import Situation
 from robosim.support.checks import check_numbers
-from slam.actions import FORWARD_M, TURN_RAD
 from slam.exploration.explorer import Explorer
-from slam.exploration.frontiers import Frontier, find_frontiers
+from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box
 from slam.planning.known_ground import ways_from_robot
-from slam.poses import to_map, wrap
+from slam.poses import to_map
 from wireless.paths import LinkState
 
 
@@ -80,6 +81,8 @@ class Fused:
 
     def __init__(self, explorer: Explorer, config: FusedConfig | None = None) -> None:
         self.config = config or FusedConfig()
+        believed = self.config.belief
+        self._believing = believed if self.config.uses_camera else replace(believed, look_m=0.0)
         self.uses_camera = self.config.uses_camera
         self._explorer = explorer
         self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
@@ -94,7 +97,7 @@ class Fused:
         """Where the target is, or is believed to be, or where most is learnt about it."""
         estimate, here = situation.estimate, situation.estimate.pose[:2]
         if self.belief is None:
-            self.belief = TargetBelief(here, self.config.belief)
+            self.belief = TargetBelief(here, self._believing)
         self.belief.add(situation.measured(), estimate)
         if situation.target is not None:
             self._seen = to_map(estimate.pose, situation.target)
@@ -129,28 +132,28 @@ class Fused:
     def _rate(
         self, estimate: MapEstimate, belief: TargetBelief
     ) -> list[tuple[float, Float[np.ndarray, "2"]]]:
-        """Frontiers with the probability that may come in sight there for each decision on the way."""
+        """Places to go to, with the probability in sight from there and behind them for each decision on the way."""
+        c = self.config
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         box = cut_box(estimate, low - margin, high + margin)
         way = ways_from_robot(box, self.config.cost)
-        frontiers = find_frontiers(
-            box, way, min_cells=3, piece_m=1.6, given_up=np.array(self._given_up).reshape(-1, 2)
-        )
-        known, p = knowledge(estimate, beside_m=0.2), belief.probability()
-        nearest = sorted(frontiers, key=lambda f: f.cost_m)[: self.config.candidates]
+        given_up = np.array(self._given_up).reshape(-1, 2)
+        frontiers = find_frontiers(box, way, min_cells=3, piece_m=1.6, given_up=given_up)
+        known, p, pose = knowledge(estimate, beside_m=0.2), belief.probability(), estimate.pose
+        to_all = leads(estimate, pose[:2], belief.frame)
         rated = []
-        for frontier in nearest:
-            _, possibly = in_sight(known, frontier.near_xy, belief.frame, self.config.view_m)
-            value = float(p[possibly].sum()) / (self._decisions(frontier, estimate) + self.config.head_start)
-            if self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5:
+        for one in prospects(
+            frontiers, to_all, p, belief.frame, pose, head_start=c.head_start, most=c.candidates
+        ):
+            if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
+                continue
+            _, possibly = in_sight(known, one.near_xy, belief.frame, self.config.view_m)
+            value = float(p[possibly].sum()) / (one.decisions + self.config.head_start) + one.behind
+            if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:
                 value *= self.config.keep
-            rated.append((value, frontier.goal_xy))
+            rated.append((value, one.goal_xy))
         return rated
-
-    def _decisions(self, frontier: Frontier, estimate: MapEstimate) -> float:
-        x, y = frontier.near_xy - estimate.pose[:2]
-        return frontier.cost_m / FORWARD_M + abs(wrap(math.atan2(y, x) - float(estimate.pose[2]))) / TURN_RAD
 
     def _give_up(self) -> None:
         """What was expected at the goal is not there, or the way is barred."""

@@ -85,6 +85,8 @@ REFUSED = [
     ("bench exploration", "plans is empty"),
     ("bench exploration flat --mapper clasical", "mapper is 'clasical'. Did you mean 'classical'?"),
     ("bench exploration flat --seed -1", "seed is -1"),
+    ("bench belief flat --targets 0", "targets is 0"),
+    ("bench belief flat --max-steps 0", "max_steps is 0"),
     ("bench slam flat --steps 0", "steps is 0"),
     ("bench slam flat --sizes 0", "sizes is 0"),
     ("bench slam flat --others no.safetensors", "others is 'no.safetensors', but there is no such file"),

@@ -86,6 +86,11 @@ COMMANDS = {
         workers=True,
     ),
     "bench slam": Command("bench slam {plan} --steps 6 --sizes 64 --workers 2", workers=True),
+    "bench belief": Command(
+        "bench belief {plan} --targets 2 --max-steps 4 --workers 2",
+        workers=True,
+        differ=("*.png", "searches/*.npz"),
+    ),
     "bench labels": Command("bench labels {labels} {maps} --workers 2", workers=True, needs=(SHARED,)),
     "bench episode": Command("bench episode {plan} --goal oracle --targets 1 --max-steps 3", goes_on=True),
     "bench endurance": Command("bench endurance {plan} --mapper classical --steps 20", goes_on=False),

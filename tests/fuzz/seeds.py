@@ -403,6 +403,8 @@ def arrays(folder: Path) -> None:
         senses=rng.normal(size=(4, INPUTS)).astype(np.float32),
         advised=np.array([0, 1, 2, 0]),
     )
+    noted = np.array([[0, 3, -5.2, 0.01, 0.02, 0.05, 0, 0, 1, 2.0], [4, 1, 0.3, 0.6, 0.8, 0.9, 1, 1, 1, 3.0]])
+    np.savez_compressed(home / "belief.npz", belief_0=noted, belief_1=noted[:1])
     write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import torch
 from rich.console import Console
 
+from robosim.bench.belief import read_search
 from robosim.building.material_file import read_material
 from robosim.building.storeys import make_storeys
 from robosim.cli import main
@@ -340,6 +341,7 @@ TARGETS: dict[str, Target] = {
     "labels": Target("arrays", "labels.npz", lambda folder, file: Links.load(file), 0.3),
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
+    "belief": Target("arrays", "belief.npz", lambda folder, file: read_search(file, 2), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),

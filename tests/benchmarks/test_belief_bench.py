@@ -1,0 +1,61 @@
+"""Scores of beliefs, on claims whose score is known, and a run from end to end."""
+
+import json
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from robosim.bench.belief import RADII_M, calibration_error, judged, read_search, run
+from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.support.reading import FileError
+
+
+def test_who_claims_what_happens_has_no_calibration_error():
+    """Claims of 0.25 that hold in a quarter, of 0.75 in three: 0. The other way round: half off, each."""
+    claimed = np.repeat([0.25, 0.75], 4)
+    held = np.array([1, 0, 0, 0, 1, 1, 1, 0.0])
+    assert calibration_error(claimed, held) == pytest.approx(0.0)
+    assert calibration_error(claimed, 1 - held) == pytest.approx(0.5)
+
+
+def test_each_class_of_claims_weighs_as_many_as_fall_in_it():
+    """Three claims of 0.05 that never hold, and one of 0.95 that does: 0.05 throughout."""
+    assert calibration_error(np.array([0.05, 0.05, 0.05, 0.95]), np.array([0, 0, 0, 1.0])) == pytest.approx(
+        0.05
+    )
+
+
+def test_a_belief_that_knows_nothing_has_the_density_of_its_area():
+    """A grid of n cells of 0.2 m: log(1 / (n 0.04 m2)) wherever the target is, and each radius claims its disk."""
+    belief = TargetBelief(np.zeros(2), BeliefConfig(half_side_m=5.0))
+    score, *rest = judged(belief, np.array([1.0, 2.0]))
+    cells = belief.probability().size
+    assert score == pytest.approx(-np.log(cells * 0.04), abs=1e-5)
+    held = rest[len(RADII_M) :]
+    assert set(held) <= {0.0, 1.0}
+
+
+def test_a_target_beyond_the_grid_is_scored_as_impossible():
+    assert judged(TargetBelief(np.zeros(2), BeliefConfig(half_side_m=5.0)), np.array([50.0, 0.0]))[0] < -25
+
+
+def test_a_run_writes_table_and_plot_and_reads_kept_searches(tmp_path, in_process):
+    """One search of 30 decisions: all kinds of belief are told the same; a kept search is not run again."""
+    options = {"goal": "snr", "targets": 1, "seed": 3, "max_steps": 30, "workers": 1}
+    for _ in range(2):
+        table = run(["cottage"], **options, out=tmp_path, console=Console(quiet=True))
+        (kept,) = (tmp_path / "searches").glob("*.npz")
+        first = kept.read_bytes()
+    assert kept.read_bytes() == first
+    rows = {row["belief"]: row for row in json.loads((tmp_path / "belief.json").read_text())["rows"]}
+    assert len(rows) == table.row_count == 5
+    assert len({row["measurements"] for row in rows.values()}) == 1
+    assert rows["as it is"]["measurements"] > 2
+    assert all(0 <= error <= 1 for row in rows.values() for error in row["calibration_error"].values())
+    assert (tmp_path / "belief.png").stat().st_size > 10_000
+    arrays = dict(np.load(kept))
+    arrays["belief_0"][0, 3] = 2.0
+    np.savez_compressed(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(FileError, match="not between 0 and 1"):
+        read_search(tmp_path / "bad.npz", 5)

@@ -1,0 +1,83 @@
+"""Directions of the shortest ways, on maps whose ways are known."""
+
+import numpy as np
+import pytest
+
+from robosim.policies.leads import filled, leads
+from slam.grid import GridFrame, MapEstimate
+
+ONTO = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
+
+
+def hall(obstacle: np.ndarray | None = None, anticipated: np.ndarray | None = None) -> MapEstimate:
+    """A free map of 12 m by 12 m around the origin, but for obstacles; or unknown, with anticipated ones."""
+    frame = GridFrame(origin_xy=(-6.0, -6.0), resolution_m=0.05, shape=(240, 240))
+    probability = np.full(frame.shape, 0.1 if anticipated is None else 0.5, np.float32)
+    if obstacle is not None:
+        probability[obstacle] = 0.9
+    guess = None if anticipated is None else np.where(anticipated, 0.95, 0.3).astype(np.float32)
+    known = np.full(frame.shape, anticipated is None)
+    return MapEstimate(
+        frame=frame,
+        obstacle_probability=probability,
+        explored=known,
+        blocked=np.zeros(frame.shape, bool),
+        pose=np.zeros(3),
+        anticipated_probability=guess,
+    )
+
+
+def box(x0: float, x1: float, y0: float, y1: float) -> np.ndarray:
+    at = np.arange(240) * 0.05 - 6 + 0.025
+    return ((at >= y0) & (at <= y1))[:, None] & ((at >= x0) & (at <= x1))[None]
+
+
+def told(way, place):
+    """Directions of the way to a place and of the way back [rad]."""
+    iy, ix = (int(i) for i in ONTO.index(np.array(place)))
+    out, back = (
+        way.out[iy - way.rows.start, ix - way.columns.start],
+        way.back[iy - way.rows.start, ix - way.columns.start],
+    )
+    return float(np.arctan2(out[1], out[0])), float(np.arctan2(back[1], back[0]))
+
+
+def test_on_free_ground_ways_are_straight():
+    """Within 3 degrees of the straight line, all round; the cells' own size included."""
+    way = leads(hall(), np.zeros(2), ONTO, 2.0)
+    for angle in np.linspace(-3, 3, 13):
+        out, back = told(way, 4.5 * np.array([np.cos(angle), np.sin(angle)]))
+        assert abs(np.angle(np.exp(1j * (out - angle)))) < np.deg2rad(3)
+        assert abs(np.angle(np.exp(1j * (back - angle - np.pi)))) < np.deg2rad(3)
+
+
+@pytest.mark.parametrize("kind", ["known", "anticipated"])
+def test_ways_bend_round_the_end_of_a_wall(kind):
+    """A wall from (2, -1) up to the edge of what is looked at; ways behind it begin towards its lower end."""
+    stands = box(2.0, 2.2, -1.0, 6.0)
+    map_ = hall(stands) if kind == "known" else hall(anticipated=stands)
+    way = leads(map_, np.array([0.0, 3.0]), ONTO, 0.0)
+    end = np.array([2.1, -1.1])
+    out, back = told(way, (5.0, 4.0))
+    assert out == pytest.approx(np.arctan2(end[1] - 3.0, end[0]), abs=0.2)
+    assert back == pytest.approx(np.arctan2(end[1] - 4.0, end[0] - 5.0), abs=0.2)
+
+
+def test_what_hangs_at_a_wall_is_told_as_the_nearest_place_beside_it():
+    """The first cells inside of a wall have the direction of those before it; its middle has none."""
+    way = leads(hall(box(2.0, 4.0, -6.0, 6.0)), np.zeros(2), ONTO, 0.0)
+    out, _ = told(way, (2.1, 0.1))
+    assert abs(out) < 0.2
+    iy, ix = (int(i) for i in ONTO.index(np.array([3.1, 0.1])))
+    assert not way.out[iy - way.rows.start, ix - way.columns.start].any()
+
+
+def test_cells_are_filled_by_what_stands_in_them():
+    """A wall of 0.1 m fills half of cells of 0.2 m; what is thought likely, but not surely, fills nothing."""
+    share = filled(hall(box(2.0, 2.1, -2.0, 2.0)), ONTO)
+    iy, ix = (int(i) for i in ONTO.index(np.array([2.05, 0.1])))
+    assert share[iy, ix] == pytest.approx(0.5)
+    assert share.max() <= 1
+    map_ = hall(anticipated=box(2.0, 2.1, -2.0, 2.0))
+    unsure = MapEstimate(**{**vars(map_), "anticipated_probability": map_.anticipated_probability * 0.9})
+    assert not filled(unsure, ONTO).any()
