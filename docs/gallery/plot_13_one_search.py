@@ -1,9 +1,10 @@
 """
-One search, and what the robot believes
-=======================================
+One search in six pictures
+==========================
 
-The policy ``fused`` keeps a probability for each place where the transmitter may be. The pictures show it at four
-decisions (dark: likely), with the robot's way so far and its goal.
+The policy ``fused`` keeps a probability for each place where the transmitter may be. The pictures show it at six
+decisions (purple: likely), on the map that the robot has by then (white: seen and free, black: obstacles), with its way
+so far, its goal, and the direction in which the strongest path arrives.
 """
 
 import matplotlib.pyplot as plt
@@ -21,23 +22,48 @@ kept = []
 
 def keep(log, decision):
     """Called once a decision."""
-    kept.append((decision.belief.probability().copy(), decision.goal, decision.situation.measured().state))
+    estimate, belief, heard = decision.estimate, decision.belief, decision.situation.measured()
+    seen = np.where(estimate.obstacle, 0.0, np.where(estimate.explored, 1.0, 0.8))
+    kept.append((belief.frame, belief.probability().copy(), estimate.frame, seen, decision.goal, heard))
+
+
+def extent(frame):
+    """Edges of a grid [m]: left, right, below, above."""
+    (x, y), (ny, nx), cell = frame.origin_xy, frame.shape, frame.resolution_m
+    return x, x + nx * cell, y, y + ny * cell
 
 
 log, _ = robosim.run_episode(building, places, task, config, keep)
 
-figure, axes = plt.subplots(2, 2, figsize=(9, 11), layout="constrained")
-for place, part in zip(axes.flat, (0.1, 0.3, 0.6, 0.95), strict=True):
+figure, axes = plt.subplots(2, 3, figsize=(12, 11), layout="constrained")
+for place, part in zip(axes.flat, (0.0, 0.3, 0.6, 0.72, 0.82, 0.97), strict=True):
     step = int(part * (len(kept) - 1))
-    probability, goal, state = kept[step]
-    x, y = task.start[:2] - 30.0  # the belief reaches 30 m from there
+    frame, probability, cells, seen, goal, heard = kept[step]
+    place.set_facecolor("0.8")
+    place.imshow(seen, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent(cells))
     shade = np.log10(np.maximum(probability, 1e-12) / probability.max())
-    place.imshow(shade, cmap="Purples", vmin=-3, vmax=0, origin="lower", extent=(x, x + 60, y, y + 60))
-    building.plot(place)
+    place.imshow(
+        np.ma.masked_less(shade, -2),
+        cmap="Purples",
+        vmin=-2.5,
+        vmax=0,
+        alpha=0.6,
+        origin="lower",
+        extent=extent(frame),
+    )
     place.plot(*np.array(log.poses)[: step + 1, :2].T, color="#009E73", lw=2.5, label="way")
+    if len(heard.aoa_rad):
+        ahead = 2.0 * np.array([np.cos(heard.aoa_rad[0]), np.sin(heard.aoa_rad[0])])
+        place.annotate(
+            "",
+            heard.pose[:2] + ahead,
+            heard.pose[:2],
+            arrowprops={"color": "#0072B2", "width": 2, "headwidth": 9},
+        )
+    place.plot([], [], color="#0072B2", lw=2, label="strongest arrival")
     place.plot(*goal, "X", color="black", mec="white", ms=11, label="goal")
     place.plot(*task.target, "*", color="#D55E00", mec="white", ms=16, label="transmitter")
-    title = f"decision {step}: {state.name.lower().replace('_', ' ')}"
+    title = f"decision {step}: {heard.state.name.lower().replace('_', ' ')}"
     place.set(title=title, xlabel="x [m]", ylabel="y [m]", xlim=(-0.5, 15), ylim=(-0.5, 19.5))
-axes[0, 0].legend(loc="upper right")
+axes[0, 0].legend(loc="upper left")
 plt.show()

@@ -149,7 +149,7 @@ class Fused:
             if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
                 continue
             _, possibly = in_sight(known, one.near_xy, belief.frame, self.config.view_m)
-            value = float(p[possibly].sum()) / (one.decisions + self.config.head_start) + one.behind
+            value = one.width * (float(p[possibly].sum()) / (one.decisions + c.head_start) + one.behind)
             if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:
                 value *= self.config.keep
             rated.append((value, one.goal_xy))

@@ -25,6 +25,8 @@ from slam.poses import wrap
 AT_FEET_M = 0.6
 #: Ways that enter the unseen so far from a frontier do not pass it [m].
 _BESIDE_M = 1.5
+#: Narrower frontiers show less of what lies behind them, in proportion [m].
+_WIDE_M = 0.6
 #: Directions that are told apart around the robot, and how many on each side of one count for it.
 _SECTORS, _BESIDE = 24, 2
 
@@ -40,6 +42,8 @@ class Prospect(NamedTuple):
     """What the way there takes."""
     behind: float
     """Probability that the target lies behind it, each part over the decisions of the way there."""
+    width: float = 1.0
+    """Part of what lies behind it that its width lets one see, 0 to 1."""
 
 
 def prospects(
@@ -79,7 +83,13 @@ def prospects(
     if far:
         behind = _behind(far, places, inverse, np.where(at_feet, 0, mass), decisions, pose)
         found += [
-            Prospect(f.goal_xy, f.near_xy, f.cost_m / FORWARD_M + _turns(f.near_xy, pose), float(share))
+            Prospect(
+                f.goal_xy,
+                f.near_xy,
+                f.cost_m / FORWARD_M + _turns(f.near_xy, pose),
+                float(share),
+                min(1.0, f.length_m / _WIDE_M),
+            )
             for f, share in zip(far, behind, strict=True)
         ]
     return found
