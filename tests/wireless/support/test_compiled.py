@@ -17,11 +17,11 @@ from pathlib import Path
 import numba
 import pytest
 
+import slam.learning.restoring
 import slam.support.axes
 import slam.support.compiled
 import slam.support.compiled_files
-import slam.support.restoring
-import wireless.linkstate.restoring
+import wireless.linkstate.learning.restoring
 import wireless.support.axes
 import wireless.support.compiled
 import wireless.support.compiled_files
@@ -468,7 +468,7 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
     [
         (wireless.support.compiled, slam.support.compiled),
         (wireless.support.compiled_files, slam.support.compiled_files),
-        (wireless.linkstate.restoring, slam.support.restoring),
+        (wireless.linkstate.learning.restoring, slam.learning.restoring),
         (wireless.support.axes, slam.support.axes),
     ],
     ids=["compiled", "compiled_files", "restoring", "axes"],
