@@ -56,6 +56,8 @@ PATIENCE_S, LOOK_S = 600.0, 0.05
 
 #: What was said to the user already.
 _told: set[str] = set()
+#: Called once, when the first function has to be compiled since it is not on disk.
+when_first: list[Callable[[], None]] = []
 
 
 class CompiledFiles(_Cache):
@@ -181,6 +183,8 @@ class CompiledFiles(_Cache):
         _told.add(package)
         folder, why = _place(self._folders)
         if folder is not None:
+            for call in [*when_first]:
+                call()
             logger.warning(
                 "The first use of %s compiles its inner loops: up to two minutes, kept for later runs.",
                 package,
