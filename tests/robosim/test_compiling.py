@@ -19,7 +19,7 @@ from wireless.support import compiled as of_wireless
 
 for package in (of_slam, of_wireless):
     def compile(self, sig, before=package._Part.compile):
-        sys.stdout.write(f"{self._cache._name} {sig}\n")  # whole lines, whatever the thread
+        sys.stdout.write(f"{self._cache._name} {sig}" + chr(10))  # whole lines, whatever the thread
         return before(self, sig)
     package._Part.compile = compile
 
