@@ -137,16 +137,21 @@ class SageEstimator:
 
 
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
-    """Orthonormal rows, array by array, that waves of zero elevation excite among the beams of an array."""
+    """Orthonormal rows, array by array, that waves of zero elevation excite among the beams of an array.
+
+    Eigenvectors of a small matrix rather than singular vectors of a tall one, which libraries split over threads: their
+    last bits would depend on the number of cores.
+    """
     ring = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     response = sounder.tx_response(ring)
     rows = []
     for array in range(len(sounder.tx.platform.face_rad)):
         mine = np.flatnonzero(sounder.tx.beam_array == array)
-        _, size, mode = np.linalg.svd(response[:, mine], full_matrices=False)
-        kept = mode[size > 1e-3 * size[0]].conj()
-        rows.append(np.zeros((len(kept), sounder.tx.n_beams), complex))
-        rows[-1][:, mine] = kept
+        seen = response[:, mine]
+        energy, mode = np.linalg.eigh(seen.conj().T @ seen)
+        found = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
+        rows.append(np.zeros((len(found), sounder.tx.n_beams), complex))
+        rows[-1][:, mine] = found
     return np.concatenate(rows)
 
 
