@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.text import Text
 
+from robosim.commands.speaking import speaking
 from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
-from robosim.commands.terminal import speaking
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.processes import processes_kept
 
@@ -110,6 +110,14 @@ def _explained(error: Exception) -> tuple[int, str]:
         return 1, text
     if isinstance(error, ValueError):
         return 2, text
+    if isinstance(error, ImportError):
+        from robosim.remedies import EXTRAS
+
+        if error.name in EXTRAS:
+            return (
+                2,
+                f"this needs {error.name}, which is not installed: pip install 'robosim[{EXTRAS[error.name]}]'",
+            )
     if isinstance(error, OSError):
         if error.errno in _FULL:
             where = f" ({error.filename})" if error.filename else ""

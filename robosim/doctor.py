@@ -59,7 +59,8 @@ def examine() -> list[Finding]:
         _camera(systems),
         _check("opencv ArUco", "cv2", _aruco),
         _check("video (H.264)", "av", _video),
-        _check("learned mapper", "torch", _mapper),
+        _check("learned mapper", "onnxruntime", _mapper),
+        _check("training", "torch", _training, needed=False),
     ]
 
 
@@ -265,8 +266,6 @@ def _video() -> str:
 
 
 def _mapper() -> str:
-    import torch
-
     from robosim.support.assets import shipped_network
     from slam.networks.files import load_mapper
     from slam.networks.prediction import MapPredictor
@@ -277,7 +276,13 @@ def _mapper() -> str:
     scan = scan_from_depth(np.full((128, 128), 2.0, np.float32), CameraModel())
     unknown = np.full(AHEAD.shape, 0.5, np.float32)
     rate = _rate(lambda: predictor.predict(scan, unknown))
-    return f"torch {torch.__version__}, {1000 / rate:.1f} ms a frame"
+    return f"{_version('onnxruntime')}, {1000 / rate:.1f} ms a frame"
+
+
+def _training() -> str:
+    import torch
+
+    return f"torch {torch.__version__}"
 
 
 def _room() -> "Building":

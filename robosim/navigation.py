@@ -100,7 +100,7 @@ def neural_mapper(config: MapperConfig) -> Mapper:
 
 def mapper_of_file(path: Path, config: MapperConfig) -> Mapper:
     """A mapper with a network of its own."""
-    from slam.mapping.neural import NeuralMapper  # brings torch, which takes seconds
+    from slam.mapping.neural import NeuralMapper
     from slam.networks.files import load_mapper
 
     return NeuralMapper(load_mapper(path)[0], config)

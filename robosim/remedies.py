@@ -19,6 +19,8 @@ _PACKAGES = {
     "yaml": "pyyaml",
     "OpenGL": "PyOpenGL==3.1.0",
 }
+#: Packages that not everybody needs, and the extra that brings them.
+EXTRAS = {"torch": "train"}
 _LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file")
 
 
@@ -38,6 +40,8 @@ def remedy(error: BaseException, module: str) -> str:
         return error.remedy
     if isinstance(error, ImportError) and error.name and _known(error.name):
         module = error.name
+    if (extra := EXTRAS.get(module.partition(".")[0])) and not _installed(module):
+        return f"pip install 'robosim[{extra}]'"
     if not _installed(module):
         return f"pip install '{_requirement(module)}'"
     again = f"pip install --force-reinstall --no-deps '{_requirement(module)}'"

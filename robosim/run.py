@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress
 
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
+from robosim.compiling import compiled_beside
 from robosim.drawing.picture import Picture, building_rings
 from robosim.drawing.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
 from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
@@ -91,9 +92,10 @@ def record_episode(
         # Files of an earlier episode must not stand beside this one's.
         for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
             (folder / name).unlink(missing_ok=True)
-        return _record(
-            plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
-        )
+        with compiled_beside(config):
+            return _record(
+                plan, config, folder, start, target, anchors, video, rerun, console or Console(quiet=True)
+            )
 
 
 def _record(

@@ -40,7 +40,6 @@ from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Mapper
 from slam.mapping.neural import NeuralMapper
-from slam.networks.map_network import parameters
 from slam.networks.scores import PatchScores
 from slam.sensing.egocentric import belief_ahead, egocentric_map
 
@@ -199,7 +198,7 @@ class _Walk:
         return {
             "mapper": _short(name),
             "size": size,
-            "parameters": parameters(mapper.network) if isinstance(mapper, NeuralMapper) else 0,
+            "parameters": mapper.network.parameters if isinstance(mapper, NeuralMapper) else 0,
             "frames": len(self._frames),
             "ms": 1000 * float(np.median(seconds)),
             "pose_error_m": float(np.median(errors)),

@@ -6,16 +6,15 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.commands.speaking import console, tell_file
 from robosim.commands.terminal import (
     ALL_CORES,
     WorkOptions,
     check_threads,
-    console,
     folder_for,
     going_on,
     read,
     results_in,
-    tell_file,
 )
 from robosim.parts import EXPLORER, ExplorerPart, MapperPart, PhysicsPart
 from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some

@@ -9,7 +9,10 @@ from rich.table import Table
 from tyro.conf import Positional
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, Settings
-from robosim.commands.terminal import console, results_in, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    results_in,
+)
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
 from robosim.support.checks import SEED, check_number

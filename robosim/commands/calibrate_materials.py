@@ -7,7 +7,13 @@ from pathlib import Path
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in, tell_file
+from robosim.commands.speaking import console, tell_file
+from robosim.commands.terminal import (
+    NO_OPTIONS,
+    PlanOptions,
+    read,
+    results_in,
+)
 from robosim.support.checks import FREQUENCY_HZ, check_number
 
 

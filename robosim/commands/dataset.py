@@ -10,16 +10,15 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
+from robosim.commands.speaking import console, tell
 from robosim.commands.terminal import (
     ALL_CORES,
     NO_OPTIONS,
     PlanOptions,
     WorkOptions,
-    console,
     folder_for,
     going_on,
     read_place,
-    tell,
 )
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import check_number

@@ -12,16 +12,15 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional, UseAppendAction
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, GoalOption, Settings
+from robosim.commands.speaking import console, tell
 from robosim.commands.terminal import (
     NO_OPTIONS,
     XY,
     NamedPlace,
     PlanOptions,
     Pose,
-    console,
     folder_for,
     read,
-    tell,
 )
 from robosim.evaluation.ablations import configured
 from robosim.run import FILES, record_episode

@@ -7,7 +7,13 @@ from typing import Annotated
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, Settings, words_of
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell, tell_file
+from robosim.commands.speaking import console, tell, tell_file
+from robosim.commands.terminal import (
+    ALL_CORES,
+    WorkOptions,
+    folder_for,
+    going_on,
+)
 from robosim.evaluation.evaluate import check_policies, find_suite, summary_table
 from robosim.evaluation.evaluate import evaluate as run
 from robosim.evaluation.suite import SUFFIXES, write_suite

@@ -5,7 +5,11 @@ from typing import Literal
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, read, results_in, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    read,
+    results_in,
+)
 from robosim.support.checks import PLANS, SEED, check_number, check_some
 
 

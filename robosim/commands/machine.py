@@ -4,7 +4,7 @@ import sys
 from dataclasses import asdict
 from importlib.metadata import version
 
-from robosim.commands.terminal import console, tell
+from robosim.commands.speaking import console, tell
 
 
 def doctor() -> None:

@@ -4,7 +4,10 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, folder_for, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    folder_for,
+)
 from robosim.support.checks import check_number
 from robosim.support.run_folder import run_folder
 

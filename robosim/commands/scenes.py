@@ -9,7 +9,13 @@ import numpy as np
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, results_in, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    NO_OPTIONS,
+    PlanOptions,
+    read,
+    results_in,
+)
 from robosim.support.checks import RADIUS_M, SEED, check_number
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].

@@ -9,7 +9,10 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from robosim.commands.terminal import console, results_in, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    results_in,
+)
 from robosim.logs.mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked

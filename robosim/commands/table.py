@@ -1,7 +1,7 @@
 """Which commands there are: a table that imports none of them, so that each starts with what it needs itself."""
 
-import ast
 import importlib
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,10 +70,11 @@ def said(name: str) -> str:
     """What a list says of a command: the first sentence of its function, which is read and not imported."""
     module, function = COMMANDS[name].split(":")
     source = (Path(__file__).parent / f"{module}.py").read_text("utf-8")
-    found = next(
-        node for node in ast.parse(source).body if isinstance(node, ast.FunctionDef) and node.name == function
-    )
-    return " ".join((ast.get_docstring(found) or "").split("\n\n")[0].split())
+    # Parsing a file takes ten times as long.
+    found = re.search(rf'^def {function}\(.*?"""(.*?)(?:\n\n|""")', source, re.DOTALL | re.MULTILINE)
+    if found is None:
+        raise LookupError(f"{module}.py has no function {function} with a docstring.")
+    return " ".join(found[1].split())
 
 
 def listed(group: str = "") -> dict[str, Callable[..., None]]:

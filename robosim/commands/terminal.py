@@ -1,78 +1,27 @@
-"""What commands share: the terminal they print to, how points are typed, where plans and results lie.
+"""What commands share: how points are typed, where plans and results lie, who does the work."""
 
-A command prints for a person to `console`, and hands its result to `tell`, which prints it for a program instead if
-the command line says --json.
-"""
-
-import json
-import logging
 import os
 import signal
-import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
-from rich.console import Console
 
+from robosim.commands.speaking import console
 from robosim.parts import ReaderPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.storeys import OneStorey, StoreysPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
-from robosim.support.files import plain
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
-#: A pipe has no width; tables should not be cut for it. Names from outside are printed as they are, so that nothing in
-#: brackets is taken for markup, nor :smile: for a picture; what is to be bold says so by its style.
-console = Console(width=None if sys.stdout.isatty() else 150, markup=False, emoji=False)
-#: Whether results are printed for programs.
-_as_json = False
-
 #: More processes than this are a slip of the finger.
 MOST_WORKERS = 1024
-
-
-@contextmanager
-def speaking(*, quiet: bool, as_json: bool) -> Iterator[None]:
-    """How commands speak inside of the block.
-
-    Args:
-        quiet: Whether nothing is printed but errors.
-        as_json: Whether results, and nothing else, are printed to standard output, as JSON.
-    """
-    global _as_json
-    level, before = logging.getLogger().level, (console.quiet, _as_json)
-    console.quiet, _as_json = quiet or as_json, as_json
-    if quiet:
-        logging.getLogger().setLevel(logging.ERROR)
-    try:
-        yield
-    finally:
-        console.quiet, _as_json = before
-        logging.getLogger().setLevel(level)
-
-
-def tell(result: Mapping[str, Any], out: Path | None = None) -> None:
-    """Hand over the result of a command: once, at its end, for programs that read it.
-
-    Args:
-        result: What it found. Arrays become lists, and not-a-number null.
-        out: The folder it wrote to, if it did.
-    """
-    if _as_json:
-        told = {**result} if out is None else {**result, "out": str(out)}
-        sys.stdout.write(json.dumps(plain(told), allow_nan=False) + "\n")
-
-
-def tell_file(path: Path, **more: Any) -> None:
-    """Hand over what a JSON file holds that the command has just written, and perhaps more."""
-    tell({**json.loads(path.read_bytes()), **more}, path.parent)
 
 
 def _numbers(

@@ -9,6 +9,7 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
+from robosim.commands.speaking import console, tell
 from robosim.commands.terminal import (
     ALL_CORES,
     NO_OPTIONS,
@@ -16,11 +17,9 @@ from robosim.commands.terminal import (
     Place,
     PlanOptions,
     WorkOptions,
-    console,
     folder_for,
     going_on,
     read_storey,
-    tell,
 )
 
 

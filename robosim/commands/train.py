@@ -6,14 +6,13 @@ from typing import Literal
 
 from tyro.conf import OmitArgPrefixes
 
+from robosim.commands.speaking import console, tell
 from robosim.commands.terminal import (
     ALL_CORES,
     WorkOptions,
     check_threads,
-    console,
     folder_for,
     going_on,
-    tell,
 )
 from robosim.support.checks import check_number
 
@@ -71,7 +70,7 @@ def link_state(
 
     from robosim.training.link_state import train_link_state
     from wireless.linkstate.data import is_data_set
-    from wireless.linkstate.training import default_recipe
+    from wireless.linkstate.learning.training import default_recipe
 
     if homes is None:
         homes = 600 if model == "ours" and not is_data_set(data) else 0

@@ -4,7 +4,13 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.terminal import ALL_CORES, WorkOptions, console, folder_for, going_on, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import (
+    ALL_CORES,
+    WorkOptions,
+    folder_for,
+    going_on,
+)
 
 
 def explorer(

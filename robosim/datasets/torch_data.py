@@ -9,9 +9,15 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-import torch
-from torch import Tensor
-from torch.utils.data import Dataset
+
+try:
+    import torch
+    from torch import Tensor
+    from torch.utils.data import Dataset
+except ImportError as error:
+    raise ImportError(
+        "Data sets for PyTorch need it, and it is not installed: pip install 'robosim[train]'", name="torch"
+    ) from error
 
 from robosim.datasets.collect import SHARD
 from robosim.datasets.shards import read_shard

@@ -29,7 +29,7 @@ _PACKAGES = (
     "mujoco",
     "numpy",
     "scipy",
-    "torch",
+    "onnxruntime",
     "embreex",
     "pyrender",
     "opencv-contrib-python-headless",

@@ -17,7 +17,7 @@ from robosim.support.assets import shipped_weights
 from robosim.support.reading import reading
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 from robosim.training.link_state_plots import plot_confusions, plot_curves
-from wireless.linkstate.training import Epoch
+from wireless.linkstate.epoch import Epoch
 
 #: Row-normalised diagonal published for outage, LOS, first and higher order. Reference: arXiv 2110.14789.
 PUBLISHED_RIGHT = {

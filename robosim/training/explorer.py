@@ -34,8 +34,8 @@ from robosim.training.grid_walk import GridWalk
 from slam.exploration.choosing import FEATURES, Chooser, evaluate, initial_weights
 from slam.exploration.explorer import ExplorerConfig, ExplorerName, FrontierExplorer
 from slam.learning.ppo import PpoConfig, Walk, improve
+from slam.learning.restoring import check_weights, restore_optimiser
 from slam.planning.cost_map import CostConfig
-from slam.support.restoring import check_weights, restore_optimiser
 
 Weights = dict[str, Float32[np.ndarray, "..."]]
 #: Numbers of the homes to choose the best weights by, and of those to compare in the end; learning begins behind.

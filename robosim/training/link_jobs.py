@@ -31,7 +31,8 @@ from robosim.support.reading import reading
 from robosim.support.workers import Workers
 from robosim.training.made_links import read_homes
 from wireless.linkstate.data import Links, read_links
-from wireless.linkstate.training import Epoch, Recipe, train
+from wireless.linkstate.epoch import Epoch
+from wireless.linkstate.learning.training import Recipe, train
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,9 +25,10 @@ from robosim.training.made_links import make_homes
 from wireless.linkstate.calibration import fit_temperature, scaled
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links, read_links
+from wireless.linkstate.learning.networks import weights_of
+from wireless.linkstate.learning.training import Recipe
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
-from wireless.linkstate.training import Recipe
 
 #: States that a link with paths can be told to be in.
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
@@ -114,7 +115,7 @@ def train_link_state(
         trained = run_jobs(every, workers=workers, cluster=cluster, console=console)
         made = {
             name: LinkStateClassifier(
-                [trained[job.name][0] for job in group],
+                [weights_of(trained[job.name][0]) for job in group],
                 model=recipe.model,
                 inputs=recipe.inputs,
                 options=recipe.options,
@@ -134,7 +135,7 @@ def train_link_state(
                 links, fitted, parts, recipe.inputs, final.states, recipe.seed
             )
             if validation["ways"]["fused"]["accuracy"] > validation["ways"]["alone"]["accuracy"]:
-                final.way = way
+                final.way = dict(weights_of(way))
             for name in ("alone", "fused"):
                 _print(
                     validation["ways"][name], f"places along ways through held-out buildings, {name}", console
@@ -146,7 +147,7 @@ def train_link_state(
             "homes": homes,
             "recipe": asdict(recipe),
             "members": members,
-            "parameters": sum(p.numel() for network in final.networks for p in network.parameters()),
+            "parameters": final.parameters,
             "validation": validation,
             "single_call_ms": _call_ms(final, links),
             # A run that goes on does not know how long the first part took.

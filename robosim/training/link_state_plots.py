@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 
 from robosim.drawing.plots import save_figure
 from wireless.linkstate.calibration import reliability
+from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.scores import confusion
-from wireless.linkstate.training import Epoch
 
 _NAMES = ("outage", "LOS", "first\norder", "higher\norder")
 

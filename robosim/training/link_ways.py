@@ -19,9 +19,15 @@ from scipy.spatial import cKDTree
 from wireless.linkstate.classifier import LinkStateClassifier
 from wireless.linkstate.data import Links
 from wireless.linkstate.follower import fused_probability
+from wireless.linkstate.learning.way_network import (
+    WayBatch,
+    WayNetwork,
+    pack_ways,
+    train_way_network,
+    way_network_of,
+)
 from wireless.linkstate.scores import scores
 from wireless.linkstate.tokens import reached
-from wireless.linkstate.way_network import WayBatch, WayNetwork, pack_ways, train_way_network
 from wireless.linkstate.ways import make_ways, moved
 
 #: Ways of each transmitter.
@@ -119,8 +125,9 @@ def score_ways(classifier: LinkStateClassifier, links: Links) -> dict[str, dict[
         there = links.state[row], reached(links.tokens[row]), links.building[row], links.names
         result[name] = {"places": len(row), "alone": scores(told[row], *there)}
         if classifier.way is not None:
+            network = way_network_of(classifier.way, classifier.inputs)
             batch = _batch(ways, links, told, range(len(links.names)), classifier.inputs)
-            fused = _fused(classifier.way, batch, reached(links.tokens[row]), classifier.states)
+            fused = _fused(network, batch, reached(links.tokens[row]), classifier.states)
             result[name]["fused"] = scores(fused, *there)
     return result
 

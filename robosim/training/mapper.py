@@ -24,10 +24,9 @@ from robosim.support.interrupt import noted_interrupt
 from robosim.support.run_folder import run_folder
 from robosim.training.mapper_plots import plot_curve
 from slam.learning.mapper import Frames, Recipe, classical_scores, coded, train
+from slam.learning.threads import torch_threads
 from slam.networks.features import Features
 from slam.networks.files import mapper_files
-from slam.networks.map_network import parameters
-from slam.support.threads import torch_threads
 
 #: One home in so many is held out.
 HOLD_OUT = 10
@@ -77,7 +76,7 @@ def train_mapper(
             "data": f"{len(learnt)} homes, {len(frames)} frames; held out {len(held_out)}, {len(held)} frames",
             "command": about,
             "recipe": asdict(recipe),
-            "parameters": parameters(network),
+            "parameters": network.parameters,
             "validation": best,
             "validation_classical": classical,
             "seconds": round(time.perf_counter() - start, 1),

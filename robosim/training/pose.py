@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from rich.console import Console
 from rich.progress import Progress
 
@@ -21,12 +20,11 @@ from robosim.support.run_folder import run_folder
 from robosim.training.mapper import split_homes
 from slam.learning.mapper import coded
 from slam.learning.pose import Pairs, PoseRecipe, pose_scores, train_pose
+from slam.learning.threads import torch_threads
 from slam.networks.features import Features
 from slam.networks.files import pose_files
-from slam.networks.map_network import parameters
-from slam.networks.pose_network import INPUTS
+from slam.networks.pose_network import INPUTS, SIDE, PoseNetwork
 from slam.poses import between
-from slam.support.threads import torch_threads
 
 
 def train_pose_network(
@@ -62,17 +60,18 @@ def train_pose_network(
                     pairs, recipe, lambda step: progress.update(learning, completed=step)
                 )
             scores = pose_scores(network, held)
-            call_ms = _call_ms(network)
+            used = network.network()
+            call_ms = _call_ms(used)
         card: dict[str, Any] = {
             "data": f"{len(learnt)} homes, {len(pairs)} pairs; held out {len(held_out)}, {len(held)} pairs",
             "command": about,
             "recipe": asdict(recipe),
-            "parameters": parameters(network),
+            "parameters": used.parameters,
             "validation": scores,
             "single_call_ms": round(call_ms, 3),
             "seconds": round(time.perf_counter() - start, 1),
         }
-        write_files(out, pose_files(network, card, "pose"))
+        write_files(out, pose_files(used, card, "pose"))
         write_json(out / "result.json", {**card, "curve": curve})
     return card
 
@@ -107,13 +106,12 @@ def read_pairs(shards: Sequence[Path], on_shard: Callable[[], Any] = lambda: Non
     )
 
 
-def _call_ms(network: torch.nn.Module, rounds: int = 30) -> float:
+def _call_ms(network: PoseNetwork, rounds: int = 30) -> float:
     """Median time of one answer."""
-    patches = torch.zeros(1, INPUTS, 64, 64)
+    patches = np.zeros((1, INPUTS, SIDE, SIDE), np.float32)
     seconds = []
-    with torch.inference_mode():
-        for _ in range(rounds):
-            begin = time.perf_counter()
-            network(patches)
-            seconds.append(time.perf_counter() - begin)
+    for _ in range(rounds):
+        begin = time.perf_counter()
+        network(patches)
+        seconds.append(time.perf_counter() - begin)
     return 1000 * float(np.median(seconds))

@@ -1,1 +1,11 @@
-"""Learning: training of mapper, pose and the choice among frontiers."""
+"""Learning: training of mapper, pose and the choice among frontiers.
+
+Training needs PyTorch; what was learnt is used without.
+"""
+
+try:
+    import torch as torch
+except ImportError as error:
+    raise ImportError(
+        "Training needs PyTorch, which is not installed: pip install 'robosim[train]'", name="torch"
+    ) from error

@@ -18,11 +18,12 @@ import torch
 from jaxtyping import Bool, Float32, Int8
 from torch import Tensor
 
+from slam.learning.map_module import MapModule, loss
+from slam.learning.restoring import check_weights, restore_network, restore_optimiser
 from slam.networks.features import BELIEF, PLACE_LEFT
-from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig, loss
+from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig
 from slam.networks.scores import PatchScores
 from slam.support.checks import check_numbers
-from slam.support.restoring import check_weights, restore_network, restore_optimiser
 
 
 @runtime_checkable
@@ -117,7 +118,7 @@ def train(
     if not len(frames) or not len(held_out):
         raise ValueError(f"{len(frames)} frames to learn from and {len(held_out)} held out, expected some.")
     torch.manual_seed(recipe.seed)
-    network = MapNetwork(recipe.network)
+    network = MapModule(recipe.network)
     network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
@@ -161,10 +162,10 @@ def train(
             keep()
             raise
     network.load_state_dict(state["best"])
-    return network.eval(), state["curve"]
+    return network.network(), state["curve"]
 
 
-def _checked(state: dict[str, Any], recipe: Recipe, network: MapNetwork) -> dict[str, Any]:
+def _checked(state: dict[str, Any], recipe: Recipe, network: MapModule) -> dict[str, Any]:
     """How far a training had come, if a checkpoint says that."""
     step, curve, best, learnt = (state[key] for key in ("step", "curve", "best", "learnt"))
     good = isinstance(step, int) and 0 <= step <= recipe.steps and isinstance(learnt, float)
@@ -200,7 +201,7 @@ def _batch(frames: Frames, recipe: Recipe, rng: np.random.Generator) -> tuple[Te
 
 
 def _learn(
-    network: MapNetwork, optimiser: torch.optim.Optimizer, features: Tensor, obstacle: Tensor, seen: Tensor
+    network: MapModule, optimiser: torch.optim.Optimizer, features: Tensor, obstacle: Tensor, seen: Tensor
 ) -> float:
     """One step; the loss before it."""
     network.train()
@@ -215,7 +216,7 @@ def _learn(
 
 
 @torch.no_grad()
-def validate(network: MapNetwork, frames: Frames, at_once: int = 64) -> dict[str, float]:
+def validate(network: MapModule, frames: Frames, at_once: int = 64) -> dict[str, float]:
     """Loss and scores over frames."""
     network.eval()
     scores, total = PatchScores(), 0.0

@@ -15,7 +15,8 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor
 
-from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork, PoseNetworkConfig, surprise
+from slam.learning.pose_module import PoseModule, surprise
+from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetworkConfig
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
 from slam.support.checks import check_numbers
@@ -66,7 +67,7 @@ class Pairs:
 
 def train_pose(
     pairs: Pairs, recipe: PoseRecipe, on_step: Callable[[int], None] = lambda step: None
-) -> tuple[PoseNetwork, list[dict[str, float]]]:
+) -> tuple[PoseModule, list[dict[str, float]]]:
     """Train a network.
 
     Args:
@@ -83,7 +84,7 @@ def train_pose(
     if not len(pairs):
         raise ValueError("There are no pairs to learn from, expected some.")
     torch.manual_seed(recipe.seed)
-    network = PoseNetwork(recipe.network)
+    network = PoseModule(recipe.network)
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     warm = max(1, min(100, recipe.steps // 10))
     schedule = torch.optim.lr_scheduler.LambdaLR(
@@ -135,7 +136,7 @@ def _inverse(displacement: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
 
 
 @torch.no_grad()
-def pose_scores(network: PoseNetwork, pairs: Pairs, seed: int = 0, at_once: int = 64) -> dict[str, float]:
+def pose_scores(network: PoseModule, pairs: Pairs, seed: int = 0, at_once: int = 64) -> dict[str, float]:
     """Errors of offsets told for pairs, beside those of the predicted poses.
 
     Returns:

@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from jaxtyping import Float
 
 from slam.mapping.occupancy import OccupancyGrid
@@ -26,7 +25,6 @@ from slam.poses import compose
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan
 from slam.support.checks import check_numbers
-from slam.support.threads import torch_threads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,7 +45,7 @@ class LearnedMatcher:
 
     def __init__(self, network: PoseNetwork, config: LearnedMatchConfig = LearnedMatchConfig()) -> None:
         """Take a trained network."""
-        self._network, self.config = network.eval(), config
+        self._network, self.config = network, config
         self._features = Features()
 
     def match(
@@ -72,8 +70,7 @@ class LearnedMatcher:
         patches = np.empty((1, INPUTS, *belief.shape), np.float32)
         # The first four channels are the scan, the fifth is the belief.
         patches[0] = self._features.of_scan(scan, belief)[:INPUTS]
-        with torch.inference_mode(), torch_threads(1):
-            told, root = (value[0].double().numpy() for value in self._network(torch.from_numpy(patches)))
+        told, root = (value[0] for value in self._network(patches))
         inner = np.diag(1 / np.array(UNIT))
         posterior = inner @ root @ root.T @ inner
         likelihood = _positive(posterior - np.diag(1 / np.array(SPREAD) ** 2)) * self.config.trust

@@ -5,14 +5,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
-from safetensors.torch import load, save
-from torch import nn
+from safetensors.numpy import load, save
 
 from slam.networks.map_network import MapNetwork, NetworkConfig
 from slam.networks.pose_network import PoseNetwork, PoseNetworkConfig
+from slam.networks.weights import Weights
 from slam.support.reading import reading
 
-Network = TypeVar("Network", bound=nn.Module)
+Network = TypeVar("Network", MapNetwork, PoseNetwork)
 #: A card is a page of text [bytes].
 _MOST_CARD = 5_000_000
 
@@ -31,10 +31,11 @@ def pose_files(network: PoseNetwork, card: dict[str, Any], name: str) -> dict[st
     )
 
 
-def _files(network: nn.Module, head: dict[str, Any], card: dict[str, Any], name: str) -> dict[str, bytes]:
+def _files(
+    network: MapNetwork | PoseNetwork, head: dict[str, Any], card: dict[str, Any], name: str
+) -> dict[str, bytes]:
     text = json.dumps({**head, **{key: value for key, value in card.items() if key not in head}}, indent=2)
-    weights = {key: value.detach().contiguous() for key, value in network.state_dict().items()}
-    return {f"{name}.safetensors": save(weights), f"{name}.json": f"{text}\n".encode()}
+    return {f"{name}.safetensors": save(network.weights), f"{name}.json": f"{text}\n".encode()}
 
 
 def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
@@ -46,7 +47,9 @@ def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
     return _load(
         path,
         "mapper",
-        lambda card: MapNetwork(NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"])),
+        lambda weights, card: MapNetwork(
+            weights, NetworkConfig(widths=tuple(card["widths"]), inputs=card["inputs"])
+        ),
     )
 
 
@@ -59,26 +62,18 @@ def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
     return _load(
         path,
         "pose",
-        lambda card: PoseNetwork(PoseNetworkConfig(widths=tuple(card["widths"]), hidden=card["hidden"])),
+        lambda weights, card: PoseNetwork(
+            weights, PoseNetworkConfig(widths=tuple(card["widths"]), hidden=card["hidden"])
+        ),
     )
 
 
 def _load(
-    path: Path, what: str, network_of: Callable[[dict[str, Any]], Network]
+    path: Path, what: str, network_of: Callable[[Weights, dict[str, Any]], Network]
 ) -> tuple[Network, dict[str, Any]]:
     remedy = f"Train it anew with `robosim train {what}`."
     card_path = path.with_suffix(".json")
     with reading(path, f"weights of a {what} that {card_path.name} describes", remedy) as file:
         with reading(card_path, f"the card of a {what}", remedy, most_bytes=_MOST_CARD) as card_file:
             card: dict[str, Any] = json.loads(card_file.read())
-            network = network_of(card)
-        weights = load(file.read())
-        expected = network.state_dict()
-        if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
-            k: (w.shape, w.dtype) for k, w in expected.items()
-        }:
-            raise ValueError("other names, shapes or kinds of numbers")
-        if wrong := [name for name, values in weights.items() if not values.isfinite().all()]:
-            raise ValueError(f"{wrong[0]} has values that are no numbers")
-        network.load_state_dict(weights)
-    return network.eval(), card
+        return network_of(load(file.read()), card), card

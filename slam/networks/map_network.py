@@ -3,6 +3,7 @@
 From the channels of `slam.networks.features` to two logits for each cell: that an obstacle stands in it, seen or not,
 and that it is seen. Four scales, 0.05 to 0.4 m a cell; the coarse ones know the room's shape, the fine ones where
 exactly the wall is. Skip connections are added rather than stacked, which halves the work at the fine scales.
+Here it is used; `slam.learning.map_module` is what is trained.
 
 Reference: Ronneberger et al., U-Net, MICCAI 2015; Ramakrishnan et al., Occupancy anticipation, ECCV 2020.
 """
@@ -10,11 +11,13 @@ Reference: Ronneberger et al., U-Net, MICCAI 2015; Ramakrishnan et al., Occupanc
 import itertools
 from dataclasses import dataclass
 
-import torch
-from jaxtyping import Float
-from torch import Tensor, nn
+import numpy as np
+from jaxtyping import Float32
 
 from slam.networks.features import N_CHANNELS
+from slam.networks.onnx_graph import OnnxGraph
+from slam.networks.runtime import OnnxRunner
+from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
 from slam.support.checks import check_numbers
 
 #: Index of each logit.
@@ -38,53 +41,69 @@ class NetworkConfig:
             raise ValueError(f"widths is {self.widths}, expected one to seven numbers of channels.")
 
 
-class MapNetwork(nn.Module):
-    """Logits of obstacle and seen for each cell of a patch."""
+class MapNetwork:
+    """Logits of obstacle and seen for each cell of a patch, by trained weights."""
 
-    def __init__(self, config: NetworkConfig = NetworkConfig()) -> None:
-        super().__init__()
-        self.config = config
-        widths = config.widths
-        self.first = nn.Sequential(_layer(config.inputs, widths[0]), _layer(widths[0], widths[0]))
-        pairs = list(itertools.pairwise(widths))
-        self.down = nn.ModuleList(nn.Sequential(_layer(a, b, stride=2), _layer(b, b)) for a, b in pairs)
-        self.narrow = nn.ModuleList(nn.Conv2d(b, a, 1) for a, b in pairs)
-        self.up = nn.ModuleList(_layer(a, a) for a, _ in pairs)
-        self.last = nn.Conv2d(widths[0], 2, 1)
+    def __init__(self, weights: Weights, config: NetworkConfig = NetworkConfig()) -> None:
+        """Make a network ready.
 
-    def forward(self, features: Float[Tensor, "b c h w"]) -> Float[Tensor, "b 2 h w"]:
+        Args:
+            weights: By their names in `slam.learning.map_module`.
+            config: Its size.
+
+        Raises:
+            ValueError: If they do not fit each other, or a weight is no number.
+        """
+        check_weights(weights, map_shapes(config))
+        self.weights, self.config = dict(weights), config
+        self._run = OnnxRunner(_model(weights, config))
+
+    @property
+    def parameters(self) -> int:
+        """Count of trained numbers."""
+        return trained_numbers(self.weights)
+
+    def __call__(self, features: Float32[np.ndarray, "b c h w"]) -> Float32[np.ndarray, "b 2 h w"]:
         """Logits; height and width must be multiples of the coarsest cell."""
-        scales = [self.first(features)]
-        for down in self.down:
-            scales.append(down(scales[-1]))
-        x = scales.pop()
-        for narrow, up in zip(reversed(self.narrow), reversed(self.up), strict=True):
-            x = nn.functional.interpolate(narrow(x), scale_factor=2.0, mode="nearest")
-            x = up(x + scales.pop())
-        return self.last(x)
+        return self._run(features=features)
 
 
-def _layer(inputs: int, outputs: int, stride: int = 1) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Conv2d(inputs, outputs, 3, stride=stride, padding=1, bias=False),
-        nn.BatchNorm2d(outputs),
-        nn.ReLU(inplace=True),
-    )
+def map_shapes(config: NetworkConfig) -> dict[str, tuple[int, ...]]:
+    """Shape of each weight."""
+    first, pairs = config.widths[0], list(itertools.pairwise(config.widths))
+    shapes = convolution_shapes("first.0", config.inputs, first, normalised=True)
+    shapes |= convolution_shapes("first.1", first, first, normalised=True)
+    for i, (fine, coarse) in enumerate(pairs):
+        shapes |= convolution_shapes(f"down.{i}.0", fine, coarse, normalised=True)
+        shapes |= convolution_shapes(f"down.{i}.1", coarse, coarse, normalised=True)
+        shapes |= convolution_shapes(f"narrow.{i}", coarse, fine, 1)
+        shapes |= convolution_shapes(f"up.{i}", fine, fine, normalised=True)
+    return shapes | convolution_shapes("last", first, 2, 1)
 
 
-def loss(
-    logits: Float[Tensor, "b 2 h w"], obstacle: Float[Tensor, "b h w"], seen: Float[Tensor, "b h w"]
-) -> Float[Tensor, ""]:
-    """Mean cross-entropy of both probabilities, a proper score: its least value is that of calibrated ones."""
-    entropy = nn.functional.binary_cross_entropy_with_logits
-    return entropy(logits[:, OBSTACLE], obstacle) + 0.3 * entropy(logits[:, SEEN], seen)
+def _model(weights: Weights, config: NetworkConfig) -> bytes:
+    graph = OnnxGraph()
 
+    def layer(name: str, x: str, stride: int = 1) -> str:
+        kernel, bias = (graph.weight(array) for array in merged(weights, name))
+        x = graph.node("Conv", x, kernel, bias, pads=(1, 1, 1, 1), strides=(stride, stride))
+        return graph.node("Relu", x)
 
-def parameters(network: nn.Module) -> int:
-    """Count of trained numbers."""
-    return sum(p.numel() for p in network.parameters())
+    def mix(name: str, x: str) -> str:
+        kernel, bias = (graph.weight(weights[f"{name}.{part}"]) for part in ("weight", "bias"))
+        return graph.node("Conv", x, kernel, bias)
 
-
-def mirrored(patches: Tensor) -> Tensor:
-    """Patches as they would be with left and right exchanged, the place channels apart."""
-    return torch.flip(patches, dims=[-2])
+    twice = graph.weight(np.array([1, 1, 2, 2], np.float32))
+    x = layer("first.1", layer("first.0", "features"))
+    scales = [x]
+    for i in range(len(config.widths) - 1):
+        x = layer(f"down.{i}.1", layer(f"down.{i}.0", x, stride=2))
+        scales.append(x)
+    x = scales.pop()
+    for i in reversed(range(len(config.widths) - 1)):
+        x = graph.node(
+            "Resize", mix(f"narrow.{i}", x), "", twice,
+            mode="nearest", coordinate_transformation_mode="asymmetric", nearest_mode="floor",
+        )  # fmt: skip
+        x = layer(f"up.{i}", graph.node("Add", x, scales.pop()))
+    return graph.model({"features": ("b", config.inputs, "h", "w")}, mix("last", x))

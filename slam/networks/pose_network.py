@@ -4,26 +4,32 @@ It is shown the patch of the map ahead of the predicted pose and, on the same ce
 (`slam.networks.features`). Where both fit, the pose is right; how the one must be moved to fit the other is the answer,
 with its information matrix: along a bare corridor little is known, across it much. The matrix is the square of a
 triangular one, so that it is positive whatever the network says.
-Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020 (from patch to patch); Russell and
-Reale, Multivariate uncertainty in deep learning, 2021 (the loss).
+Here it is used; `slam.learning.pose_module` is what is trained.
+Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020 (from patch to patch).
 """
 
 from dataclasses import dataclass
 
-import torch
-from jaxtyping import Float
-from torch import Tensor, nn
+import numpy as np
+from jaxtyping import Float, Float32
 
+from slam.networks.onnx_graph import OnnxGraph
+from slam.networks.runtime import OnnxRunner
+from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
 from slam.support.checks import check_numbers
 
 #: Channels: what the scan says (the first four of `slam.networks.features`), and the map's belief.
 INPUTS = 5
+#: Cells along a side of the patch.
+SIDE = 64
 #: What counts as 1 in the network's answers: x, y [m], yaw [rad].
 UNIT = (0.05, 0.05, 0.04)
 #: Standard deviation of predicted poses in training, the prior in the answers: x, y [m], yaw [rad].
 SPREAD = UNIT
 #: Channels of a scale, and weights of the layer that sees the whole patch.
 WIDEST, MOST_WEIGHTS = 512, 20_000_000
+#: Numbers told: the offset, logarithms of the root's diagonal and their bound, what is below the diagonal.
+N_TOLD, LIMIT = 9, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,39 +46,71 @@ class PoseNetworkConfig:
         if not 1 <= len(self.widths) <= 6:
             raise ValueError(f"widths is {self.widths}, expected one to six numbers of channels.")
 
+    @property
+    def flat(self) -> int:
+        """Numbers that the layer is shown which sees the whole patch."""
+        return self.widths[-1] * (SIDE >> len(self.widths)) ** 2
 
-class PoseNetwork(nn.Module):
-    """Offset of the true pose from the predicted one, and the root of its information matrix."""
 
-    def __init__(self, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
-        super().__init__()
-        self.config = config
-        layers: list[nn.Module] = []
-        before = INPUTS
-        for width in config.widths:
-            layers += [nn.Conv2d(before, width, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
-            before = width
-        side = 64 >> len(config.widths)
-        self.look = nn.Sequential(*layers, nn.Flatten())
-        self.tell = nn.Sequential(
-            nn.Linear(before * side * side, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, 9)
-        )
+class PoseNetwork:
+    """Offset of the true pose from the predicted one, and the root of its information matrix, by trained weights."""
 
-    def forward(
-        self, patches: Float[Tensor, "b 5 64 64"]
-    ) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b 3 3"]]:
+    def __init__(self, weights: Weights, config: PoseNetworkConfig = PoseNetworkConfig()) -> None:
+        """Make a network ready.
+
+        Args:
+            weights: By their names in `slam.learning.pose_module`.
+            config: Its size.
+
+        Raises:
+            ValueError: If they do not fit each other, or a weight is no number.
+        """
+        check_weights(weights, pose_shapes(config))
+        self.weights, self.config = dict(weights), config
+        self._run = OnnxRunner(_model(weights, config))
+
+    @property
+    def parameters(self) -> int:
+        """Count of trained numbers."""
+        return trained_numbers(self.weights)
+
+    def __call__(
+        self, patches: Float32[np.ndarray, "b 5 64 64"]
+    ) -> tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3 3"]]:
         """Offset x, y, yaw in `UNIT`s, axes of the robot at the predicted pose; and L, with information L L^T."""
-        told = self.tell(self.look(patches))
-        rows, columns = torch.tril_indices(3, 3, offset=-1)
-        root = torch.diag_embed(torch.exp(told[:, 3:6].clamp(-4, 4)))
-        root[:, rows, columns] = told[:, 6:]
+        told = self._run(patches=patches).astype(float)
+        root = np.zeros((len(told), 3, 3))
+        root[:, range(3), range(3)] = np.exp(np.clip(told[:, 3:6], -LIMIT, LIMIT))
+        root[:, (1, 2, 2), (0, 0, 1)] = told[:, 6:]
         return told[:, :3], root
 
 
-def surprise(
-    offset: Float[Tensor, "b 3"], root: Float[Tensor, "b 3 3"], true: Float[Tensor, "b 3"]
-) -> Float[Tensor, ""]:
-    """Mean negative log-likelihood of true offsets, less its constant: least for the true mean and covariance."""
-    whitened = torch.einsum("bji,bj->bi", root, true - offset)
-    log_det = torch.log(torch.diagonal(root, dim1=1, dim2=2)).sum(dim=1)
-    return (0.5 * (whitened**2).sum(dim=1) - log_det).mean()
+def pose_shapes(config: PoseNetworkConfig) -> dict[str, tuple[int, ...]]:
+    """Shape of each weight."""
+    shapes: dict[str, tuple[int, ...]] = {}
+    before = INPUTS
+    for i, width in enumerate(config.widths):
+        shapes |= convolution_shapes(f"look.{2 * i}", before, width)
+        before = width
+    return shapes | {
+        "tell.0.weight": (config.hidden, config.flat),
+        "tell.0.bias": (config.hidden,),
+        "tell.2.weight": (N_TOLD, config.hidden),
+        "tell.2.bias": (N_TOLD,),
+    }
+
+
+def _model(weights: Weights, config: PoseNetworkConfig) -> bytes:
+    graph = OnnxGraph()
+
+    def of(name: str) -> tuple[str, str]:
+        return graph.weight(weights[f"{name}.weight"]), graph.weight(weights[f"{name}.bias"])
+
+    x = "patches"
+    for i in range(len(config.widths)):
+        x = graph.node("Conv", x, *of(f"look.{2 * i}"), pads=(1, 1, 1, 1), strides=(2, 2))
+        x = graph.node("Relu", x)
+    x = graph.node("Flatten", x)
+    x = graph.node("Relu", graph.node("Gemm", x, *of("tell.0"), transB=1))
+    x = graph.node("Gemm", x, *of("tell.2"), transB=1)
+    return graph.model({"patches": ("b", INPUTS, SIDE, SIDE)}, x)

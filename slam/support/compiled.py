@@ -15,9 +15,11 @@ compares them.
 """
 
 import _signal  # `signal` makes enumerations of what these return: ten times the time
+import gc
 import inspect
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from signal import SIGALRM, SIGINT, SIGTERM, raise_signal
 from types import FrameType
 from typing import Any, TypeVar, cast
@@ -32,17 +34,21 @@ from .compiled_files import CompiledFiles
 F = TypeVar("F", bound=Callable[..., object])
 
 
+#: No function here is called from C.
+_OPTIONS = {"nopython": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+
+
 def compiled(function: F) -> F:
     """The same function, compiled to machine code; its annotations are for the reader."""
     plain = inspect.unwrap(function)
     config: Any = numba.config
     if config.DISABLE_JIT:  # for debuggers
         return cast(F, plain)
-    return cast(F, _Loop(plain, None, {"nopython": True, "nogil": True, "error_model": "numpy"}))
+    return cast(F, _Loop(plain, None, _OPTIONS))
 
 
-class _Loop(CPUDispatcher):
-    """A compiled function that no signal interrupts half-way."""
+class _Part(CPUDispatcher):
+    """A compiled function that others call; it cannot be called from Python, for which there is `_Loop`."""
 
     def __init__(
         self,
@@ -53,17 +59,38 @@ class _Loop(CPUDispatcher):
         super().__init__(function, local_types, options)
         self._cache = CompiledFiles(self, between=_signals.let_in)
 
+    def compile(self, sig: Any) -> Any:
+        with global_compiler_lock, self._cache.no_other_process(), _uncollected():
+            return super().compile(sig)
+
+
+class _Loop(_Part):
+    """A compiled function that no signal interrupts half-way.
+
+    What other compiled functions call of it is compiled without what unpacks arguments from Python, which for records
+    of many arrays is as much code again.
+    """
+
+    def __init__(
+        self,
+        function: Callable[..., object],
+        local_types: dict[str, Any] | None,
+        options: dict[str, Any],
+    ):
+        super().__init__(function, local_types, options)
+        self._part: Any = _Part(function, local_types, {**options, "no_cpython_wrapper": True})
+
     def get_call_template(self, args: Any, kws: Any) -> Any:
         # A constant counts as any number of its type: numba would compile a function for it alone.
         args, kws = (
             [types.unliteral(one) for one in args],
             {k: types.unliteral(one) for k, one in kws.items()},
         )
-        return super().get_call_template(args, kws)
+        return self._part.get_call_template(args, kws)
 
-    def compile(self, sig: Any) -> Any:
-        with global_compiler_lock, self._cache.no_other_process():
-            return super().compile(sig)
+    def get_overload(self, sig: Any) -> Any:
+        """Where other compiled functions find this one."""
+        return self._part.get_overload(sig)
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
         # Signals are handled in the main thread alone.
@@ -71,6 +98,18 @@ class _Loop(CPUDispatcher):
             return super().__call__(*args, **kwargs)
         with _signals:
             return super().__call__(*args, **kwargs)
+
+
+@contextmanager
+def _uncollected() -> Iterator[None]:
+    """No search for garbage while a function compiles: it would take a sixth of the time, and find little."""
+    on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if on:
+            gc.enable()
 
 
 class _Signals:

@@ -163,5 +163,5 @@ def test_the_doctor_finds_this_machine_fit():
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "All that the main job needs is here" in re.sub(r"\s+", " ", done.stdout)
-    for part in ("mujoco", "embree", "OSMesa", "torch"):
+    for part in ("mujoco", "embree", "OSMesa", "onnxruntime", "torch"):
         assert part in done.stdout

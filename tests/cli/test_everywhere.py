@@ -14,8 +14,8 @@ import trimesh
 
 from robosim import doctor
 from robosim.cli import main
+from robosim.commands.speaking import console
 from robosim.commands.table import COMMANDS, loaded
-from robosim.commands.terminal import console
 
 FUNCTIONS = {name: loaded(name) for name in COMMANDS}
 

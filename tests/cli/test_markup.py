@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from robosim.cli import main
-from robosim.commands import terminal
+from robosim.commands import speaking as terminal
 from robosim.plans.files import write_ros
 from tests.plans import room, two_rooms
 

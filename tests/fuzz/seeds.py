@@ -58,9 +58,9 @@ from tests.robot_logs import WAY, Drive
 from wireless.estimates import PathEstimates
 from wireless.formats.estimated_csv import estimated_csv
 from wireless.formats.link_records import link_table, write_links
-from wireless.linkstate.training import Epoch
-from wireless.linkstate.training import Recipe as LinkStateRecipe
-from wireless.linkstate.training import train as train_classifier
+from wireless.linkstate.epoch import Epoch
+from wireless.linkstate.learning.training import Recipe as LinkStateRecipe
+from wireless.linkstate.learning.training import train as train_classifier
 from wireless.paths import LinkState, Paths
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"

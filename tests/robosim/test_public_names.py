@@ -11,7 +11,18 @@ import pytest
 
 PACKAGES = ("robosim", "slam", "wireless")
 #: Libraries that take long to load, and that nobody needs who only looks around.
-HEAVY = {"torch", "matplotlib", "mujoco", "pyrender", "numba", "pyarrow", "scipy", "shapely", "trimesh"}
+HEAVY = {
+    "torch",
+    "onnxruntime",
+    "matplotlib",
+    "mujoco",
+    "pyrender",
+    "numba",
+    "pyarrow",
+    "scipy",
+    "shapely",
+    "trimesh",
+}
 
 
 @pytest.mark.parametrize("package", PACKAGES)

@@ -114,11 +114,11 @@ class Platform:
             azimuth_rad: Azimuths in the platform's frame: for those of a scene, less the platform's heading.
             elevation_rad: Elevations.
         """
-        elevation = np.broadcast_to(np.asarray(elevation_rad, float), azimuth_rad.shape)
-        return np.stack(
-            [self.array.signature(unit_vector(azimuth_rad - face, elevation)) for face in self.face_rad],
-            axis=-2,
-        )
+        # All arrays at once: for a few paths what takes time is the calls.
+        face = np.array(self.face_rad).reshape(-1, *[1] * azimuth_rad.ndim)
+        seen = np.asarray(azimuth_rad) - face
+        elevation = np.broadcast_to(np.asarray(elevation_rad, float), seen.shape)
+        return np.ascontiguousarray(np.moveaxis(self.array.signature(unit_vector(seen, elevation)), 0, -2))
 
     def directivity(
         self,

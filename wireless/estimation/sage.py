@@ -14,16 +14,20 @@ for maxima of many energies of Gaussian noise.
 Left out: elevation (paths are taken to be level).
 """
 
-import hashlib
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from wireless.estimates import PathEstimates, wrapped
+from wireless.estimation import climb, loops
 from wireless.estimation.loops import Curves, find_paths
+from wireless.sounding import draw
+from wireless.sounding import sounder as sounder_module
 from wireless.sounding.sounder import Rays, Sounder
+from wireless.support.kept import kept
 from wireless.tracing.blocks import available_cores
 
 #: Intervals of a full turn, and of a sample, on the curves of paths.
@@ -36,8 +40,8 @@ MOST_PATHS = 12
 BLOCK_LINKS = 64
 #: Links without a path, from which the threshold is learnt, and the share of them that makes its tail.
 NOISE_LINKS, TAIL = 4000, 0.1
-#: What estimators of this process have learnt from noise, by all that it depends on: it takes a second.
-_LEARNT: dict[bytes, Float[np.ndarray, " links"]] = {}
+#: Files that say how noise is drawn and what is found in it.
+_CODE = [Path(str(module.__file__)) for module in (climb, draw, loops, sounder_module)]
 
 
 class SageEstimator:
@@ -97,16 +101,16 @@ class SageEstimator:
             self.sounder.tx.beam_array,
             self.sounder.rx.platform.face_rad,
         )
-        looks = hashlib.sha256(repr((config, beams.tolist(), arrays)).encode())
-        for values in (self.tx_basis, *self.curves):
-            looks.update(np.ascontiguousarray(values).tobytes())
-        key = looks.digest()
-        if key not in _LEARNT:
+        looks = repr((config, beams.tolist(), arrays, NOISE_LINKS)).encode()
+        values = [np.ascontiguousarray(one).tobytes() for one in (self.tx_basis, *self.curves)]
+
+        def learn() -> Float[np.ndarray, " links"]:
             none = np.zeros((NOISE_LINKS, 1))
             rays = Rays(gain=none + 0j, delay_s=none, aoa_az=none, aoa_el=none, aod_az=none, aod_el=none)
             noise = self.sounder.measure(rays, np.random.default_rng(0), workers=self.workers)
-            _LEARNT[key] = self._find(noise, 0.0, 1)[1][:, 0]
-        return _LEARNT[key]
+            return self._find(noise, 0.0, 1)[1][:, 0]
+
+        return kept("noise-peaks", [looks, *values], _CODE, learn)
 
     def _find(
         self, tensor: Complex[np.ndarray, "links window kept beams"], threshold: float, most: int
@@ -133,16 +137,21 @@ class SageEstimator:
 
 
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
-    """Orthonormal rows, array by array, that waves of zero elevation excite among the beams of an array."""
+    """Orthonormal rows, array by array, that waves of zero elevation excite among the beams of an array.
+
+    Eigenvectors of a small matrix rather than singular vectors of a tall one, which libraries split over threads: their
+    last bits would depend on the number of cores.
+    """
     ring = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     response = sounder.tx_response(ring)
     rows = []
     for array in range(len(sounder.tx.platform.face_rad)):
         mine = np.flatnonzero(sounder.tx.beam_array == array)
-        _, size, mode = np.linalg.svd(response[:, mine], full_matrices=False)
-        kept = mode[size > 1e-3 * size[0]].conj()
-        rows.append(np.zeros((len(kept), sounder.tx.n_beams), complex))
-        rows[-1][:, mine] = kept
+        seen = response[:, mine]
+        energy, mode = np.linalg.eigh(seen.conj().T @ seen)
+        found = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
+        rows.append(np.zeros((len(found), sounder.tx.n_beams), complex))
+        rows[-1][:, mine] = found
     return np.concatenate(rows)
 
 

@@ -9,18 +9,15 @@ the card: data, seeds, recipe, scores.
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Float, Float32
-from safetensors.torch import load, save
-from torch import nn
+from safetensors.numpy import load, save
 
 from wireless.linkstate.calibration import scaled
-from wireless.linkstate.networks import N_STATES, NETWORKS, WIDEST
+from wireless.linkstate.forward import KINDS, N_STATES, WIDEST, Weights, check_weights, softmax, way_shapes
 from wireless.linkstate.tokens import COLUMNS, found, make_tokens
-from wireless.linkstate.way_network import WayNetwork
 from wireless.paths import LinkState
 from wireless.support.reading import reading
 
@@ -29,40 +26,56 @@ _BLOCK = 4096
 #: A card is a few pages of text [bytes]; temperatures are about 1.
 _MOST_CARD, _HOTTEST = 5_000_000, 1e6
 
-Network = TypeVar("Network", bound=nn.Module)
-
 
 class LinkStateClassifier:
     """Trained networks behind one call."""
 
     def __init__(
         self,
-        networks: Sequence[nn.Module],
+        networks: Sequence[Weights],
         *,
         model: str,
         inputs: Sequence[str],
         options: dict[str, Any] | None = None,
         states: Sequence[int] = (1, 2, 3),
         temperature: float = 1.0,
-        way: WayNetwork | None = None,
+        way: Weights | None = None,
         card: dict[str, Any] | None = None,
     ) -> None:
         """Make a classifier.
 
         Args:
-            networks: Trained networks of one kind.
-            model: Their name in `NETWORKS`.
+            networks: Weights of trained networks of one kind, by their names.
+            model: Its name in `wireless.linkstate.forward.KINDS`.
             inputs: Columns of tokens that they use.
             options: What they were made with besides the inputs.
             states: States possible of links with paths.
             temperature: See `wireless.linkstate.calibration`.
-            way: What fuses measurements along ways, see `wireless.linkstate.follower`.
+            way: Weights of what fuses measurements along ways, see `wireless.linkstate.follower`.
             card: What is known about the training and the scores.
+
+        Raises:
+            ValueError: If weights do not fit the model, or one is no number.
         """
-        self.networks = [network.eval() for network in networks]
+        self.networks = [dict(weights) for weights in networks]
         self.model, self.inputs, self.options = model, tuple(inputs), dict(options or {})
-        self.way = None if way is None else way.eval()
+        self.way = None if way is None else dict(way)
         self.states, self.temperature, self.card = tuple(states), temperature, dict(card or {})
+        shapes = KINDS[model].shapes(self.inputs, **self.options)
+        for i, weights in enumerate(self.networks):
+            check_weights(weights, shapes, f"network {i}")
+        if self.way is not None:
+            check_weights(
+                self.way, way_shapes(self.inputs, len(self.way.get("embed.bias", ()))), "network way"
+            )
+
+    @property
+    def parameters(self) -> int:
+        """Count of trained numbers of the networks for single places."""
+        counted = ("running_mean", "running_var", "num_batches_tracked")
+        return sum(
+            array.size for each in self.networks for name, array in each.items() if not name.endswith(counted)
+        )
 
     def predict(
         self,
@@ -111,35 +124,32 @@ class LinkStateClassifier:
         reached = found(tokens).any(1)
         probability[~reached, LinkState.OUTAGE] = 1.0
         if reached.any():
-            x = torch.from_numpy(tokens if reached.all() else tokens[reached])
-            raw = torch.cat([self._mean(block) for block in x.split(_BLOCK)]).double().numpy()
-            probability[reached] = scaled(raw, self.temperature)
+            x = tokens if reached.all() else tokens[reached]
+            raw = np.concatenate([self._mean(x[i : i + _BLOCK]) for i in range(0, len(x), _BLOCK)])
+            probability[reached] = scaled(raw.astype(float), self.temperature)
         return probability
 
-    @torch.inference_mode()
-    def _mean(self, tokens: torch.Tensor) -> torch.Tensor:
+    def _mean(self, tokens: Float32[np.ndarray, "n 5 5"]) -> Float32[np.ndarray, "n 4"]:
         """Mean probabilities of the networks."""
-        allowed = list(self.states)
-        total = torch.zeros(len(tokens), N_STATES)
-        for network in self.networks:
-            total[:, allowed] += torch.softmax(network(tokens)[:, allowed], 1)
-        return total / len(self.networks)
+        allowed, logits = list(self.states), KINDS[self.model].logits
+        total = np.zeros((len(tokens), N_STATES), np.float32)
+        for weights in self.networks:
+            total[:, allowed] += softmax(logits(weights, tokens, self.inputs)[:, allowed])
+        return total / np.float32(len(self.networks))
 
     def files(self, name: str) -> dict[str, bytes]:
         """The contents of NAME.safetensors and of the card beside it, NAME.json."""
         weights = {
-            f"{i}.{name}": value.detach().contiguous()
-            for i, network in enumerate(self.networks)
-            for name, value in network.state_dict().items()
+            f"{i}.{key}": array for i, network in enumerate(self.networks) for key, array in network.items()
         }
         if self.way is not None:
-            weights |= {f"way.{name}": value.contiguous() for name, value in self.way.state_dict().items()}
+            weights |= {f"way.{key}": array for key, array in self.way.items()}
         head = {
             "model": self.model,
             "inputs": list(self.inputs),
             "options": self.options,
             "networks": len(self.networks),
-            "way_width": None if self.way is None else self.way.embed.out_features,
+            "way_width": None if self.way is None else len(self.way["embed.bias"]),
             "states": list(self.states),
             "temperature": self.temperature,
         }
@@ -161,13 +171,11 @@ def load_classifier(path: Path) -> LinkStateClassifier:
         ) as card_file:
             card = _checked(json.loads(card_file.read()))
         weights = load(file.read())
-        networks = [
-            _filled(NETWORKS[card["model"]](tuple(card["inputs"]), **card["options"]), weights, str(i))
-            for i in range(card["networks"])
-        ]
+        networks = [_part(weights, str(i)) for i in range(card["networks"])]
         width, way = card["way_width"], None
         if width is not None:
-            way = _filled(WayNetwork(card["inputs"], width=width), weights, "way")
+            way = _part(weights, "way")
+            check_weights(way, way_shapes(card["inputs"], width), "network way")
         return LinkStateClassifier(
             networks,
             model=card["model"],
@@ -185,7 +193,7 @@ def _checked(card: dict[str, Any]) -> dict[str, Any]:
     options, width, states = card["options"], card["way_width"], card["states"]
     limits = {"width": (2, WIDEST), "rounds": (1, 16)}
     good = {
-        "model": card["model"] in NETWORKS,
+        "model": card["model"] in KINDS,
         "inputs": "aoa" in card["inputs"] and "snr" in card["inputs"] and set(card["inputs"]) <= set(COLUMNS),
         "networks": _is_whole(card["networks"], 1, 100),
         "way_width": width is None or _is_whole(width, 1, WIDEST),
@@ -204,14 +212,6 @@ def _is_whole(value: Any, least: int, most: int) -> bool:
     return isinstance(value, int) and least <= value <= most
 
 
-def _filled(network: Network, weights: dict[str, torch.Tensor], name: str) -> Network:
-    """A network with its part of the weights."""
-    own = {key.split(".", 1)[1]: value for key, value in weights.items() if key.startswith(f"{name}.")}
-    if {k: (w.shape, w.dtype) for k, w in own.items()} != {
-        k: (w.shape, w.dtype) for k, w in network.state_dict().items()
-    }:
-        raise ValueError(f"network {name} has other names, shapes or kinds of weights")
-    if wrong := [key for key, value in own.items() if not value.isfinite().all()]:
-        raise ValueError(f"{wrong[0]} of network {name} has values that are no numbers")
-    network.load_state_dict(own)
-    return network
+def _part(weights: Weights, name: str) -> dict[str, np.ndarray]:
+    """The weights of one of several networks, by its own names."""
+    return {key.split(".", 1)[1]: value for key, value in weights.items() if key.startswith(f"{name}.")}

@@ -17,20 +17,21 @@ the public data, 0° and ±120° in the frame of the building.
 import math
 from collections.abc import Sequence
 
-import torch
-from jaxtyping import Bool, Float
-from torch import Tensor
+import numpy as np
+from jaxtyping import Bool, Float, Float32
 
-from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, PEAK, SNR
+from wireless.linkstate.tokens import AOA, AOD, COLUMNS, DELAY, N_PATHS, PEAK, SNR
 
 #: SNR is in units of this [dB] and within these limits; peaks in units of 10, delays in 100 ns up to 5.
 SNR_UNIT_DB, SNR_LIMITS_DB = 20.0, (-40.0, 80.0)
 PEAK_UNIT, DELAY_UNIT_S, DELAY_LIMIT = 10.0, 100e-9, 5.0
+#: Probabilities below this count as this, and moves are in units of this [m].
+_LEAST, _MOVE_UNIT_M = 1e-4, 0.25
 
 
 def path_and_pair_features(
-    tokens: Float[Tensor, "n 5 5"], inputs: Sequence[str]
-) -> tuple[Float[Tensor, "n 5 f"], Float[Tensor, "n 5 5 g"], Bool[Tensor, "n 5"]]:
+    tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
+) -> tuple[Float32[np.ndarray, "n 5 f"], Float32[np.ndarray, "n 5 5 g"], Bool[np.ndarray, "n 5"]]:
     """Features of each path and of each ordered pair of paths; zero where one is missing.
 
     Args:
@@ -40,19 +41,13 @@ def path_and_pair_features(
     Returns:
         Features of paths, features of pairs, and which paths are there.
     """
-    there = torch.isfinite(tokens[..., SNR])
-    x = torch.nan_to_num(tokens, nan=0.0)
-    snr = x[..., SNR].clamp(*SNR_LIMITS_DB) / SNR_UNIT_DB
-    path = [
-        snr,
-        snr - snr[:, :1],
-        snr.exp() / 10,
-        torch.sigmoid((snr - 0.5) * 7),
-        torch.sigmoid((snr - 0.2) * 10),
-    ]
+    there = np.isfinite(tokens[..., SNR])
+    x = np.nan_to_num(tokens, nan=0.0)
+    snr = x[..., SNR].clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
+    path = [snr, snr - snr[:, :1], np.exp(snr) / 10, _logistic((snr - 0.5) * 7), _logistic((snr - 0.2) * 10)]
     path += _facing(x[..., AOA])
     arrival = _differences(x[..., AOA])
-    pair = [arrival.cos(), arrival.abs() / math.pi, _bump(arrival, 4), _bump(arrival, 15), _plain(snr)]
+    pair = [np.cos(arrival), abs(arrival) / math.pi, _bump(arrival, 4), _bump(arrival, 15), _plain(snr)]
     if "aod" in inputs:
         for found, into in zip(
             _departure_features(x[..., AOA], x[..., AOD], arrival), (path, pair), strict=True
@@ -62,59 +57,160 @@ def path_and_pair_features(
         peak = x[..., PEAK] / PEAK_UNIT
         path += [peak, peak - peak[:, :1]]
     if "delay" in inputs:
-        delay = ((x[..., DELAY] - x[:, :1, DELAY]) / DELAY_UNIT_S).clamp(-DELAY_LIMIT, DELAY_LIMIT)
-        path += [delay, torch.exp(-((delay / 0.1) ** 2))]
-        pair += [_plain(delay), torch.exp(-((_plain(delay) / 0.1) ** 2))]
+        delay = ((x[..., DELAY] - x[:, :1, DELAY]) / DELAY_UNIT_S).clip(-DELAY_LIMIT, DELAY_LIMIT)
+        path += [delay, np.exp(-((delay / 0.1) ** 2))]
+        pair += [_plain(delay), np.exp(-((_plain(delay) / 0.1) ** 2))]
     both = there[:, :, None] & there[:, None]
-    return torch.stack(path, -1) * there[..., None], torch.stack(pair, -1) * both[..., None], there
+    return np.stack(path, -1) * there[..., None], np.stack(pair, -1) * both[..., None], there
 
 
 def feature_counts(inputs: Sequence[str]) -> tuple[int, int]:
     """Number of features of a path and of a pair."""
-    path, pair, _ = path_and_pair_features(torch.zeros(1, 5, len(COLUMNS)), inputs)
+    path, pair, _ = path_and_pair_features(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs)
     return path.shape[-1], pair.shape[-1]
 
 
-def wrapped(angle: Tensor) -> Tensor:
+def scaled_estimates(
+    tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
+) -> Float32[np.ndarray, "n f"]:
+    """Raw estimates, scaled as published, one input after the other.
+
+    Reference: Yin et al., arXiv 2110.14789.
+    """
+    x = np.nan_to_num(tokens, nan=0.0)
+    scaled = {
+        "aoa": x[..., AOA] / math.pi,
+        "aod": x[..., AOD] / math.pi,
+        "snr": ((x[..., SNR] - 5) / 45).clip(0, 1) * np.isfinite(tokens[..., SNR]),
+        "peak": x[..., PEAK] / 30,
+        "delay": (x[..., DELAY] - x[:, :1, DELAY]) / DELAY_UNIT_S,
+    }
+    return np.concatenate([scaled[name] for name in inputs], -1)
+
+
+def moments(tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]) -> Float32[np.ndarray, "n f"]:
+    """Moments of the estimated channel.
+
+    Reference: Huang et al., IEEE TWC 2020; the public estimates have no delays, so delay spread, excess delay and
+    rise time are missing there.
+
+    Returns:
+        Total and strongest SNR [dB], K-factor [dB], skewness and kurtosis of path SNRs [dB]; the power-weighted
+        circular spread sqrt(-2 ln R) [rad] of arrivals, and of departures if used; mean excess delay, delay
+        spread and rise time from first to strongest [100 ns] if delays are used.
+    """
+    there = np.isfinite(tokens[..., SNR])
+    x = np.nan_to_num(tokens, nan=0.0)
+    level = x[..., SNR]
+    power = 10 ** (level / 10) * there
+    total = power.sum(1).clip(1e-6)
+    weight = power / total[:, None]
+    count = there.sum(1).clip(1).astype(np.float32)
+    centred = (level - (level.sum(1) / count)[:, None]) * there
+    spread = ((centred**2).sum(1) / count).clip(1e-6)
+    strongest = power.max(1).clip(1e-6)
+    features = [
+        10 * np.log10(total),
+        10 * np.log10(strongest),
+        10 * np.log10(strongest / (total - strongest).clip(1e-3)),
+        (centred**3).sum(1) / count / spread**1.5,
+        (centred**4).sum(1) / count / spread**2,
+    ]
+    for name, column in (("aoa", AOA), ("aod", AOD)):
+        if name in inputs:
+            angle = wrapped(x[..., column])
+            length = np.hypot((weight * np.cos(angle)).sum(1), (weight * np.sin(angle)).sum(1))
+            features.append(np.sqrt(-2 * np.log(length.clip(1e-6, 1))))
+    if "delay" in inputs:
+        delay = x[..., DELAY] / DELAY_UNIT_S
+        first = np.where(there, delay, np.inf).min(1)
+        excess = np.where(there, delay - np.nan_to_num(first, posinf=0.0)[:, None], 0)
+        mean = (weight * excess).sum(1)
+        features += [mean, np.sqrt((weight * (excess - mean[:, None]) ** 2).sum(1)), excess[:, 0]]
+    return np.stack(features, 1).astype(np.float32)
+
+
+def place_features(
+    probability: Float[np.ndarray, "ways places 4"],
+    tokens: Float32[np.ndarray, "ways places 5 5"],
+    moved_m: Float[np.ndarray, "ways places"],
+    inputs: Sequence[str],
+) -> Float32[np.ndarray, "ways places f"]:
+    """What the network for ways sees of each place: log probabilities first.
+
+    Args:
+        probability: What was told of each place alone.
+        tokens: What was measured there.
+        moved_m: Distance from the place before [m]; 0 where there is none.
+        inputs: Columns of tokens to use.
+    """
+    x = np.nan_to_num(tokens, nan=0.0)
+    snr = np.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clip(*SNR_LIMITS_DB) / SNR_UNIT_DB
+    arrival = x[..., AOA]
+    before = np.concatenate([arrival[:, :1], arrival[:, :-1]], 1)
+    turned = arrival[..., 0] - before[..., 0]
+    nearest = np.cos(arrival[..., :1] - before).max(-1)
+    columns = [np.log(probability.clip(_LEAST)), snr[..., :3]]
+    columns += [np.stack([np.cos(turned), np.sin(turned), nearest, moved_m / _MOVE_UNIT_M], -1)]
+    if "aod" in inputs:
+        columns.append(-np.cos((arrival - x[..., AOD])[..., :2]))
+    if "peak" in inputs:
+        columns.append(x[..., :2, PEAK] / PEAK_UNIT)
+    return np.concatenate(columns, -1).astype(np.float32)
+
+
+def place_feature_count(inputs: Sequence[str]) -> int:
+    """Number of features of a place."""
+    tokens = np.zeros((1, 1, N_PATHS, len(COLUMNS)), np.float32)
+    return place_features(np.ones((1, 1, 4)), tokens, np.zeros((1, 1)), inputs).shape[-1]
+
+
+def wrapped(angle: Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """The same angles in [-pi, pi)."""
-    return torch.remainder(angle + math.pi, 2 * math.pi) - math.pi
+    return np.mod(angle + math.pi, 2 * math.pi) - math.pi
 
 
-def _departure_features(a: Tensor, d: Tensor, arrival: Tensor) -> tuple[list[Tensor], list[Tensor]]:
+def _departure_features(
+    a: Float32[np.ndarray, "n 5"], d: Float32[np.ndarray, "n 5"], arrival: Float32[np.ndarray, "n 5 5"]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """What departures add to the features of paths and of pairs."""
     back, mirror = wrapped(a - d - math.pi), wrapped(2 * (a + d)) / 2
-    path = [back.cos(), back.abs() / math.pi, *(_bump(back, width) for width in (4, 10, 30))]
-    path += [mirror.cos(), _bump(mirror, 5), _bump(mirror, 12), _bump(wrapped(2 * mirror) / 2, 6)]
+    path = [np.cos(back), abs(back) / math.pi, *(_bump(back, width) for width in (4, 10, 30))]
+    path += [np.cos(mirror), _bump(mirror, 5), _bump(mirror, 12), _bump(wrapped(2 * mirror) / 2, 6)]
     path += _facing(d)
     departure = _differences(d)
     cross = wrapped(a[:, :, None] - d[:, None] - math.pi)
     backs, mirrors = wrapped(arrival - departure), wrapped(2 * (arrival + departure)) / 2
     same_arrival, same_departure = _bump(arrival, 5), _bump(departure, 6)
-    pair = [departure.cos(), departure.abs() / math.pi, _bump(departure, 5), _bump(departure, 15)]
-    pair += [_bump(cross, 6), cross.cos(), backs.cos(), _bump(backs, 8), _bump(mirrors, 8)]
+    pair = [np.cos(departure), abs(departure) / math.pi, _bump(departure, 5), _bump(departure, 15)]
+    pair += [_bump(cross, 6), np.cos(cross), np.cos(backs), _bump(backs, 8), _bump(mirrors, 8)]
     pair += [
-        torch.tanh(arrival * departure),
+        np.tanh(arrival * departure),
         same_arrival * same_departure,
         same_departure * (1 - same_arrival),
     ]
     return path, pair
 
 
-def _facing(angle: Tensor) -> list[Tensor]:
+def _logistic(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+    return 1 / (1 + np.exp(-x))
+
+
+def _facing(angle: Float32[np.ndarray, "*n"]) -> list[np.ndarray]:
     """Where a direction lies between the middle of the nearest of three arrays and the seam to the next."""
-    return [(3 * angle).cos(), (6 * angle).cos()]
+    return [np.cos(3 * angle), np.cos(6 * angle)]
 
 
-def _plain(values: Tensor) -> Tensor:
+def _plain(values: Float32[np.ndarray, "n 5"]) -> Float32[np.ndarray, "n 5 5"]:
     """Differences of all ordered pairs."""
     return values[:, :, None] - values[:, None]
 
 
-def _differences(angle: Tensor) -> Tensor:
+def _differences(angle: Float32[np.ndarray, "n 5"]) -> Float32[np.ndarray, "n 5 5"]:
     """Differences of all ordered pairs of angles, in [-pi, pi)."""
     return wrapped(_plain(angle))
 
 
-def _bump(angle: Tensor, width_deg: float) -> Tensor:
+def _bump(angle: Float32[np.ndarray, "*n"], width_deg: float) -> Float32[np.ndarray, "*n"]:
     """1 at angle 0, 1/e at the width."""
-    return torch.exp(-((angle / math.radians(width_deg)) ** 2))
+    return np.exp(-((angle / math.radians(width_deg)) ** 2))

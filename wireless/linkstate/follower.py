@@ -6,13 +6,12 @@ probability = follower.update(aoa_rad, snr_db, moved_m=0.25, aod_rad=aod_rad, pe
 """
 
 import numpy as np
-import torch
 from jaxtyping import Bool, Float, Float32
 
 from wireless.linkstate.classifier import LinkStateClassifier
-from wireless.linkstate.networks import N_STATES
+from wireless.linkstate.features import place_features
+from wireless.linkstate.forward import N_STATES, way_step
 from wireless.linkstate.tokens import reached
-from wireless.linkstate.way_network import place_features
 from wireless.paths import LinkState
 
 
@@ -30,9 +29,9 @@ class Follower:
                 "this classifier has no network for ways; train one with at least two folds, or ask it for "
                 "each place alone."
             )
-        self.classifier, self.network = classifier, classifier.way
-        self._memory: torch.Tensor | None = None
-        self._before: tuple[torch.Tensor, torch.Tensor] | None = None
+        self.classifier, self._weights = classifier, classifier.way
+        self._memory: np.ndarray | None = None
+        self._before: tuple[np.ndarray, np.ndarray] | None = None
 
     def update(
         self,
@@ -68,21 +67,18 @@ class Follower:
         )
         return self.update_tokens(tokens[0], moved_m)
 
-    @torch.inference_mode()
     def update_tokens(self, tokens: Float32[np.ndarray, "5 5"], moved_m: float) -> Float[np.ndarray, "4"]:
         """The same from `make_tokens`."""
-        alone = torch.from_numpy(self.classifier.predict_tokens(tokens[None])).float()[None]
-        here = torch.from_numpy(tokens)[None, None]
-        probability, both = alone, here
-        moves = torch.tensor([[0.0]])
+        alone = self.classifier.predict_tokens(tokens[None]).astype(np.float32)
+        probability, both, moves = alone, tokens[None], np.zeros(1, np.float32)
         if self._before is not None:
-            probability = torch.cat([self._before[0], alone], 1)
-            both = torch.cat([self._before[1], here], 1)
-            moves = torch.tensor([[0.0, moved_m]])
-        features = place_features(probability, both, moves, self.classifier.inputs)
-        logits, self._memory = self.network(features[:, -1:], self._memory)
-        self._before = alone, here
-        return fused_probability(logits[0].double().numpy(), reached(tokens[None]), self.classifier.states)[0]
+            probability = np.concatenate([self._before[0], alone])
+            both = np.concatenate([self._before[1], tokens[None]])
+            moves = np.array([0, moved_m], np.float32)
+        features = place_features(probability[None], both[None], moves[None], self.classifier.inputs)[0, -1]
+        logits, self._memory = way_step(self._weights, features, self._memory)
+        self._before = alone, tokens[None]
+        return fused_probability(logits[None].astype(float), reached(tokens[None]), self.classifier.states)[0]
 
 
 def fused_probability(

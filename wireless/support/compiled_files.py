@@ -56,6 +56,8 @@ PATIENCE_S, LOOK_S = 600.0, 0.05
 
 #: What was said to the user already.
 _told: set[str] = set()
+#: Called once, when the first function has to be compiled since it is not on disk.
+when_first: list[Callable[[], None]] = []
 
 
 class CompiledFiles(_Cache):
@@ -69,13 +71,13 @@ class CompiledFiles(_Cache):
     def __init__(self, function: Any, between: Callable[[], None]):
         self._function, self._between = function, between
         self._name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
-        self._folders = _folders(Path(function.py_func.__code__.co_filename))
+        self._folders = folders_of(Path(function.py_func.__code__.co_filename))
         self._locks = ExitStack()
 
     @property
     def cache_path(self) -> str | None:
         """Where new files go."""
-        folder, _ = _place(self._folders)
+        folder, _ = first_writable(self._folders)
         return None if folder is None else str(folder)
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
@@ -92,10 +94,10 @@ class CompiledFiles(_Cache):
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
         """Keep what was compiled, where that can be."""
-        folder, _ = _place(self._folders)
+        folder, _ = first_writable(self._folders)
         try:
             if folder is not None:
-                _write(folder / self._file(sig), dumps(data._reduce()))
+                write_checked(folder / self._file(sig), dumps(data._reduce()))
                 _tidy(folder, self._name)
         except Exception as error:  # the function is there; another run may compile it again
             if str(folder) not in _told:
@@ -125,7 +127,7 @@ class CompiledFiles(_Cache):
     def _look(self, name: str, target_context: Any) -> CompileResult | None:
         """The function in a file, if there is one that can be used."""
         for folder in self._folders:
-            data = _read(folder / name)
+            data = read_checked(folder / name)
             if data is None:
                 continue
             try:
@@ -140,7 +142,7 @@ class CompiledFiles(_Cache):
         A process waits with locks on functions that call this one, never on one that this one calls: none waits for
         another that waits for it. The system gives back locks of a process that died.
         """
-        folder, _ = _place(self._folders)
+        folder, _ = first_writable(self._folders)
         if folder is None:
             return
         path = folder / f".{name}.lock"
@@ -179,8 +181,10 @@ class CompiledFiles(_Cache):
         if package in _told:
             return
         _told.add(package)
-        folder, why = _place(self._folders)
+        folder, why = first_writable(self._folders)
         if folder is not None:
+            for call in [*when_first]:
+                call()
             logger.warning(
                 "The first use of %s compiles its inner loops: up to two minutes, kept for later runs.",
                 package,
@@ -259,7 +263,7 @@ def _type(one: Any) -> object:
     return str(one), repr(one), getattr(one, "fields", ()), getattr(of, "__module__", ""), inner
 
 
-def _folders(source: Path) -> tuple[Path, ...]:
+def folders_of(source: Path) -> tuple[Path, ...]:
     """Where compiled functions of a source file may be, best first."""
     folders = [Path(_config.CACHE_DIR).absolute() / "robosim"] if _config.CACHE_DIR else []
     if source.is_file():
@@ -271,7 +275,7 @@ def _folders(source: Path) -> tuple[Path, ...]:
 
 
 @cache
-def _place(folders: tuple[Path, ...]) -> tuple[Path | None, str]:
+def first_writable(folders: tuple[Path, ...]) -> tuple[Path | None, str]:
     """The first folder that can be written, and why those before cannot."""
     why = []
     for folder in folders:
@@ -292,7 +296,7 @@ def _beside(path: Path) -> Path:
     return path.with_name(f".{path.name}.{uuid.uuid4().hex[:8]}.partial")
 
 
-def _read(path: Path) -> bytes | None:
+def read_checked(path: Path) -> bytes | None:
     """What was written there, if it is there and whole; that it was wanted is marked by its time."""
     try:
         found = path.read_bytes()
@@ -307,7 +311,7 @@ def _read(path: Path) -> bytes | None:
     return data
 
 
-def _write(path: Path, data: bytes) -> None:
+def write_checked(path: Path, data: bytes) -> None:
     """Write a file so that others see all of it or none."""
     partial = _beside(path)
     try:

@@ -13,14 +13,14 @@ from robosim.support.files import write_files
 from tests.plans import two_rooms
 from wireless import LinkState
 from wireless.linkstate.classifier import LinkStateClassifier
-from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.learning.networks import NETWORKS, weights_of
 
 
 @pytest.fixture(scope="module")
 def untrained(tmp_path_factory):
     """A classifier that uses what our estimates have."""
     inputs = ("aoa", "aod", "snr", "delay")
-    network = NETWORKS["reference"](inputs)
+    network = weights_of(NETWORKS["reference"](inputs))
     folder = tmp_path_factory.mktemp("weights")
     write_files(folder, LinkStateClassifier([network], model="reference", inputs=inputs).files("untrained"))
     return folder / "untrained.safetensors"

@@ -16,8 +16,10 @@ from robosim.support.assets import shipped_network
 from robosim.task.tasks import make_task
 from robosim.training.mapper import read_frames, train_mapper
 from robosim.training.pose import read_pairs
+from slam.learning.map_module import MapModule
 from slam.learning.mapper import Recipe, classical_scores, validate
 from slam.learning.pose import pose_scores
+from slam.learning.pose_module import PoseModule
 from slam.networks.files import load_mapper, load_pose
 
 QUIET = Console(quiet=True)
@@ -33,7 +35,7 @@ def test_it_beats_the_classical_map_in_new_homes(tmp_path):
     frames = read_frames(
         collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET)
     )
-    learned, classical = validate(network, frames), classical_scores(frames)
+    learned, classical = validate(MapModule.of(network), frames), classical_scores(frames)
     assert learned["iou_seen"] > max(0.8, classical["iou_seen"] + 0.02)
     assert learned["iou_hidden"] > classical["iou_hidden"] + 0.1
     assert learned["calibration_error_seen"] < 0.02
@@ -79,7 +81,7 @@ def test_training_from_shards_to_weights(tmp_path):
     card = train_mapper(tmp_path / "data", tmp_path / "out", recipe, threads=1, console=QUIET)
     assert (tmp_path / "out" / "curves.png").stat().st_size > 1000
     network, kept = load_mapper(tmp_path / "out" / "mapper.safetensors")
-    assert kept["parameters"] == card["parameters"] == sum(p.numel() for p in network.parameters())
+    assert kept["parameters"] == card["parameters"] == network.parameters
     assert "1 homes, 6 frames; held out 1, 6 frames" in kept["data"]
     (tmp_path / "data" / "home-00001.npz").unlink()
     with pytest.raises(ValueError, match="expected two or more"):
@@ -105,7 +107,7 @@ def test_the_shipped_pose_tells_offsets_in_new_homes(tmp_path):
     """
     network, card = load_pose(shipped_network("pose"))
     pairs = read_pairs(collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET))
-    scores = pose_scores(network, pairs)
+    scores = pose_scores(PoseModule.of(network), pairs)
     assert scores["told_m"] < 0.5 * scores["predicted_m"]
     assert scores["told_deg"] < 0.7 * scores["predicted_deg"]
     assert 0.5 < scores["consistency"] < 2

@@ -5,6 +5,7 @@ import pytest
 import torch
 
 from slam.actions import Action
+from slam.learning.map_module import MapModule
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.mapping.neural import FusionConfig, NeuralMapper
 from slam.networks.map_network import MapNetwork, NetworkConfig
@@ -16,11 +17,11 @@ POSE = np.array([0.3, -0.2, 0.6])
 
 def saying(obstacle: float, seen: float) -> MapNetwork:
     """A network that always says the same log-odds."""
-    network = MapNetwork(NetworkConfig(widths=(4,)))
+    module = MapModule(NetworkConfig(widths=(4,)))
     with torch.no_grad():
-        network.last.weight.zero_()
-        network.last.bias.copy_(torch.tensor([obstacle, seen]))
-    return network.eval()
+        module.last.weight.zero_()
+        module.last.bias.copy_(torch.tensor([obstacle, seen]))
+    return module.network()
 
 
 def mapper(obstacle: float, seen: float, **config) -> NeuralMapper:
@@ -94,14 +95,11 @@ def test_answers_lie_where_the_robot_looks():
 
     from slam.networks.features import BELIEF
 
-    network = MapNetwork(NetworkConfig(widths=(4,)))
+    def echo(x):
+        return np.concatenate([8 * x[:, BELIEF : BELIEF + 1], np.full_like(x[:, :1], 4.0)], axis=1)
 
-    class Echo(torch.nn.Module):
-        def forward(self, x):
-            return torch.cat([8 * x[:, BELIEF : BELIEF + 1], torch.full_like(x[:, :1], 4.0)], dim=1)
-
-    made = NeuralMapper(network)
-    made._predictor._network = Echo()
+    made = NeuralMapper(saying(0.0, 0.0))
+    made._predictor._network = echo
     made.reset(POSE)
     for _ in range(4):
         got = made.update(Room().depth(POSE))
@@ -143,7 +141,7 @@ def test_the_map_grows_without_moving():
 @pytest.mark.parametrize("wild", [0.0, np.nan, np.inf])
 def test_blind_for_a_hundred_frames(wild):
     """No NaN, and no growth of the map."""
-    made = NeuralMapper(MapNetwork().eval())
+    made = NeuralMapper(MapModule().network())
     made.reset(POSE)
     for _ in range(100):
         got = made.update(np.full((64, 64), wild, np.float32), Action.LEFT, np.array([0, 0, 0.17]))

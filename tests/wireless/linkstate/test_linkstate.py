@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from wireless.linkstate import LinkStateClassifier, load_classifier, make_tokens
-from wireless.linkstate.networks import NETWORKS, moments
+from wireless.linkstate.features import moments
+from wireless.linkstate.learning.networks import NETWORKS, weights_of
 from wireless.linkstate.tokens import AOA, AOD, DELAY, SNR
 
 FULL = ("aoa", "aod", "snr", "peak", "delay")
@@ -28,7 +29,7 @@ def links(n=64, seed=0, paths=5):
 
 def classifier(model="ours", inputs=FULL, states=(1, 2, 3), count=2):
     torch.manual_seed(0)
-    networks = [NETWORKS[model](inputs) for _ in range(count)]
+    networks = [weights_of(NETWORKS[model](inputs)) for _ in range(count)]
     return LinkStateClassifier(networks, model=model, inputs=inputs, states=states, temperature=0.7)
 
 
@@ -147,10 +148,8 @@ def test_files_that_are_damaged_are_named(tmp_path):
 
 def test_moments_against_their_definitions():
     """Two paths 90 degrees and 10 dB apart: K-factor 10 dB; spread from R = |10 + j| / 11; delay spread by hand."""
-    tokens = torch.from_numpy(
-        make_tokens(
-            np.array([[0.0, np.pi / 2]]), np.array([[20.0, 10.0]]), delay_s=np.array([[50e-9, 150e-9]])
-        )
+    tokens = make_tokens(
+        np.array([[0.0, np.pi / 2]]), np.array([[20.0, 10.0]]), delay_s=np.array([[50e-9, 150e-9]])
     )
     total, strongest, k_factor, skewness, kurtosis, spread, mean, rms, rise = moments(
         tokens, ("aoa", "snr", "delay")

@@ -8,9 +8,9 @@ import torch
 
 from wireless.linkstate.classifier import LinkStateClassifier, load_classifier
 from wireless.linkstate.follower import Follower, fused_probability
-from wireless.linkstate.networks import NETWORKS
+from wireless.linkstate.learning.networks import NETWORKS, weights_of
+from wireless.linkstate.learning.way_network import pack_ways, train_way_network, way_network_of
 from wireless.linkstate.tokens import make_tokens
-from wireless.linkstate.way_network import pack_ways, train_way_network
 from wireless.linkstate.ways import make_ways, moved
 
 INPUTS = ("aoa", "snr")
@@ -103,9 +103,11 @@ def classifier(chain):
     probability, tokens, state, rows = chain
     batch = pack_ways(rows[:100], [np.full(50, 0.15)] * 100, probability, tokens, state, INPUTS)
     torch.manual_seed(0)
-    network = NETWORKS["reference"](INPUTS)
+    network = weights_of(NETWORKS["reference"](INPUTS))
     way = train_way_network(batch, INPUTS, seed=0, epochs=2)
-    return LinkStateClassifier([network], model="reference", inputs=INPUTS, temperature=1.3, way=way)
+    return LinkStateClassifier(
+        [network], model="reference", inputs=INPUTS, temperature=1.3, way=weights_of(way)
+    )
 
 
 def test_place_by_place_as_all_at_once(classifier, tmp_path):
@@ -118,7 +120,7 @@ def test_place_by_place_as_all_at_once(classifier, tmp_path):
     told = classifier.predict_tokens(tokens)
     batch = pack_ways([np.arange(20)], [moves], told, tokens, np.zeros(20, int), INPUTS)
     with torch.inference_mode():
-        logits = classifier.way(batch.features)[0][batch.there].double().numpy()
+        logits = way_network_of(classifier.way, INPUTS)(batch.features)[0][batch.there].double().numpy()
     expected = fused_probability(logits, np.isfinite(snr[:, 0]), (1, 2, 3))
     for name, content in classifier.files("a").items():
         (tmp_path / name).write_bytes(content)

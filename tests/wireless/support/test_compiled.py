@@ -15,13 +15,14 @@ import threading
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
+import slam.learning.restoring
 import slam.support.axes
 import slam.support.compiled
 import slam.support.compiled_files
-import slam.support.restoring
-import wireless.linkstate.restoring
+import wireless.linkstate.learning.restoring
 import wireless.support.axes
 import wireless.support.compiled
 import wireless.support.compiled_files
@@ -325,7 +326,42 @@ def powers(x, n):
 def outer""",
     )
     assert run("powers", 2.0, 4) == (28.0, True)
-    assert len(sys.modules["mini.loops"].power.signatures) == 1
+    assert len(sys.modules["mini.loops"].power._part.signatures) == 1
+
+
+def test_a_loop_that_another_calls_can_be_called_from_python_too(mini):
+    """In either order; what the other calls of it has no code to unpack arguments, and is a file of its own."""
+    assert run() == (1025.0, True)
+    inner = sys.modules["mini.parts.inner"].inner
+    assert inner(1.0) == 25.0
+    assert len(list((mini / "parts" / "__pycache__").glob("mini.parts.inner.inner-*.compiled"))) == 2
+    assert sys.modules["mini.loops"].outer(2.0) == 1027.0
+
+
+def test_the_first_loop_that_is_not_on_disk_is_told(mini):
+    """Once, whatever is compiled after it; and not where all are on disk."""
+
+    def calls() -> int:
+        forget()
+        told = []
+        files = importlib.import_module("mini.compiled_files")
+        files.when_first.append(lambda: told.append(1))
+        loops = importlib.import_module("mini.loops")
+        assert (loops.outer(1.0), loops.outer(np.float32(1.0))) == (1025.0, 1025.0)
+        return len(told)
+
+    assert [calls(), calls()] == [1, 0]
+
+
+def test_no_garbage_is_looked_for_while_a_loop_compiles(mini, monkeypatch):
+    """And again afterwards, also if nothing can be compiled."""
+    import gc
+
+    edit(mini / "loops.py", "return inner(x) + 1000.0", "return inner(x) + nothing_there")
+    assert gc.isenabled()
+    with pytest.raises(numba.TypingError):
+        run()
+    assert gc.isenabled()
 
 
 def test_a_folder_filled_by_another_user_is_read(mini):
@@ -468,7 +504,7 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
     [
         (wireless.support.compiled, slam.support.compiled),
         (wireless.support.compiled_files, slam.support.compiled_files),
-        (wireless.linkstate.restoring, slam.support.restoring),
+        (wireless.linkstate.learning.restoring, slam.learning.restoring),
         (wireless.support.axes, slam.support.axes),
     ],
     ids=["compiled", "compiled_files", "restoring", "axes"],

@@ -16,9 +16,11 @@ import torch
 from jaxtyping import Float32, Integer
 from torch import Tensor, nn
 
-from wireless.linkstate.networks import NETWORKS, WIDEST
-from wireless.linkstate.restoring import restore_network, restore_optimiser
-from wireless.linkstate.threads import one_thread
+from wireless.linkstate.epoch import Epoch
+from wireless.linkstate.forward import WIDEST
+from wireless.linkstate.learning.networks import NETWORKS
+from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
+from wireless.linkstate.learning.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
 
 #: Gradients longer than this are shortened to it.
@@ -112,20 +114,6 @@ def default_recipe(model: Literal["ours", "reference", "huang"]) -> Recipe:
         jitter_deg=0.0,
         averaging=0.99,
     )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Epoch:
-    """How an epoch went."""
-
-    epoch: int
-    """From 1."""
-    loss: float
-    """Mean loss of the steps, with dropout and smoothed labels [nat]."""
-    accuracy: float | None
-    """Share of the watched links told rightly by the averaged weights, if any are watched."""
-    watched_loss: float | None
-    """Their cross entropy [nat]."""
 
 
 def train(

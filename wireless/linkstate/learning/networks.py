@@ -1,4 +1,7 @@
-"""Networks that tell the link state from estimated paths: ours, the published one, and hand-made features.
+"""Networks that tell the link state from estimated paths, as PyTorch trains them.
+
+Ours, the published one, and hand-made features; `wireless.linkstate.forward` is what is used of them, with weights of
+the same names and shapes, and a test holds their answers against each other.
 
 `RelationNetwork` lets every path look at every other: a message from each pair's geometry, summed over partners,
 twice; then the paths, from the strongest, go through a small dense head. `ReferenceNetwork` is the published
@@ -10,19 +13,16 @@ References: Yin et al., arXiv 2110.14789; Huang et al., "Machine-learning-enable
 systems in dynamic environments", IEEE TWC 2020.
 """
 
-import math
 from collections.abc import Callable, Sequence
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from wireless.linkstate.features import feature_counts, path_and_pair_features, wrapped
-from wireless.linkstate.tokens import AOA, AOD, DELAY, N_PATHS, PEAK, SNR
-
-N_STATES = 4
-#: Widest network that is made; weights that are read must fit into memory.
-WIDEST = 512
+from wireless.linkstate.features import feature_counts, moments, path_and_pair_features, scaled_estimates
+from wireless.linkstate.forward import N_STATES, Weights
+from wireless.linkstate.tokens import COLUMNS, N_PATHS
 
 
 class RelationNetwork(nn.Module):
@@ -50,7 +50,7 @@ class RelationNetwork(nn.Module):
 
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
-        path, pair, there = path_and_pair_features(tokens, self.inputs)
+        path, pair, there = map(torch.from_numpy, path_and_pair_features(tokens.numpy(), self.inputs))
         present = there[..., None].to(path.dtype)
         rank = self.get_buffer("rank").expand(len(path), -1, -1)
         state = self.embed(torch.cat([path, rank], -1)) * present
@@ -91,16 +91,7 @@ class ReferenceNetwork(nn.Module):
 
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
-        x = torch.nan_to_num(tokens, nan=0.0)
-        snr = ((x[..., SNR] - 5) / 45).clamp(0, 1) * torch.isfinite(tokens[..., SNR])
-        scaled = {
-            "aoa": x[..., AOA] / math.pi,
-            "aod": x[..., AOD] / math.pi,
-            "snr": snr,
-            "peak": x[..., PEAK] / 30,
-            "delay": (x[..., DELAY] - x[:, :1, DELAY]) / 100e-9,
-        }
-        return self.layers(torch.cat([scaled[name] for name in self.inputs], -1))
+        return self.layers(torch.from_numpy(scaled_estimates(tokens.numpy(), self.inputs)))
 
 
 class MomentsNetwork(nn.Module):
@@ -109,51 +100,21 @@ class MomentsNetwork(nn.Module):
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__()
         self.inputs = tuple(inputs)
-        self.norm = nn.BatchNorm1d(moments(torch.zeros(1, N_PATHS, 5), inputs).shape[1], affine=False)
+        self.norm = nn.BatchNorm1d(_moment_count(inputs), affine=False)
         self.layers = _published_layers(self.norm.num_features)
 
     def forward(self, tokens: Float[Tensor, "n 5 5"]) -> Float[Tensor, "n 4"]:
         """Logits of the states."""
-        return self.layers(self.norm(moments(tokens, self.inputs)))
+        return self.layers(self.norm(torch.from_numpy(moments(tokens.numpy(), self.inputs))))
 
 
-def moments(tokens: Float[Tensor, "n 5 5"], inputs: Sequence[str]) -> Float[Tensor, "n f"]:
-    """Moments of the estimated channel.
+def _moment_count(inputs: Sequence[str]) -> int:
+    return moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
 
-    Returns:
-        Total and strongest SNR [dB], K-factor [dB], skewness and kurtosis of path SNRs [dB]; the power-weighted
-        circular spread sqrt(-2 ln R) [rad] of arrivals, and of departures if used; mean excess delay, delay
-        spread and rise time from first to strongest [100 ns] if delays are used.
-    """
-    there = torch.isfinite(tokens[..., SNR])
-    x = torch.nan_to_num(tokens, nan=0.0)
-    power = (10 ** (x[..., SNR] / 10)) * there
-    total = power.sum(1).clamp_min(1e-6)
-    weight = power / total[:, None]
-    level = x[..., SNR]
-    count = there.sum(1).clamp_min(1)
-    centred = (level - (level.sum(1) / count)[:, None]) * there
-    spread = ((centred**2).sum(1) / count).clamp_min(1e-6)
-    strongest = power.amax(1).clamp_min(1e-6)
-    features = [
-        10 * total.log10(),
-        10 * strongest.log10(),
-        10 * (strongest / (total - strongest).clamp_min(1e-3)).log10(),
-        (centred**3).sum(1) / count / spread**1.5,
-        (centred**4).sum(1) / count / spread**2,
-    ]
-    for name, column in (("aoa", AOA), ("aod", AOD)):
-        if name in inputs:
-            angle = wrapped(x[..., column])
-            length = torch.hypot((weight * angle.cos()).sum(1), (weight * angle.sin()).sum(1))
-            features.append((-2 * length.clamp(1e-6, 1).log()).sqrt())
-    if "delay" in inputs:
-        delay = x[..., DELAY] / 100e-9
-        first = torch.where(there, delay, torch.inf).amin(1)
-        excess = torch.where(there, delay - torch.nan_to_num(first, posinf=0.0)[:, None], 0.0)
-        mean = (weight * excess).sum(1)
-        features += [mean, (weight * (excess - mean[:, None]) ** 2).sum(1).clamp_min(0).sqrt(), excess[:, 0]]
-    return torch.stack(features, 1)
+
+def weights_of(network: nn.Module) -> Weights:
+    """Weights of a network as arrays, copied, by their names."""
+    return {name: value.detach().contiguous().numpy().copy() for name, value in network.state_dict().items()}
 
 
 def _published_layers(n_inputs: int) -> nn.Sequential:

@@ -16,13 +16,10 @@ import torch
 from jaxtyping import Bool, Float, Int, Integer
 from torch import Tensor, nn
 
-from wireless.linkstate.features import PEAK_UNIT, SNR_LIMITS_DB, SNR_UNIT_DB
-from wireless.linkstate.networks import N_STATES
-from wireless.linkstate.threads import one_thread
-from wireless.linkstate.tokens import AOA, AOD, PEAK, SNR
+from wireless.linkstate.features import place_feature_count, place_features
+from wireless.linkstate.forward import N_STATES, Weights
+from wireless.linkstate.learning.threads import one_thread
 
-#: Probabilities below this count as this, and moves are in units of this [m].
-_LEAST, _MOVE_UNIT_M = 1e-4, 0.25
 #: Longer ways are cut into pieces of so many places for training.
 PIECE = 60
 
@@ -33,8 +30,7 @@ class WayNetwork(nn.Module):
     def __init__(self, inputs: Sequence[str], *, width: int = 32) -> None:
         super().__init__()
         self.inputs = tuple(inputs)
-        n = place_features(torch.zeros(1, 1, 4), torch.zeros(1, 1, 5, 5), torch.zeros(1, 1), inputs).shape[-1]
-        self.embed = nn.Linear(n, width)
+        self.embed = nn.Linear(place_feature_count(inputs), width)
         self.memory = nn.GRU(width, width, batch_first=True)
         self.out = nn.Linear(2 * width, N_STATES)
         nn.init.zeros_(self.out.weight)
@@ -47,35 +43,6 @@ class WayNetwork(nn.Module):
         seen = torch.relu(self.embed(features))
         remembered, memory = self.memory(seen, memory)
         return features[..., :N_STATES] + self.out(torch.cat([seen, remembered], -1)), memory
-
-
-def place_features(
-    probability: Float[Tensor, "ways places 4"],
-    tokens: Float[Tensor, "ways places 5 5"],
-    moved_m: Float[Tensor, "ways places"],
-    inputs: Sequence[str],
-) -> Float[Tensor, "ways places f"]:
-    """What the network sees of each place: log probabilities first.
-
-    Args:
-        probability: What was told of each place alone.
-        tokens: What was measured there.
-        moved_m: Distance from the place before [m]; 0 where there is none.
-        inputs: Columns of tokens to use.
-    """
-    snr = torch.nan_to_num(tokens[..., SNR], nan=SNR_LIMITS_DB[0]).clamp(*SNR_LIMITS_DB) / SNR_UNIT_DB
-    x = torch.nan_to_num(tokens, nan=0.0)
-    arrival = x[..., AOA]
-    before = torch.cat([arrival[:, :1], arrival[:, :-1]], 1)
-    turned = arrival[..., 0] - before[..., 0]
-    nearest = (arrival[..., :1] - before).cos().amax(-1)
-    columns = [probability.clamp_min(_LEAST).log(), snr[..., :3]]
-    columns += [torch.stack([turned.cos(), turned.sin(), nearest, moved_m / _MOVE_UNIT_M], -1)]
-    if "aod" in inputs:
-        columns.append(-(arrival - x[..., AOD])[..., :2].cos())
-    if "peak" in inputs:
-        columns.append(x[..., :2, PEAK] / PEAK_UNIT)
-    return torch.cat(columns, -1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,15 +75,24 @@ def pack_ways(
     moves = np.stack([np.pad(move, (0, PIECE - len(move))) for _, move in pieces])
     moves[:, 0] = 0
     features = place_features(
-        torch.from_numpy(probability[links]).float(),
-        torch.from_numpy(tokens[links]).float(),
-        torch.from_numpy(moves).float(),
+        probability[links].astype(np.float32),
+        tokens[links].astype(np.float32),
+        moves.astype(np.float32),
         inputs,
     )
     there = np.arange(PIECE) < np.array([len(row) for row, _ in pieces])[:, None]
     return WayBatch(
-        features=features, state=torch.from_numpy(state[links]).long(), there=torch.from_numpy(there)
+        features=torch.from_numpy(features),
+        state=torch.from_numpy(state[links]).long(),
+        there=torch.from_numpy(there),
     )
+
+
+def way_network_of(weights: Weights, inputs: Sequence[str]) -> WayNetwork:
+    """The network of trained weights."""
+    network = WayNetwork(inputs, width=len(weights["embed.bias"]))
+    network.load_state_dict({name: torch.from_numpy(array) for name, array in weights.items()})
+    return network.eval()
 
 
 def train_way_network(

@@ -1,0 +1,109 @@
+"""Networks as ONNX models: what a small runtime for inference reads, written without its tools.
+
+An ONNX model is a protocol buffer: fields as (number, wire type, content), whole numbers in base 128, lengths before
+what has one. The few messages that a network of convolutions needs are written here, field by field, so that trained
+weights are used as they lie in their file, without the packages that export models.
+Left out: whatever the networks here do not need; types other than float32.
+Reference: ONNX 1.14, `onnx/onnx.proto` (IR version 8, operator set 13).
+"""
+
+import struct
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jaxtyping import Float32
+
+#: Versions that the messages and operators below are of.
+IR_VERSION, OPERATOR_SET = 8, 13
+#: `TensorProto.FLOAT`, and `AttributeProto.AttributeType` of what attributes hold.
+_FLOAT, _FLOAT_ATTRIBUTE, _INT_ATTRIBUTE, _TEXT_ATTRIBUTE, _INTS_ATTRIBUTE = 1, 1, 2, 3, 7
+
+Attribute = int | float | str | Sequence[int]
+
+
+class OnnxGraph:
+    """Operators and weights of a model, put together one after the other."""
+
+    def __init__(self) -> None:
+        self._nodes: list[bytes] = []
+        self._weights: list[bytes] = []
+
+    def weight(self, array: Float32[np.ndarray, "..."]) -> str:
+        """Add numbers that are known; the name by which operators take them."""
+        name = f"w{len(self._weights)}"
+        dims = b"".join(_number(1, size) for size in array.shape)
+        raw = np.ascontiguousarray(array, "<f4").tobytes()
+        self._weights.append(dims + _number(2, _FLOAT) + _text(8, name) + _bytes(9, raw))
+        return name
+
+    def node(self, operator: str, *inputs: str, **attributes: Attribute) -> str:
+        """Add an operator; the name of what it gives.
+
+        Args:
+            operator: Its name in ONNX.
+            inputs: Names of what it takes, in its order; empty for one that is left out.
+            attributes: By their names in ONNX.
+        """
+        name = f"n{len(self._nodes)}"
+        content = b"".join(_text(1, one) for one in inputs) + _text(2, name) + _text(4, operator)
+        content += b"".join(_bytes(5, _attribute(key, value)) for key, value in attributes.items())
+        self._nodes.append(content)
+        return name
+
+    def model(self, inputs: Mapping[str, Sequence[int | str]], output: str) -> bytes:
+        """The model.
+
+        Args:
+            inputs: Shapes of what it is given, by name: a text for a size that may vary.
+            output: Name of what it gives.
+        """
+        graph = b"".join(_bytes(1, node) for node in self._nodes) + _text(2, "network")
+        graph += b"".join(_bytes(5, weight) for weight in self._weights)
+        graph += b"".join(_bytes(11, _array(name, shape)) for name, shape in inputs.items())
+        graph += _bytes(12, _array(output, None))
+        return _number(1, IR_VERSION) + _bytes(7, graph) + _bytes(8, _number(2, OPERATOR_SET))
+
+
+def _attribute(name: str, value: Attribute) -> bytes:
+    """AttributeProto."""
+    if isinstance(value, int):
+        return _text(1, name) + _number(3, value) + _number(20, _INT_ATTRIBUTE)
+    if isinstance(value, float):
+        return _text(1, name) + _key(2, 5) + struct.pack("<f", value) + _number(20, _FLOAT_ATTRIBUTE)
+    if isinstance(value, str):
+        return _text(1, name) + _text(4, value) + _number(20, _TEXT_ATTRIBUTE)
+    return _text(1, name) + b"".join(_number(8, one) for one in value) + _number(20, _INTS_ATTRIBUTE)
+
+
+def _array(name: str, shape: Sequence[int | str] | None) -> bytes:
+    """ValueInfoProto of an array of float32; its shape is left to be inferred if it is not given."""
+    kind = _number(1, _FLOAT)
+    if shape is not None:
+        sizes = (_text(2, size) if isinstance(size, str) else _number(1, size) for size in shape)
+        kind += _bytes(2, b"".join(_bytes(1, size) for size in sizes))
+    return _text(1, name) + _bytes(2, _bytes(1, kind))
+
+
+def _text(field: int, value: str) -> bytes:
+    return _bytes(field, value.encode())
+
+
+def _bytes(field: int, value: bytes) -> bytes:
+    return _key(field, 2) + _varint(len(value)) + value
+
+
+def _number(field: int, value: int) -> bytes:
+    return _key(field, 0) + _varint(value)
+
+
+def _key(field: int, wire_type: int) -> bytes:
+    return _varint(field << 3 | wire_type)
+
+
+def _varint(value: int) -> bytes:
+    """A whole number of 0 or more in base 128, lowest digits first; all but the last have their highest bit set."""
+    digits = bytearray()
+    while value > 0x7F:
+        digits.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*digits, value])

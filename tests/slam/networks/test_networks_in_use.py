@@ -1,0 +1,70 @@
+"""Networks as they are used against networks as they are trained: PyTorch computes the same."""
+
+import numpy as np
+import pytest
+import torch
+
+from robosim.support.assets import shipped_network
+from slam.learning.map_module import MapModule, arrays_of
+from slam.learning.pose_module import PoseModule
+from slam.networks.features import N_CHANNELS
+from slam.networks.files import load_mapper, load_pose
+from slam.networks.map_network import MapNetwork, NetworkConfig, map_shapes
+from slam.networks.pose_network import INPUTS, SIDE, PoseNetworkConfig, pose_shapes
+
+
+def shown(count: int, channels: int, side: int = SIDE) -> np.ndarray:
+    return np.random.default_rng(0).uniform(-1, 1, (count, channels, side, side)).astype(np.float32)
+
+
+def test_the_shipped_mapper_says_what_pytorch_says():
+    """Logits of up to 20 within 5e-5 (measured 8e-6)."""
+    network, _ = load_mapper(shipped_network("mapper"))
+    patches = shown(3, N_CHANNELS)
+    with torch.inference_mode():
+        expected = MapModule.of(network)(torch.from_numpy(patches)).numpy()
+    assert np.ptp(expected) > 10
+    np.testing.assert_allclose(network(patches), expected, atol=5e-5)
+
+
+def test_the_shipped_pose_says_what_pytorch_says():
+    """Offsets and roots of about 1 within 1e-5 (measured 5e-7)."""
+    network, _ = load_pose(shipped_network("pose"))
+    patches = shown(3, INPUTS)
+    with torch.inference_mode():
+        expected = PoseModule.of(network)(torch.from_numpy(patches))
+    for told, wanted in zip(network(patches), expected, strict=True):
+        np.testing.assert_allclose(told, wanted.numpy(), atol=1e-5)
+
+
+@pytest.mark.parametrize("widths", [(4,), (3, 5), (4, 6, 8, 10, 12)])
+def test_a_mapper_of_any_size_says_what_pytorch_says(widths):
+    """Patches of another size than in training too: 32 cells, to 1e-5."""
+    config = NetworkConfig(widths=widths, inputs=3)
+    torch.manual_seed(0)
+    module = MapModule(config)
+    with torch.no_grad():  # normalisation that does something
+        module(torch.randn(4, 3, 32, 32))
+    module.eval()
+    patches = shown(2, 3, 32)
+    with torch.inference_mode():
+        expected = module(torch.from_numpy(patches)).numpy()
+    np.testing.assert_allclose(module.network()(patches), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("widths", [(2,), (3, 5, 7), (2, 2, 2, 2, 2, 2)])
+def test_shapes_are_those_that_pytorch_makes(widths):
+    mapper, pose = NetworkConfig(widths=widths, inputs=4), PoseNetworkConfig(widths=widths, hidden=5)
+    for module, shapes in ((MapModule(mapper), map_shapes(mapper)), (PoseModule(pose), pose_shapes(pose))):
+        assert {name: value.shape for name, value in arrays_of(module).items()} == shapes
+        counted = sum(value.numel() for value in module.parameters())
+        assert module.network().parameters == counted
+
+
+def test_weights_that_do_not_fit_are_refused():
+    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    with pytest.raises(ValueError, match="other names, shapes"):
+        MapNetwork(weights, NetworkConfig(widths=(4, 8)))
+    weights["last.bias"] = np.array([np.nan, 0], np.float32)
+    with pytest.raises(ValueError, match=r"last\.bias has values that are no numbers"):
+        MapNetwork(weights, NetworkConfig(widths=(4,)))

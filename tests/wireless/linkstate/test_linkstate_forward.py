@@ -1,0 +1,66 @@
+"""Networks of link states as they are used against networks as they are trained: PyTorch computes the same."""
+
+import numpy as np
+import pytest
+import torch
+
+from wireless.linkstate.features import place_features
+from wireless.linkstate.forward import KINDS, way_shapes, way_step
+from wireless.linkstate.learning.networks import NETWORKS, weights_of
+from wireless.linkstate.learning.way_network import WayNetwork
+from wireless.linkstate.tokens import make_tokens
+
+SOME, ALL = ("aoa", "snr"), ("aoa", "aod", "snr", "peak", "delay")
+
+
+def tokens(n: int = 100) -> np.ndarray:
+    """Random estimates, a third of the paths missing."""
+    rng = np.random.default_rng(0)
+    aoa, aod = rng.uniform(-np.pi, np.pi, (2, n, 5))
+    snr = np.where(rng.random((n, 5)) < 0.3, -np.inf, rng.uniform(-20, 60, (n, 5)))
+    peak, delay = rng.uniform(0, 30, (n, 5)), rng.uniform(0, 3e-7, (n, 5))
+    return make_tokens(aoa, snr, aod_rad=aod, peak=peak, delay_s=delay)
+
+
+@pytest.mark.parametrize("inputs", [SOME, ALL])
+@pytest.mark.parametrize("model", KINDS)
+def test_logits_are_those_of_pytorch(model, inputs):
+    """To 1e-5 (measured 2e-6 on logits of 10), with weights of the same names and shapes."""
+    torch.manual_seed(0)
+    network = NETWORKS[model](inputs).eval()
+    weights = weights_of(network)
+    assert {name: value.shape for name, value in weights.items()} == KINDS[model].shapes(inputs)
+    with torch.inference_mode():
+        expected = network(torch.from_numpy(tokens())).numpy()
+    assert np.ptp(expected) > 0.01
+    np.testing.assert_allclose(KINDS[model].logits(weights, tokens(), inputs), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize("model", KINDS)
+def test_a_link_does_not_depend_on_those_asked_about_with_it(model):
+    """Bit for bit."""
+    torch.manual_seed(0)
+    weights = weights_of(NETWORKS[model](ALL))
+    together = KINDS[model].logits(weights, tokens(), ALL)
+    alone = [KINDS[model].logits(weights, link[None], ALL)[0] for link in tokens()]
+    np.testing.assert_array_equal(together, alone)
+
+
+@pytest.mark.parametrize("inputs", [SOME, ALL])
+def test_steps_along_a_way_are_those_of_pytorch(inputs):
+    """Forty places, each remembered: to 1e-5."""
+    torch.manual_seed(0)
+    network = WayNetwork(inputs, width=6)
+    torch.nn.init.normal_(network.out.weight)
+    weights = weights_of(network)
+    assert {name: value.shape for name, value in weights.items()} == way_shapes(inputs, 6)
+    rng = np.random.default_rng(1)
+    told = rng.dirichlet(np.ones(4), (1, 40)).astype(np.float32)
+    moved = rng.uniform(0, 0.5, (1, 40)).astype(np.float32)
+    features = place_features(told, tokens(40)[None], moved, inputs)
+    with torch.inference_mode():
+        expected = network(torch.from_numpy(features))[0][0].numpy()
+    memory = None
+    for place, wanted in zip(features[0], expected, strict=True):
+        logits, memory = way_step(weights, place, memory)
+        np.testing.assert_allclose(logits, wanted, atol=1e-5)

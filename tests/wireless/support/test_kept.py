@@ -1,0 +1,59 @@
+"""Arrays kept on disk: computed once, by all that they depend on, and never believed when damaged."""
+
+import numba
+import numpy as np
+import pytest
+
+from wireless.support import kept as module
+from wireless.support.kept import kept
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    return tmp_path / "robosim"
+
+
+class Maker:
+    """Counts how often it computes."""
+
+    def __init__(self) -> None:
+        self.made = 0
+
+    def __call__(self) -> np.ndarray:
+        self.made += 1
+        return np.array([1.0, np.nan, -0.0, 1e-300])
+
+
+def test_it_is_computed_once_for_what_it_depends_on(folder, tmp_path):
+    """Values, code, library and processor: each change is another array. The bits are those that were computed."""
+    code, make = tmp_path / "code.py", Maker()
+    code.write_text("1")
+    first = kept("it", [b"a", b"b"], [code], make)
+    again = kept("it", [b"a", b"b"], [code], make)
+    assert make.made == 1 and first.tobytes() == again.tobytes()
+    kept("it", [b"ab", b""], [code], make)
+    assert make.made == 2
+    code.write_text("2")
+    kept("it", [b"a", b"b"], [code], make)
+    assert make.made == 3 and len(list(folder.glob("it-*.kept"))) == 3
+
+
+@pytest.mark.parametrize("content", [b"", b"x" * 100, None])
+def test_a_damaged_file_is_made_anew(folder, content):
+    make = Maker()
+    kept("it", [b"a"], [], make)
+    (file,) = folder.glob("it-*.kept")
+    file.write_bytes(file.read_bytes()[:-1] if content is None else content)
+    kept("it", [b"a"], [], make)
+    kept("it", [b"a"], [], make)
+    assert make.made == 2
+
+
+def test_without_a_folder_it_is_computed(monkeypatch):
+    make = Maker()
+    monkeypatch.setattr(module, "folders_of", lambda source: ())
+    monkeypatch.setattr(module, "first_writable", lambda folders: (None, ""))
+    for _ in range(2):
+        assert kept("it", [b"a"], [], make).size == 4
+    assert make.made == 2

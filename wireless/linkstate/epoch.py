@@ -1,0 +1,17 @@
+"""What is kept of an epoch of training."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, kw_only=True)
+class Epoch:
+    """How an epoch went."""
+
+    epoch: int
+    """From 1."""
+    loss: float
+    """Mean loss of the steps, with dropout and smoothed labels [nat]."""
+    accuracy: float | None
+    """Share of the watched links told rightly by the averaged weights, if any are watched."""
+    watched_loss: float | None
+    """Their cross entropy [nat]."""

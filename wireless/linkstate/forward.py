@@ -1,0 +1,222 @@
+"""Networks of link states in use: from tokens and trained weights to logits, in NumPy.
+
+They are small, and one link at a time is asked about, so that matrix products are all that it takes; what trains them
+is `wireless.linkstate.learning.networks`, with weights of the same names and shapes. Each link is computed by itself,
+so that no answer depends on which others are asked about with it.
+
+References: Ba et al., "Layer normalization", arXiv 1607.06450; Ioffe and Szegedy, "Batch normalization", ICML 2015;
+Cho et al., "Learning phrase representations using RNN encoder-decoder", EMNLP 2014 (the gated recurrent unit).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float32
+
+from wireless.linkstate.features import (
+    feature_counts,
+    moments,
+    path_and_pair_features,
+    place_feature_count,
+    scaled_estimates,
+)
+from wireless.linkstate.tokens import COLUMNS, N_PATHS
+
+#: Trained numbers by their names.
+Weights = Mapping[str, np.ndarray]
+Shapes = dict[str, tuple[int, ...]]
+
+N_STATES = 4
+#: Widest network that is made; weights that are read must fit into memory.
+WIDEST = 512
+#: What normalisation adds to variances; PyTorch's own.
+_EPSILON = np.float32(1e-5)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of network."""
+
+    logits: Callable[[Weights, Float32[np.ndarray, "n 5 5"], Sequence[str]], Float32[np.ndarray, "n 4"]]
+    """From weights, tokens and the columns that are used of them."""
+    shapes: Callable[..., Shapes]
+    """Of the weights, from the columns and the options that a network was made with."""
+
+
+def relation_logits(
+    weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
+) -> Float32[np.ndarray, "n 4"]:
+    """Messages between paths, then a dense head."""
+    path, pair, there = path_and_pair_features(tokens, inputs)
+    n, present = len(path), there[..., None].astype(np.float32)
+    rank = np.broadcast_to(np.eye(N_PATHS, dtype=np.float32), (n, N_PATHS, N_PATHS))
+    state = _dense(weights, "embed.2", _relu(_dense(weights, "embed.0", np.concatenate([path, rank], -1))))
+    state = state * present
+    every = pair.reshape(n, N_PATHS * N_PATHS, -1)
+    for i in range(_count(weights, "rounds")):
+        name = f"rounds.{i}"
+        seen = _normalised(weights, f"{name}.norm", state)
+        of_pair = _dense(weights, f"{name}.pair", every).reshape(n, N_PATHS, N_PATHS, -1)
+        taker, giver = (seen @ weights[f"{name}.{one}.weight"].T for one in ("taker", "giver"))
+        sent = _relu(of_pair + taker[:, :, None] + giver[:, None]) * present[:, None]
+        message = _dense(weights, f"{name}.message", sent.mean(2))
+        step = _relu(_dense(weights, f"{name}.update.0", np.concatenate([seen, message], -1)))
+        state = (state + _dense(weights, f"{name}.update.2", step)) * present
+    x = np.concatenate([state.reshape(n, -1), state.max(1)], -1)
+    for name in ("head.1", "head.4"):
+        x = _relu(_dense(weights, name, x))
+    return _dense(weights, "head.7", x)
+
+
+def relation_shapes(
+    inputs: Sequence[str], *, width: int = 48, rounds: int = 2, dropout: float = 0.2
+) -> Shapes:
+    """Shapes of its weights; dropout has none."""
+    n_path, n_pair = feature_counts(inputs)
+    half = width // 2
+    shapes = _dense_shapes("embed.0", n_path + N_PATHS, width) | _dense_shapes("embed.2", width, width)
+    for i in range(rounds):
+        name = f"rounds.{i}"
+        shapes |= {f"{name}.norm.weight": (width,), f"{name}.norm.bias": (width,)}
+        shapes |= {f"{name}.taker.weight": (half, width), f"{name}.giver.weight": (half, width)}
+        shapes |= _dense_shapes(f"{name}.pair", n_pair, half) | _dense_shapes(f"{name}.message", half, width)
+        shapes |= _dense_shapes(f"{name}.update.0", 2 * width, width)
+        shapes |= _dense_shapes(f"{name}.update.2", width, width)
+    sizes = ((N_PATHS + 1) * width, 2 * width, 2 * width, N_STATES)
+    for name, before, after in zip(("head.1", "head.4", "head.7"), sizes, sizes[1:], strict=False):
+        shapes |= _dense_shapes(name, before, after)
+    return shapes
+
+
+def reference_logits(
+    weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
+) -> Float32[np.ndarray, "n 4"]:
+    """The published network on the raw estimates, scaled as published."""
+    return _published(weights, scaled_estimates(tokens, inputs))
+
+
+def reference_shapes(inputs: Sequence[str]) -> Shapes:
+    """Shapes of its weights."""
+    return _published_shapes(N_PATHS * len(inputs))
+
+
+def moments_logits(
+    weights: Weights, tokens: Float32[np.ndarray, "n 5 5"], inputs: Sequence[str]
+) -> Float32[np.ndarray, "n 4"]:
+    """Hand-made features: powers, K-factor, kurtosis and skewness of power, spreads of angles and delays."""
+    mean, variance = weights["norm.running_mean"], weights["norm.running_var"]
+    return _published(weights, (moments(tokens, inputs) - mean) / np.sqrt(variance + _EPSILON))
+
+
+def moments_shapes(inputs: Sequence[str]) -> Shapes:
+    """Shapes of its weights."""
+    n = moments(np.zeros((1, N_PATHS, len(COLUMNS)), np.float32), inputs).shape[1]
+    of_norm = {"norm.running_mean": (n,), "norm.running_var": (n,), "norm.num_batches_tracked": ()}
+    return of_norm | _published_shapes(n)
+
+
+#: Networks by name.
+KINDS = {
+    "ours": Kind(relation_logits, relation_shapes),
+    "reference": Kind(reference_logits, reference_shapes),
+    "huang": Kind(moments_logits, moments_shapes),
+}
+
+
+def way_step(
+    weights: Weights, features: Float32[np.ndarray, " f"], memory: Float32[np.ndarray, " width"] | None
+) -> tuple[Float32[np.ndarray, "4"], Float32[np.ndarray, " width"]]:
+    """Logits at a place of a way from all places up to it, and what to remember.
+
+    Args:
+        weights: Of a network for ways.
+        features: From `wireless.linkstate.features.place_features`.
+        memory: What the step before gave; None at the first place.
+    """
+    seen = _relu(_dense(weights, "embed", features))
+    before = np.zeros_like(seen) if memory is None else memory
+    given = weights["memory.weight_ih_l0"] @ seen + weights["memory.bias_ih_l0"]
+    kept = weights["memory.weight_hh_l0"] @ before + weights["memory.bias_hh_l0"]
+    (reset_x, update_x, new_x), (reset_h, update_h, new_h) = np.split(given, 3), np.split(kept, 3)
+    update = _logistic(update_x + update_h)
+    new = np.tanh(new_x + _logistic(reset_x + reset_h) * new_h)
+    memory = (1 - update) * new + update * before
+    return features[:N_STATES] + _dense(weights, "out", np.concatenate([seen, memory])), memory
+
+
+def way_shapes(inputs: Sequence[str], width: int) -> Shapes:
+    """Shapes of the weights of a network for ways."""
+    gates = {f"memory.weight_{one}_l0": (3 * width, width) for one in ("ih", "hh")}
+    biases = {f"memory.bias_{one}_l0": (3 * width,) for one in ("ih", "hh")}
+    ends = _dense_shapes("embed", place_feature_count(inputs), width)
+    return {**ends, **gates, **biases, **_dense_shapes("out", 2 * width, N_STATES)}
+
+
+def check_weights(weights: Weights, shapes: Shapes, what: str) -> None:
+    """See that weights are those of a network.
+
+    Raises:
+        ValueError: If names, shapes or kinds of numbers are others, or a value is no number.
+    """
+    kinds: dict[str, Any] = {
+        name: np.int64 if name.endswith("num_batches_tracked") else np.float32 for name in shapes
+    }
+    if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
+        k: (shape, np.dtype(kinds[k])) for k, shape in shapes.items()
+    }:
+        raise ValueError(f"{what} has other names, shapes or kinds of weights")
+    if wrong := [name for name, values in weights.items() if not np.isfinite(values).all()]:
+        raise ValueError(f"{wrong[0]} of {what} has values that are no numbers")
+
+
+def softmax(logits: Float32[np.ndarray, "n k"]) -> Float32[np.ndarray, "n k"]:
+    """Probabilities of logits."""
+    power = np.exp(logits - logits.max(1, keepdims=True))
+    return power / power.sum(1, keepdims=True)
+
+
+def _published(weights: Weights, x: Float32[np.ndarray, "n f"]) -> Float32[np.ndarray, "n 4"]:
+    for name in ("layers.0", "layers.2"):
+        x = _relu(_dense(weights, name, x))
+    return _dense(weights, "layers.4", x)
+
+
+def _published_shapes(n_inputs: int) -> Shapes:
+    return (
+        _dense_shapes("layers.0", n_inputs, 8)
+        | _dense_shapes("layers.2", 8, 6)
+        | _dense_shapes("layers.4", 6, N_STATES)
+    )
+
+
+def _dense(weights: Weights, name: str, x: Float32[np.ndarray, "*n f"]) -> Float32[np.ndarray, "*n g"]:
+    """A dense layer. Rows of a plain table are multiplied one by one, so that none depends on the others."""
+    rows = x[:, None] if x.ndim == 2 else x
+    found = rows @ weights[f"{name}.weight"].T + weights[f"{name}.bias"]
+    return found[:, 0] if x.ndim == 2 else found
+
+
+def _dense_shapes(name: str, inputs: int, outputs: int) -> Shapes:
+    return {f"{name}.weight": (outputs, inputs), f"{name}.bias": (outputs,)}
+
+
+def _normalised(weights: Weights, name: str, x: Float32[np.ndarray, "n 5 f"]) -> Float32[np.ndarray, "n 5 f"]:
+    """Layer normalisation over the last axis."""
+    centred = x - x.mean(-1, keepdims=True)
+    spread = np.sqrt((centred**2).mean(-1, keepdims=True) + _EPSILON)
+    return centred / spread * weights[f"{name}.weight"] + weights[f"{name}.bias"]
+
+
+def _relu(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+    return np.maximum(x, 0)
+
+
+def _logistic(x: Float32[np.ndarray, "*n"]) -> Float32[np.ndarray, "*n"]:
+    return 1 / (1 + np.exp(-x))
+
+
+def _count(weights: Weights, name: str) -> int:
+    """How many parts of a name there are, counted from 0."""
+    return len({key.split(".")[1] for key in weights if key.startswith(f"{name}.")})
