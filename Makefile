@@ -4,7 +4,8 @@
 #   make test      all checks
 #
 # Both make a virtual environment in .venv, and install what is missing of the system's packages: a software renderer
-# (OSMesa; EGL where the distribution has no OSMesa; both for the tests) and python3-venv. That takes root or sudo.
+# (OSMesa; EGL where the distribution has no OSMesa; both for the tests, and Chromium) and python3-venv. That takes root
+# or sudo.
 #
 #   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
 #   make docs      the documentation, in docs/_build/html; the first time some minutes, as every example is run
@@ -92,4 +93,4 @@ fresh:
 	AS_USER=1 scripts/fresh-root.sh bookworm make demo
 
 clean:
-	rm -rf $(VENV) out runs docs/_build docs/examples docs/reference/api docs/reference/commands
+	rm -rf $(VENV) out runs docs/_build docs/_static/recordings docs/examples docs/reference/api docs/reference/commands

@@ -43,6 +43,7 @@ extensions = [
     "docstrings",
     "commands",
     "api_pages",
+    "recordings",
 ]
 exclude_patterns = ["_build", "gallery/**", "**/*.inc.md", "Thumbs.db"]
 templates_path = ["_templates"]

@@ -131,8 +131,9 @@ class Decision(Turn):
     """What is done next."""
 
 
-#: Is told of each decision, after the action is chosen and before it is done.
-Onlooker = Callable[[EpisodeLog, Decision], None]
+#: Is told of each decision, after the action is chosen and before it is done. It may give another action, which is done
+#: instead: so a person drives.
+Onlooker = Callable[[EpisodeLog, Decision], Action | None]
 
 
 def check_weights(config: EpisodeConfig) -> None:
@@ -167,7 +168,7 @@ def drive(
     task: Task,
     rng: np.random.Generator,
     judge: Callable[[Turn], bool],
-    on_decision: Callable[[Decision], None] = lambda decision: None,
+    on_decision: Callable[[Decision], Action | None] = lambda decision: None,
     *,
     interpret: Callable[[Observation, MapEstimate], Situation] = without_radio,
     watch: Stopwatch | None = None,
@@ -181,7 +182,7 @@ def drive(
         task: Where the robot starts, and where the target stands.
         rng: Source of all noise.
         judge: Whether the robot goes on; asked in each turn before anything is decided.
-        on_decision: Is told of each decision before it is done.
+        on_decision: Is told of each decision before it is done; another action that it gives is done instead.
         interpret: What the robot makes of what it sensed.
         watch: Collects the time by stage.
 
@@ -213,7 +214,7 @@ def drive(
                 planner.look_closely()
             action = controller.act(estimate.pose, plan)
         paths = simulator.radio.paths if simulator.radio else None
-        on_decision(
+        other = on_decision(
             Decision(
                 **vars(turn),
                 situation=situation,
@@ -224,6 +225,7 @@ def drive(
                 action=action,
             )
         )
+        action = action if other is None else other
         view, motion = simulator.step(action)
 
 
@@ -244,7 +246,7 @@ def run_episode(
         reach: What the robot's hull can reach there; coverage is counted over it.
         task: From where to where.
         config: How.
-        on_decision: Called once a decision, after the action is chosen, to draw or report.
+        on_decision: Called once a decision, after the action is chosen, to draw or report; or to drive by hand.
         watch: Collects the time by stage.
 
     Returns:
@@ -289,8 +291,8 @@ def run_episode(
             situation = replace(situation, located=navigator.mapper.transmitters)
         return situation
 
-    def look(decision: Decision) -> None:
-        on_decision(log, decision)
+    def look(decision: Decision) -> Action | None:
+        return on_decision(log, decision)
 
     with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
         last, explored = drive(

@@ -133,10 +133,12 @@ def _record(
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
         def look(log: EpisodeLog, decision: Decision) -> None:
-            text = _status(log, decision)
+            text = status_line(log, decision)
             progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
-                snapshot = _snapshot(decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}")
+                snapshot = snapshot_of(
+                    decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}"
+                )
                 decisions.add(snapshot)
             if writer is not None:
                 with watch.stage("video"):
@@ -183,7 +185,7 @@ def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig)
     return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
 
 
-def _snapshot(decision: Decision, text: str) -> Snapshot:
+def snapshot_of(decision: Decision, text: str) -> Snapshot:
     """What is drawn and kept of a decision."""
     return Snapshot(
         rgb=decision.view.rgb,
@@ -199,7 +201,8 @@ def _snapshot(decision: Decision, text: str) -> Snapshot:
     )
 
 
-def _status(log: EpisodeLog, decision: Decision) -> str:
+def status_line(log: EpisodeLog, decision: Decision) -> str:
+    """How far a search is, in words."""
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
     text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"

@@ -1,7 +1,8 @@
 """Installs what robosim needs from the system, where it is missing: a software renderer, and Python's own venv.
 
     python3 scripts/system_packages.py          OSMesa if the distribution has it, else EGL
-    python3 scripts/system_packages.py --all    OSMesa and EGL, for the tests, as far as the distribution has them
+    python3 scripts/system_packages.py --all    OSMesa, EGL and a browser, for the tests, as far as the distribution has
+                                                them
     python3 scripts/system_packages.py --venv   what `python3 -m venv` needs, too
 
 Run by the Makefile before there is a virtual environment, so only the standard library is used. Needs root or sudo on
@@ -22,6 +23,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering"))
 from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same look at the machine as a camera's
 
+#: What the page of `robosim live` is tested in: Debian's package, and the programs that do.
+BROWSER_PACKAGE = "chromium"
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 VENV_PACKAGE = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
 PACKAGE_LISTS = Path("/var/lib/apt/lists")
 # A machine in the cloud often installs updates just after its start, and holds the lock meanwhile.
@@ -31,7 +35,7 @@ _WAIT = ("-o", "DPkg::Lock::Timeout=300")
 def main(arguments: Sequence[str]) -> int:
     """Install what is missing, say what could not be, and return the exit status."""
     parser = argparse.ArgumentParser(description="Install what robosim needs from the system.")
-    parser.add_argument("--all", action="store_true", help="both renderers, not only one")
+    parser.add_argument("--all", action="store_true", help="both renderers, not only one, and a browser")
     parser.add_argument("--venv", action="store_true", help="what Python needs to make a virtual environment")
     options = parser.parse_args(arguments)
     if options.venv and not has_venv() and (obstacle := install([VENV_PACKAGE])):
@@ -43,6 +47,8 @@ def main(arguments: Sequence[str]) -> int:
             say(f"{SYSTEM_NAMES[system]} is missing ({' '.join(packages)}). {obstacle}")
         if not options.all and not missing(system):
             break
+    if options.all and not any(map(shutil.which, BROWSERS)) and (obstacle := install([BROWSER_PACKAGE])):
+        say(f"Chromium is missing ({BROWSER_PACKAGE}). {obstacle} Tests in a browser are skipped.")
     if any(not missing(system) for system in SYSTEM_NAMES):
         return 0
     say("One software renderer is needed. Ask for one of these, and run make again:")

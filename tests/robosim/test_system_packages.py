@@ -95,10 +95,17 @@ def test_egl_is_installed_where_osmesa_is_not_offered(make_needs, capsys):
     assert "This distribution does not offer libosmesa6" in capsys.readouterr().err
 
 
-def test_for_the_tests_both_are_installed(make_needs):
+def test_for_the_tests_both_are_installed(make_needs, capsys):
+    """And a browser; where the distribution has none, as Ubuntu, that is said, and is no error."""
+    machine = Machine(installed={"libosmesa6"}, offered={"libosmesa6", "chromium", *EGL})
+    assert make_needs(machine, "--all") == 0
+    assert machine.installed == {"libosmesa6", "chromium", *EGL}
+    assert "browser" not in capsys.readouterr().err
     machine = Machine(installed={"libosmesa6"}, offered={"libosmesa6", *EGL})
     assert make_needs(machine, "--all") == 0
     assert machine.installed == {"libosmesa6", *EGL}
+    told = capsys.readouterr().err
+    assert "This distribution does not offer chromium. Tests in a browser are skipped." in told
 
 
 def test_nothing_is_asked_of_a_machine_that_has_it(make_needs):

@@ -1,0 +1,103 @@
+"""`robosim live`."""
+
+from pathlib import Path
+
+from rich.text import Text
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, tell
+
+
+def live(
+    plan: Positional[str] = "flat",
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8080,
+    browser: bool = True,
+    export: Path | None = None,
+    tolerance: float | None = None,
+    radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
+    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
+) -> None:
+    """Open a local web page: drag a transmitter through a building, watch a search, look back on an episode.
+
+    Given a folder of `robosim episode` or `robosim evaluate`, it shows what is recorded there. Needs robosim[live].
+    Ctrl-C ends it.
+
+    Example: robosim live office
+
+    Args:
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
+            folder of an episode or an evaluation.
+        host: Address to serve at; 0.0.0.0 for all of this machine's, for whoever can reach it.
+        port: Port to serve at; 0 for any that is free.
+        browser: Whether to open a browser, if there is one.
+        export: File (.html) to write the episode of a folder to, as a page that plays without Python; nothing is
+            served then.
+        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
+            straight, but for published grids; 0 keeps every cell.
+        radio: Which paths are traced.
+        reading: How to read the plan, where it does not say.
+    """
+    from robosim.live.server import check_address, viser_module
+
+    config = radio.config(tolerance)
+    if export is not None and (export.suffix.lower() != ".html" or not Path(plan).is_dir()):
+        raise ValueError(
+            f"export is {str(export)!r} for {plan!r}, expected a name that ends in .html, and the folder of an episode."
+        )
+    viser_module()
+    check_address(host, 0 if export is not None else port)
+    if export is not None:
+        _export(Path(plan), export)
+        return
+    folder = Path(plan) if Path(plan).is_dir() else None
+    floor_plan = None if folder else read(plan, reading)
+    from robosim.episode import EpisodeConfig
+    from robosim.live.link_model import LinkSettings
+    from robosim.live.page import Page
+    from robosim.live.results import check_results
+
+    if folder is not None:
+        check_results(folder)
+    name = folder.resolve().name if folder else floor_plan.name if floor_plan else ""
+    with Page(host, port, f"robosim live: {name}") as page:
+        if folder is not None:
+            page.look_back(folder)
+        elif floor_plan is not None:
+            page.explore(floor_plan, config.building, LinkSettings.of(config))
+            page.search(EpisodeConfig(), config.building)
+        tell({"url": page.url, "shown": name})
+        console.print(
+            Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True
+        )
+        if browser:
+            _open(page.url)
+        page.wait()
+
+
+def _export(folder: Path, file: Path) -> None:
+    """Write an episode as a page."""
+    from robosim.live.export import export
+    from robosim.live.results import check_results, is_episode, read_recording
+
+    check_results(folder)
+    if not is_episode(folder):
+        raise ValueError(
+            f"{folder} is an evaluation: give the folder of one episode, or export from the page."
+        )
+    export([read_recording(folder)], file)
+    tell({"page": file, "bytes": file.stat().st_size})
+    console.print(
+        f"Wrote {file}, {file.stat().st_size / 1e6:.1f} MB, which plays in any browser", soft_wrap=True
+    )
+
+
+def _open(url: str) -> None:
+    """Open a browser, if there is one and somebody to see it."""
+    import os
+    import webbrowser
+
+    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
+        webbrowser.open(url)

@@ -1,0 +1,89 @@
+"""Colours of the page: power, kinds of rays, link states; told apart by the colour-blind.
+
+As in the pictures of `robosim trace`: power over the floor in cividis, of rays in viridis, the stronger the darker;
+angles in twilight; kinds and states after Okabe and Ito (2008).
+"""
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from robosim.drawing.picture import STATE_COLOURS
+from robosim.recording.rerun_recording import RAY_COLOURS
+from wireless.paths import LinkState
+
+Colour = tuple[int, int, int]
+
+TX_COLOUR: Colour = (213, 94, 0)
+ROBOT_COLOUR: Colour = (0, 158, 115)
+TRUE_ARRIVAL: Colour = (60, 60, 60)
+ESTIMATED_ARRIVAL: Colour = (230, 159, 0)
+WALL: Colour = (205, 212, 220)
+WALL_EDGE: Colour = (70, 80, 95)
+FLOOR: Colour = (246, 246, 244)
+
+#: Received power that the scale of colours begins and ends at [dBm].
+POWER_DBM = (-110.0, -40.0)
+STATE_NAMES = {
+    LinkState.OUTAGE: "outage",
+    LinkState.LOS: "line of sight",
+    LinkState.FIRST_ORDER: "first-order NLOS",
+    LinkState.HIGHER_ORDER: "higher-order NLOS",
+}
+
+
+#: Tables of colours, each with the part of it that is taken: the palest end would hardly show on white.
+_PARTS = {"cividis": (0.0, 1.0), "twilight": (0.0, 1.0), "viridis_r": (0.12, 1.0)}
+TableName = Literal["cividis", "twilight", "viridis_r"]
+
+
+@cache
+def _table(name: TableName) -> UInt8[np.ndarray, "256 3"]:
+    import matplotlib
+
+    return np.round(255 * matplotlib.colormaps[name](np.linspace(*_PARTS[name], 256))[:, :3]).astype(np.uint8)
+
+
+def power_colours(
+    power_dbm: Float[np.ndarray, " n"], table: TableName = "cividis"
+) -> UInt8[np.ndarray, "n 3"]:
+    """Colours of received powers [dBm] between the ends of `POWER_DBM`; what is beyond looks like the end."""
+    low, high = POWER_DBM
+    level = np.clip((np.asarray(power_dbm) - low) / (high - low), 0, 1)
+    return _table(table)[np.round(255 * level).astype(np.int64)]
+
+
+def angle_colours(angle_rad: Float[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
+    """Colours of azimuths [rad], the same at both ends of the circle."""
+    level = (np.asarray(angle_rad) + np.pi) / (2 * np.pi) % 1
+    return _table("twilight")[np.floor(255.999 * level).astype(np.int64)]
+
+
+def state_colours(state: UInt8[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
+    """Colours of link states."""
+    return np.array([STATE_COLOURS[LinkState(one)] for one in range(4)], np.uint8)[state]
+
+
+def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:
+    """Colours of kinds of rays, by the names of `RAY_COLOURS`."""
+    return np.array([RAY_COLOURS[kind] for kind in kinds], np.uint8).reshape(-1, 3)
+
+
+def linear(colours: UInt8[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
+    """Colours as the page takes them for each end of a line: it draws those as light, not as sRGB (IEC 61966-2-1)."""
+    value = np.asarray(colours) / 255
+    light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+    return np.round(255 * light).astype(np.uint8)
+
+
+def css(colour: Colour) -> str:
+    """A colour as style sheets have it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def gradient(name: TableName) -> str:
+    """A table of colours as the background of a bar in a style sheet."""
+    stops = ", ".join(css(tuple(_table(name)[i].tolist())) for i in range(0, 256, 51))
+    return f"linear-gradient(to right, {stops})"

@@ -1,0 +1,48 @@
+"""A floor plan or mesh that somebody has put onto the page: one file, which needs none beside it."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path, PurePosixPath
+
+from robosim.plans.files import IMAGES, read_plan
+from robosim.plans.floorplan import FloorPlan, MapError
+
+#: Files that say all by themselves; a .yaml names another file, which is not here.
+MESHES, OTHERS = (".stl", ".obj", ".ply", ".glb", ".off"), (".npy", ".json")
+ENDINGS = (*IMAGES, *MESHES, *OTHERS)
+#: The largest that is taken [bytes]; what the page's connection carries at once.
+MOST_BYTES = 50_000_000
+
+
+def plan_of(name: str, content: bytes, resolution_m: float) -> FloorPlan:
+    """The floor plan in a file's content.
+
+    Args:
+        name: What the file was called; its folder is left aside.
+        content: Its bytes.
+        resolution_m: Metres per pixel, for images and arrays.
+
+    Raises:
+        MapError: If it cannot be read; the message names the file and the fix.
+    """
+    plain = PurePosixPath(name.replace("\\", "/")).name
+    ending = PurePosixPath(plain).suffix.lower()
+    if ending not in ENDINGS:
+        raise MapError(
+            f"{plain[:80]}: expected one file that says all by itself ({' '.join(ENDINGS)}). Give others on the "
+            "command line: robosim live FILE."
+        )
+    if len(content) > MOST_BYTES:
+        raise MapError(
+            f"{plain[:80]}: {len(content)} bytes, expected at most {MOST_BYTES}. Give it on the command line: "
+            "robosim live FILE."
+        )
+    # In a folder of its own, so that it can name no other file; under a name that we choose.
+    with tempfile.TemporaryDirectory(prefix="robosim-live-") as folder:
+        path = Path(folder) / f"plan{ending}"
+        path.write_bytes(content)
+        try:
+            plan = read_plan(path, resolution_m=None if ending in (*MESHES, ".json") else resolution_m)
+        except (ValueError, OSError) as error:
+            raise MapError(str(error).replace(str(path), plain[:80])) from None
+    return replace(plan, name=PurePosixPath(plain).stem[:80])

@@ -1,0 +1,208 @@
+"""The page: its server, its tabs, and how one looks at what they show."""
+
+import math
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from robosim.building.building import BuildingConfig
+from robosim.episode import EpisodeConfig
+from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.radio_panel import RadioPanel
+from robosim.live.results_panel import ResultsPanel
+from robosim.live.scenery import FIELD_DEG, Scenery, view_from_above
+from robosim.live.search_panel import SearchPanel
+from robosim.live.server import close_server, open_server
+from robosim.plans.floorplan import FloorPlan
+
+if TYPE_CHECKING:
+    import viser
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One of the things that a page can show."""
+
+    folder: Any
+    """Its part of the panel."""
+    show: Callable[[bool], None]
+    """Shows or hides its part of the space."""
+    sceneries: Callable[[], list[Scenery]]
+    """Buildings in its part of the space."""
+
+
+#: From where one looks over the robot's shoulder: behind it, and above the floor [m].
+BEHIND_M, EYE_M = 2.2, 2.4
+
+
+class Page:
+    """A page that is served until it is closed."""
+
+    def __init__(self, host: str, port: int, title: str) -> None:
+        """Start to serve it, empty.
+
+        Args:
+            host: Where.
+            port: 0 for any that is free.
+            title: Of its panel.
+
+        Raises:
+            ValueError: If viser is not installed, or the address cannot be had.
+        """
+        self.server: viser.ViserServer = open_server(host, port, title)
+        self.host, self._closers = host, list[Any]()
+        self._sceneries: list[Scenery] = []
+        self.radio: RadioPanel | None = None
+        self.server.gui.main_panel.dock_right()
+        self.server.scene.configure_default_lights(cast_shadow=False)
+        self._modes: dict[str, Mode] = {}
+        self._choice: Any = None
+        self.server.on_client_connect(self._welcome)
+        self._ended = threading.Event()
+
+    def __enter__(self) -> "Page":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def url(self) -> str:
+        """What to open in a browser of this machine."""
+        host = "localhost" if self.host in ("0.0.0.0", "::", "") else self.host
+        name = f"[{host}]" if ":" in host else host
+        return f"http://{name}:{self.server.get_port()}"
+
+    def explore(self, plan: FloorPlan, building: BuildingConfig, settings: LinkSettings) -> RadioPanel:
+        """Add the tab `Radio` for a floor plan.
+
+        Raises:
+            MapError: If the plan has no free area.
+            ValueError: If a setting does not fit.
+        """
+        model = LinkModel(plan, building, settings)
+        with self._folder("Radio") as folder:
+            radio = self.radio = RadioPanel(self.server, model, building, on_plan=lambda: self.show("Radio"))
+            self._add_inside(radio)
+        self._closers.append(radio.close)
+        self._modes["Radio"] = Mode(folder, radio.show, lambda: [radio.scenery])
+        self.show("Radio")
+        return radio
+
+    def search(self, config: EpisodeConfig, building: BuildingConfig) -> SearchPanel:
+        """Add the tab `Search` in the building that is explored.
+
+        Args:
+            config: How searches are run, but for what is chosen in the tab.
+            building: How plans become buildings.
+        """
+        assert self.radio is not None, "explore a building first"
+        with self._folder("Search") as folder:
+            searches = SearchPanel(
+                self.server, self.radio, config, building, on_view=lambda: self.show("Search")
+            )
+        self._closers.append(searches.close)
+        self._modes["Search"] = Mode(folder, searches.player.show, lambda: searches.player.sceneries)
+        self._offer_modes()
+        self.show("Radio")
+        return searches
+
+    def look_back(self, folder: Path) -> ResultsPanel:
+        """Show an episode or an evaluation.
+
+        Raises:
+            FileError: If a file in the folder is damaged.
+            ValueError: If there is nothing to show.
+        """
+        with self._folder("Look back") as shown:
+            results = ResultsPanel(self.server, folder, on_view=lambda: self._recorded())
+        self._closers.append(results.close)
+        self._modes["Look back"] = Mode(shown, results.player.show, lambda: results.player.sceneries)
+        self.show("Look back")
+        return results
+
+    def _recorded(self) -> None:
+        if "Look back" in self._modes:
+            self.show("Look back")
+
+    def show(self, name: str) -> None:
+        """Go over to one of the page's modes, in all its windows."""
+        # Before there is a search to look at, its building is.
+        seen = name if self._modes[name].sceneries() else "Radio"
+        for other, mode in self._modes.items():
+            mode.folder.visible = other == name
+            mode.show(other == seen)
+        if self._choice is not None and self._choice.value != name:
+            self._choice.value = name
+        if seen in self._modes:
+            self._look_at(self._modes[seen].sceneries())
+
+    def _folder(self, name: str) -> Any:
+        return self.server.gui.add_folder(name)
+
+    def _offer_modes(self) -> None:
+        """Let people choose what is shown, above all else."""
+        if self._choice is not None:
+            self._choice.remove()
+        self._choice = self.server.gui.add_dropdown("show", tuple(self._modes), order=-1.0)
+        choice = self._choice
+        choice.on_update(lambda event: self.show(choice.value) if event.client is not None else None)
+
+    def wait(self) -> None:
+        """Serve until the program is interrupted, or the page closed."""
+        self._ended.wait()
+
+    def close(self) -> None:
+        """End what runs, and stop to serve."""
+        self._ended.set()
+        for close in reversed(self._closers):
+            close()
+        self._closers.clear()
+        close_server(self.server)
+
+    def _look_at(self, sceneries: list[Scenery]) -> None:
+        """Look at buildings from above, in every window, and in those to come."""
+        # Not by the server's first camera, which knows no window's shape and would be set after it.
+        self._sceneries = sceneries
+        for client in self.server.get_clients().values():
+            self._welcome(client)
+
+    def _welcome(self, client: Any) -> None:
+        """Have a window look at all of it, as wide as it is."""
+        if self._sceneries:
+            _look_from_above(client, self._sceneries)
+
+    def _add_inside(self, radio: RadioPanel) -> None:
+        above = self.server.gui.add_button("See it from above")
+        inside = self.server.gui.add_button("See it over the robot's shoulder")
+        above.on_click(lambda event: self._welcome(event.client) if event.client else None)
+
+        @inside.on_click
+        def _(event: Any) -> None:
+            if event.client is None:
+                return
+            at, to = radio.places["robot"], radio.places["transmitter"]
+            way = (to - at) / max(float(np.hypot(*(to - at))), 0.1)
+            _look(event.client, np.array([*(at - BEHIND_M * way), EYE_M]), np.array([*(at + way), 1.0]))
+
+
+def _look_from_above(client: Any, sceneries: list[Scenery]) -> None:
+    low = np.min([one.low + one.offset for one in sceneries], axis=0)
+    high = np.max([one.high + one.offset for one in sceneries], axis=0)
+    _look(client, *view_from_above(low, high, float(client.camera.aspect)))
+
+
+def _look(client: Any, eye: np.ndarray, target: np.ndarray) -> None:
+    """Turn the camera of one window."""
+    with client.atomic():
+        client.camera.fov = math.radians(FIELD_DEG)
+        client.camera.up_direction = (0.0, 0.0, 1.0)
+        client.camera.position = tuple(eye)
+        client.camera.look_at = tuple(target)

@@ -1,0 +1,158 @@
+"""What stands in a page's space whatever is shown there: walls, floor, scale bar and north.
+
+Everything lies below one frame, so that two searches can stand side by side.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from robosim.live.colours import FLOOR, WALL, WALL_EDGE
+from robosim.live.walls import facing_free, floor_mesh, wall_mesh, wall_sides
+
+if TYPE_CHECKING:
+    import viser
+
+#: Lengths that a scale bar may have [m].
+_BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
+#: Lines on the floor lie so high over each other [m], that none hides the next.
+STEP_M = 0.01
+#: What is to be seen over all of them is so high.
+OVER_MAPS_M = 0.12
+
+
+class Scenery:
+    """Walls and floor below a frame."""
+
+    def __init__(
+        self,
+        scene: "viser.SceneApi",
+        root: str,
+        rings: Sequence[Float[np.ndarray, "_ 2"]],
+        height_m: float,
+        offset: tuple[float, float] = (0.0, 0.0),
+        around: Sequence[Float[np.ndarray, "2"]] = (),
+    ) -> None:
+        """Draw them.
+
+        Args:
+            scene: Where.
+            root: Name of the frame.
+            rings: Outlines of free space [m].
+            height_m: Of the walls.
+            offset: Where the frame stands [m].
+            around: Places that are to be seen too [m].
+        """
+        self.root, self.height_m, self.offset = root, height_m, np.array(offset)
+        rings = facing_free(rings)
+        seen = [*rings, *(np.reshape(place, (1, 2)) for place in around)]
+        corners = np.concatenate(seen) if seen else np.zeros((1, 2))
+        self.low, self.high = corners.min(axis=0), corners.max(axis=0)
+        self._frame = scene.add_frame(root, show_axes=False, position=(*offset, 0.0))
+        self._draw_walls(scene, rings)
+        self._draw_scale(scene)
+
+    @property
+    def middle(self) -> Float[np.ndarray, "2"]:
+        """Of the plan, where it stands [m]."""
+        return (self.low + self.high) / 2 + self.offset
+
+    @property
+    def size(self) -> Float[np.ndarray, "2"]:
+        """Width and depth [m]."""
+        return self.high - self.low
+
+    def cut_walls(self, height_m: float) -> None:
+        """Show walls up to a height [m]."""
+        share = max(min(height_m / self.height_m, 1.0), 0.01)
+        for node in self._upright:
+            node.scale = (1.0, 1.0, share)
+
+    def show(self, visible: bool) -> None:
+        """Show or hide it, and whatever was drawn below the same frame."""
+        self._frame.visible = visible
+
+    def remove(self) -> None:
+        """Take it away, and whatever was drawn below the same frame."""
+        self._frame.remove()
+
+    def _draw_walls(self, scene: "viser.SceneApi", rings: list[np.ndarray]) -> None:
+        vertices, faces = floor_mesh(rings)
+        if len(faces):
+            scene.add_mesh_simple(
+                f"{self.root}/floor", vertices, faces, color=FLOOR, flat_shading=True, cast_shadow=False,
+                receive_shadow=False, side="double",
+            )  # fmt: skip
+        vertices, faces = wall_mesh(rings, self.height_m)
+        self._upright: list[Any] = [
+            scene.add_mesh_simple(
+                f"{self.root}/walls", vertices, faces, color=WALL, flat_shading=True, cast_shadow=False,
+                receive_shadow=False,
+            )
+        ]  # fmt: skip
+        sides = wall_sides(rings)
+        low = np.dstack([sides, np.full(sides.shape[:2], STEP_M)])
+        high = np.dstack([sides, np.full(sides.shape[:2], self.height_m)])
+        edges = np.concatenate([low, high])
+        self._upright.append(
+            scene.add_line_segments(
+                f"{self.root}/edges", edges, WALL_EDGE, thickness=1.2, thickness_units="screen"
+            )
+        )
+
+    def _draw_scale(self, scene: "viser.SceneApi") -> None:
+        """A bar of a round length, and an arrow along the plan's y, below the plan's south-west corner."""
+        length = max((bar for bar in _BARS_M if bar <= 0.3 * self.size.max()), default=_BARS_M[0])
+        gap = 0.05 * max(float(self.size.max()), 1.0)
+        x, y = self.low[0], self.low[1] - 1.2 * gap
+        tick, z = 0.3 * gap, OVER_MAPS_M
+        bar = [
+            [[x, y, z], [x + length, y, z]],
+            *([[at, y - tick, z], [at, y + tick, z]] for at in (x, x + length / 2, x + length)),
+        ]
+        north = x + length + 2.5 * gap
+        arrow = [
+            [[north, y - gap, z], [north, y + gap, z]],
+            [[north, y + gap, z], [north - tick, y + gap - 2 * tick, z]],
+            [[north, y + gap, z], [north + tick, y + gap - 2 * tick, z]],
+        ]
+        scene.add_line_segments(
+            f"{self.root}/scale", np.array([*bar, *arrow], float), (20, 20, 20), thickness=2.5,
+            thickness_units="screen",
+        )  # fmt: skip
+        scene.add_label(
+            f"{self.root}/scale/length", f"{length:g} m", position=(x + length / 2, y - 2 * tick, z),
+            anchor="top-center", font_screen_scale=0.9,
+        )  # fmt: skip
+        scene.add_label(
+            f"{self.root}/scale/north", "N (+y)", position=(north + 2 * tick, y, z), anchor="center-left",
+            font_screen_scale=0.9,
+        )  # fmt: skip
+
+
+def view_from_above(low: np.ndarray, high: np.ndarray, aspect: float = 1.3) -> tuple[np.ndarray, np.ndarray]:
+    """Where the eye is to see all of a rectangle from above and a little from the south, and what it looks at [m].
+
+    Args:
+        low: South-west corner [m].
+        high: North-east corner [m].
+        aspect: Width of the window over its height; below 1 its lower half is taken to be covered, as on a phone.
+    """
+    size = np.maximum(high - low, 1.0)
+    gap = 0.12 * size.max()  # for the scale bar
+    middle = np.array([*((low + high) / 2), 0.0]) - [0, gap / 2, 0]
+    deep, wide = size[1] + gap, (size[0] + gap) / aspect
+    visible = max(2 * deep, wide) if aspect < 1 else max(deep, wide)
+    if aspect < 1:
+        middle[1] -= 0.27 * visible
+    far = 1.1 * visible / (2 * math.tan(math.radians(FIELD_DEG) / 2))
+    return middle + far * np.array([0.0, -math.sin(TILT_RAD), math.cos(TILT_RAD)]), middle
+
+
+#: How far the eye leans to the south.
+TILT_RAD = math.radians(15.0)
+#: Vertical field of view of the page [degrees].
+FIELD_DEG = 50.0

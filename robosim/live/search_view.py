@@ -1,0 +1,210 @@
+"""A moment of a search in a page's space: the map as it grows, ways, belief, arrivals, rays and the robot itself."""
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from robosim.drawing.picture import (
+    ESTIMATE_ORANGE,
+    FREE_WHITE,
+    OBSTACLE_BLACK,
+    PATH_PURPLE,
+    STATE_COLOURS,
+    TARGET_RED,
+    TRUE_GREEN,
+    UNKNOWN_GREY,
+)
+from robosim.drawing.snapshot import (
+    BLOCKED,
+    FREE,
+    GUESS,
+    GUESS_LEVELS,
+    OBSTACLE,
+    TOP_LEVEL,
+    Arrivals,
+    Layer,
+)
+from robosim.live.moments import Moment, Recording
+from robosim.live.nodes import Nodes, of_each_end
+from robosim.live.radio_view import arrival_fan, ray_segments
+from robosim.live.scenery import STEP_M, Scenery
+from slam.grid import GridFrame
+
+if TYPE_CHECKING:
+    import viser
+
+#: Walls of a search are drawn so high, that the map is seen behind them [m].
+WALLS_M = 0.3
+#: Maps are drawn so far beyond the plan [m].
+AROUND_M = 0.5
+#: Height of the robot's radio, and of what it has mapped, as they are drawn [m].
+_RADIO_M, _OBSTACLE_M = 0.6, 0.25
+#: Where the map may hold something [RGB].
+ANTICIPATED_FLOOR, ANTICIPATED_OBSTACLE = (255, 243, 176), (110, 115, 140)
+
+
+def _map_palette() -> UInt8[np.ndarray, "256 4"]:
+    """Colour of each kind of cell; clear where nothing is known nor guessed."""
+    palette = np.zeros((256, 4), np.uint8)
+    for kind, colour in ((FREE, FREE_WHITE), (OBSTACLE, OBSTACLE_BLACK), (BLOCKED, TARGET_RED)):
+        palette[kind] = *colour, 255
+    level = np.arange(GUESS_LEVELS) / (GUESS_LEVELS - 1)
+    for channel in range(3):
+        ends = ANTICIPATED_FLOOR[channel], UNKNOWN_GREY[channel], ANTICIPATED_OBSTACLE[channel]
+        palette[GUESS : GUESS + GUESS_LEVELS, channel] = np.interp(level, [0, 0.5, 1], ends)
+    palette[GUESS : GUESS + GUESS_LEVELS, 3] = 255 * np.abs(2 * level - 1) ** 0.5
+    return palette
+
+
+_PALETTE = _map_palette()
+
+
+class SearchView:
+    """Draws moments of one recording below a frame."""
+
+    def __init__(
+        self,
+        server: "viser.ViserServer",
+        root: str,
+        recording: Recording,
+        offset: tuple[float, float] = (0.0, 0.0),
+        brief: bool = False,
+    ) -> None:
+        """Draw what stays as it is.
+
+        Args:
+            server: Whose space.
+            root: Name of the frame.
+            recording: What is shown.
+            offset: Where the frame stands [m].
+            brief: Whether its title is short, as beside another.
+        """
+        self._brief = brief
+        self._server, self._scene, self._root, self.recording = server, server.scene, root, recording
+        self.scenery = Scenery(
+            server.scene, root, recording.rings, recording.height_m, offset, [recording.target]
+        )
+        self.scenery.cut_walls(WALLS_M)
+        self._nodes = Nodes(server.scene, root)
+        x, y = recording.target
+        self._scene.add_icosphere(
+            f"{root}/target", radius=0.2, color=TARGET_RED, position=(x, y, _RADIO_M), cast_shadow=False
+        )
+        self._scene.add_label(f"{root}/target/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
+        title = (self.scenery.low[0], self.scenery.high[1] + 0.03 * self.scenery.size.max(), 0.0)
+        self._title = self._scene.add_label(
+            f"{root}/title", recording.title, position=title, anchor="bottom-left"
+        )
+        self._robots = {name: self._robot(name, colour) for name, colour in _ROBOTS.items()}
+        self._shown: tuple[Layer | None, Layer | None] = None, None
+
+    def _robot(self, name: str, colour: tuple[int, int, int]) -> Any:
+        body = self._scene.add_cylinder(
+            f"{self._root}/{name}", radius=0.14, height=0.2, color=colour, cast_shadow=False, receive_shadow=False,
+            opacity=None if name == "true" else 0.6, visible=False,
+        )  # fmt: skip
+        nose = np.array([[[0.0, 0, 0.12], [0.42, 0, 0.12]]])
+        self._scene.add_line_segments(
+            f"{self._root}/{name}/nose", nose, colour, thickness=4, thickness_units="screen"
+        )
+        return body
+
+    def show(self, i: int, *, rays: bool = True) -> Moment | None:
+        """Draw a decision, or the last one if there are fewer; returns it, or None if there is none yet.
+
+        Args:
+            i: Its number, from 0.
+            rays: Whether true paths are drawn.
+        """
+        count = len(self.recording)
+        if not count:
+            return None
+        i = min(max(i, 0), count - 1)
+        moment = self.recording[i]
+        snapshot = moment.snapshot
+        with self._server.atomic():
+            # A log's text begins with plan and policy, which the title says.
+            told = f"step {i}" if self._brief else snapshot.text[snapshot.text.find("step ") :]
+            self._title.text = f"{self.recording.title}: {told}"
+            self._place("true", snapshot.pose)
+            self._place("estimated", snapshot.estimate)
+            self._show_maps(snapshot.built, snapshot.belief)
+            self._show_ways(i + 1, snapshot.path, snapshot.goal)
+            self._show_radio(moment, rays)
+        return moment
+
+    def _place(self, name: str, pose: Float[np.ndarray, "3"] | None) -> None:
+        node = self._robots[name]
+        node.visible = pose is not None
+        if pose is not None:
+            node.position = (float(pose[0]), float(pose[1]), 0.1)
+            node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
+
+    def _show_maps(self, built: Layer | None, belief: Layer | None) -> None:
+        if built is not None and not _same(built, self._shown[0]):
+            self._nodes.image("built", *self._cut(built.frame, _PALETTE[built.values]), STEP_M)
+            cells = np.argwhere(built.values == OBSTACLE)[:, ::-1] + 0.5
+            places = cells * built.frame.resolution_m + np.array(built.frame.origin_xy)
+            high = np.column_stack([places, np.full(len(places), _OBSTACLE_M)])
+            self._nodes.points("obstacles", high, OBSTACLE_BLACK, built.frame.resolution_m)
+        if belief is not None and not _same(belief, self._shown[1]):
+            rgba = np.empty((*belief.values.shape, 4), np.uint8)
+            rgba[..., :3] = TARGET_RED
+            rgba[..., 3] = (0.8 * 255 / TOP_LEVEL * belief.values).astype(np.uint8)
+            self._nodes.image("belief", *self._cut(belief.frame, rgba), 3 * STEP_M)
+        elif belief is None:
+            self._nodes.hide("belief")
+        self._shown = built, belief
+
+    def _cut(
+        self, frame: GridFrame, rgba: UInt8[np.ndarray, "ny nx 4"]
+    ) -> tuple[GridFrame, UInt8[np.ndarray, "my mx 4"]]:
+        """The part of a map that lies on the plan, or just beside it: of one size, however far the map has grown."""
+        cell, origin = frame.resolution_m, np.array(frame.origin_xy)
+        first = np.floor((self.scenery.low - AROUND_M - origin) / cell + 1e-6).astype(int)
+        count = np.ceil((self.scenery.size + 2 * AROUND_M) / cell).astype(int)
+        part = np.zeros((count[1], count[0], 4), np.uint8)
+        rows, columns = rgba.shape[:2]
+        left, right = max(first[0], 0), min(first[0] + count[0], columns)
+        low, high = max(first[1], 0), min(first[1] + count[1], rows)
+        if right > left and high > low:
+            to = slice(low - first[1], high - first[1]), slice(left - first[0], right - first[0])
+            part[to] = rgba[low:high, left:right]
+        x, y = origin + first * cell
+        shape = int(count[1]), int(count[0])
+        return GridFrame(origin_xy=(float(x), float(y)), resolution_m=cell, shape=shape), part
+
+    def _show_ways(
+        self, count: int, path: Float[np.ndarray, "n 2"] | None, goal: Float[np.ndarray, "2"] | None
+    ) -> None:
+        true, estimated = self.recording.ways(count)
+        self._nodes.way("true_way", true, 6 * STEP_M, TRUE_GREEN, 4.0)
+        self._nodes.way("estimated_way", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
+        self._nodes.way("path", np.zeros((0, 2)) if path is None else path, 8 * STEP_M, PATH_PURPLE, 2.5)
+        cross = np.zeros((0, 2, 3))
+        if goal is not None:
+            arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
+            cross = arms + np.array([*goal, 8 * STEP_M])
+        self._nodes.lines("goal", cross, PATH_PURPLE, 5.0)
+
+    def _show_radio(self, moment: Moment, rays: bool) -> None:
+        snapshot = moment.snapshot
+        arrivals: Arrivals | None = snapshot.arrivals
+        fan, colour = np.zeros((0, 2, 3)), TARGET_RED
+        if arrivals is not None and snapshot.estimate is not None:
+            at = np.array([*snapshot.pose[:2], _RADIO_M])
+            fan, colour = arrival_fan(at, arrivals.aoa_rad, arrivals.snr_db), STATE_COLOURS[arrivals.state]
+        self._nodes.lines("arrivals", fan, of_each_end(colour, len(fan)), 5.0)
+        legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
+        if rays and moment.paths is not None:
+            legs, colours, _ = ray_segments(moment.paths.strongest(8), "kind", 0.0)
+        self._nodes.lines("rays", legs, colours, 1.5)
+
+
+_ROBOTS = {"true": TRUE_GREEN, "estimated": ESTIMATE_ORANGE}
+
+
+def _same(one: Layer, other: Layer | None) -> bool:
+    return other is not None and one.frame == other.frame and np.array_equal(one.values, other.values)

@@ -1,0 +1,147 @@
+"""The web server of the page: viser, bound to one address, which serves nothing but its own client.
+
+Other pages of a browser may not speak to it: a connection with an `Origin` other than the page's own is closed. viser's
+offer to share a page through somebody else's server is taken away.
+"""
+
+import errno
+import logging
+import os
+import socket
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+import rich
+
+from robosim.support.checks import check_number
+
+if TYPE_CHECKING:
+    import viser
+
+logger = logging.getLogger(__name__)
+
+#: The page's address where none is asked for.
+HOST, PORT = "127.0.0.1", 8080
+
+
+def viser_module() -> ModuleType:
+    """The library that the page is made with.
+
+    Raises:
+        ValueError: If it is not installed.
+    """
+    try:
+        import viser
+    except ImportError as error:
+        raise ValueError(
+            f"viser is not installed ({error}). Install it with `pip install robosim[live]`, or look without a page: "
+            "`robosim trace`, `robosim episode` and `robosim replay` draw pictures."
+        ) from error
+    return viser
+
+
+def check_address(host: str, port: int) -> None:
+    """See that a page can be served there.
+
+    Args:
+        host: Name or number of one of this machine's addresses.
+        port: 0 for any that is free.
+
+    Raises:
+        ValueError: If it cannot, or another program is there already.
+    """
+    check_number("port", port, 0, 65535, "a free port, such as 8080, or 0 for any", whole=True)
+    try:
+        family, kind, _, _, at = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(family, kind) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind(at)
+    except (OSError, UnicodeError) as error:
+        number = getattr(error, "errno", None)
+        if number == errno.EADDRINUSE:
+            raise ValueError(
+                f"port {port} at {host} is in use by another program. Give another, such as --port {port + 1}, or "
+                "--port 0 for any that is free."
+            ) from None
+        if number == errno.EACCES:
+            raise ValueError(f"port {port} needs root. Give one above 1023, such as --port {PORT}.") from None
+        raise ValueError(
+            f"host is {host!r}, which is no address of this machine ({error}). Give 127.0.0.1, or 0.0.0.0 for all."
+        ) from None
+
+
+def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
+    """Start to serve an empty page.
+
+    Args:
+        host: Where.
+        port: 0 for any that is free; `get_port` of the server tells which.
+        title: Of its panel.
+
+    Raises:
+        ValueError: If viser is not installed, or the address cannot be had.
+    """
+    make = viser_module().ViserServer
+    check_address(host, port)
+    os.environ.pop("_VISER_PORT_OVERRIDE", None)  # what was asked for holds
+    for talkative in ("websockets.server", "websockets"):
+        logging.getLogger(talkative).setLevel(logging.CRITICAL)
+    printer = rich.get_console()
+    quiet, printer.quiet = (
+        printer.quiet,
+        True,
+    )  # it prints its address in a frame; ours is told by the command
+    try:
+        server: viser.ViserServer = make(host=host, port=port, label=title, verbose=False)
+    finally:
+        printer.quiet = quiet
+    if port and server.get_port() != port:  # somebody was faster
+        close_server(server)
+        raise ValueError(f"port {port} at {host} is in use by another program. Give another with --port.")
+    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    _stay_at_home(server)
+    return server
+
+
+def close_server(server: "viser.ViserServer") -> None:
+    """Stop to serve, without a word."""
+    printer = rich.get_console()
+    quiet, printer.quiet = printer.quiet, True
+    try:
+        server.stop()
+    finally:
+        printer.quiet = quiet
+
+
+def same_page(origin: str | None, host: str | None) -> bool:
+    """Whether a connection comes from the page itself, or from no page at all.
+
+    Args:
+        origin: The header `Origin`, which browsers send.
+        host: The header `Host`, which says whom they mean to speak to.
+    """
+    if origin is None:
+        return True
+    return bool(host) and urlsplit(origin).netloc == host
+
+
+def _stay_at_home(server: "viser.ViserServer") -> None:
+    """Take away what leads out of this machine, and whom the page was not made for."""
+    from viser import _messages
+
+    web = server._websock_server
+    for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        web._incoming_handlers.pop(kind, None)
+
+    async def look(connection: Any) -> None:
+        there = web._live_connections.get(connection.client_id)
+        headers = None if there is None or there.request is None else there.request.headers
+        if headers is not None and not same_page(headers.get("Origin"), headers.get("Host")):
+            logger.warning(
+                "A page of %s wanted to speak to this one, and was refused.", headers.get("Origin")
+            )
+            assert there is not None
+            await there.close(1008, "not of this page")
+
+    web.on_client_connect(look)

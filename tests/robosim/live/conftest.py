@@ -1,0 +1,97 @@
+"""What tests of the page share: a plan, a quick episode, a served page, and a real browser to look at it."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from robosim.building.building import BuildingConfig
+from robosim.camera.model import CameraConfig
+from robosim.episode import EpisodeConfig
+from robosim.live.link_model import LinkSettings
+from robosim.run import record_episode
+from robosim.simulator import SimulatorConfig
+from tests.plans import two_rooms
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+#: WebGL without a graphics card, as root, and nothing that phones home.
+BROWSER_OPTIONS = (
+    "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--disable-background-networking", "--disable-component-update",
+)  # fmt: skip
+#: A browser without a graphics card, on a machine with other work, takes its time [ms].
+LONG_MS = 300_000
+START, TARGET = np.array([0.7, 0.7, 0.0]), np.array([5.4, 2.3])
+
+
+@pytest.fixture(scope="session")
+def quick() -> EpisodeConfig:
+    """An episode of a second."""
+    simulator = SimulatorConfig(physics="kinematic", camera="embree", image=CameraConfig(width=32, height=32))
+    return EpisodeConfig(goal="explore", mapper="classical", max_steps=12, seed=1, simulator=simulator)
+
+
+@pytest.fixture(scope="session")
+def recorded(quick, tmp_path_factory) -> Path:
+    """The folder of such an episode."""
+    folder = tmp_path_factory.mktemp("recorded")
+    record_episode(two_rooms(0.8), quick, folder, start=START, target=TARGET, video=False)
+    return folder
+
+
+@pytest.fixture
+def page() -> Iterator:
+    """A page without anything on it."""
+    pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+    from robosim.live.page import Page
+
+    with Page("127.0.0.1", 0, "robosim live") as served:
+        yield served
+
+
+@pytest.fixture
+def explored(page):
+    """A page on which two rooms are explored, its paths and estimates drawn."""
+    page.explore(two_rooms(0.8), BuildingConfig(), LinkSettings())
+    assert page.radio.settle(120)
+    return page
+
+
+@pytest.fixture(scope="session")
+def chromium() -> Iterator:
+    """A browser."""
+    playwright = pytest.importorskip(
+        "playwright.sync_api", reason="needs playwright: pip install robosim[test]"
+    )
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip("needs Chromium: apt-get install chromium")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=found, args=list(BROWSER_OPTIONS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def window(chromium) -> Iterator[Callable]:
+    """Opens windows of a size at an address; in the end no error may be on any console."""
+    errors, contexts = [], []
+
+    def open_window(url: str, width: int = 900, height: int = 560, *, offline: bool = False):
+        context = chromium.new_context(viewport={"width": width, "height": height}, accept_downloads=True)
+        context.set_offline(offline)
+        contexts.append(context)
+        context.set_default_timeout(LONG_MS)
+        tab = context.new_page()
+        tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
+        tab.on("pageerror", lambda error: errors.append(str(error)))
+        tab.goto(url)
+        return tab
+
+    yield open_window
+    for context in contexts:
+        context.close()
+    # Chromium's word on a listener of viser's own, at the first touch of its space.
+    assert [error for error in errors if "preventDefault inside passive event" not in error] == []

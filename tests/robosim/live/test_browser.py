@@ -1,0 +1,154 @@
+"""The page in a real browser: opened, dragged, searched, scrubbed, exported; on a desk and on a phone."""
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from robosim.bench.live import pixel_of
+from robosim.building.building import BuildingConfig
+from tests.plans import room
+
+LONG_S = 300.0
+
+
+def wait_for(condition: Callable[[], bool], what: str) -> None:
+    end = time.monotonic() + LONG_S
+    while not condition():
+        assert time.monotonic() < end, f"waited in vain for {what}"
+        time.sleep(0.05)
+
+
+def choose(tab, label: str, option: str) -> None:
+    """Take an option of a list."""
+    tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]").first.click()
+    tab.get_by_role("option", name=option, exact=True).first.click()
+
+
+def press(tab, label: str) -> None:
+    tab.get_by_role("button", name=label, exact=True).first.click()
+
+
+def client_of(page):
+    """The window that was opened last, once its camera has been turned to the plan."""
+    wait_for(lambda: len(page.server.get_clients()) > 0, "a window")
+    client = list(page.server.get_clients().values())[-1]
+    wait_for(lambda: client.camera.position[2] > 4, "its camera to look from above")
+    return client
+
+
+def drag(page, tab, by: tuple[float, float]) -> None:
+    """Drag the transmitter by some pixels."""
+    camera = client_of(page).camera
+    x, y = pixel_of(camera, np.array([*page.radio.places["transmitter"], page.radio.model.settings.height_m]))
+    tab.mouse.move(x, y)
+    time.sleep(0.3)  # the page looks what is under the pointer from time to time
+    tab.mouse.down()
+    for share in np.linspace(0, 1, 5):
+        tab.mouse.move(x + share * by[0], y + share * by[1])
+        time.sleep(0.06)
+    tab.mouse.up()
+
+
+def test_the_transmitter_is_dragged_and_the_paths_follow(explored, window):
+    """The list of paths in the page is another after the drag, and is that of the place that it was dragged to."""
+    tab = window(explored.url)
+    paths = tab.get_by_text("the strongest first")
+    paths.wait_for()
+    tab.get_by_text("of the strongest estimated path").wait_for()
+    table = tab.locator("table").filter(has_text="power [dBm]").first
+    before, place = table.inner_text(), explored.radio.places["transmitter"]
+    drag(explored, tab, (-60, 40))
+    wait_for(lambda: table.inner_text() != before, "another list of paths")
+    assert np.hypot(*(explored.radio.places["transmitter"] - place)) > 0.3
+    assert explored.radio.settle(LONG_S)
+    model, places = explored.radio.model, explored.radio.places
+    expected = model.paths(places["transmitter"], places["robot"]).power_db[0] + model.settings.tx_power_dbm
+    wait_for(lambda: f"{expected:.1f}" in table.inner_text(), "the power at the place that it was dragged to")
+
+
+def test_two_windows_drag_and_see_the_same(explored, window):
+    first, second = window(explored.url), window(explored.url, 700, 500)
+    for tab in (first, second):
+        tab.get_by_text("the strongest first").wait_for()
+    before = first.locator("table").first.inner_text()
+    drag(explored, second, (-40, 30))
+    wait_for(lambda: first.locator("table").first.inner_text() != before, "the other window's drag")
+    second.close()
+    explored.radio.move("transmitter", np.array([1.0, 1.0]))
+    assert explored.radio.settle(LONG_S)
+    tables = first.locator("table").first
+    power = (
+        explored.radio.model.paths(np.array([1.0, 1.0]), explored.radio.places["robot"]).power_db[0] + 23.0
+    )
+    wait_for(lambda: f"{power:.1f}" in tables.inner_text(), "what remains to be seen by the first")
+
+
+def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
+    tab = window(explored.url)
+    tab.get_by_text("Your own plan").click()
+    damaged = tmp_path / "damaged.npy"
+    damaged.write_bytes(b"nothing")
+    chooser = tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy")
+    with tab.expect_file_chooser() as chosen:
+        chooser.click()
+    chosen.value.set_files(damaged)
+    tab.get_by_text("damaged.npy").wait_for()
+    assert explored.radio.model.plan.name == "two rooms", "nothing is lost"
+    np.save(tmp_path / "hall.npy", room(5.0, 4.0).occupancy)
+    with tab.expect_file_chooser() as chosen:
+        chooser.click()
+    chosen.value.set_files(tmp_path / "hall.npy")
+    wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
+    assert explored.radio.model.building.free.area == pytest.approx(20.0, abs=0.1)
+
+
+def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, window):
+    """It is started by a click, shown, and goes on to its end when the window is closed in the middle."""
+    searches = explored.search(quick, BuildingConfig())
+    tab = window(explored.url)
+    choose(tab, "show", "Search")
+    press(tab, "Start")
+    tab.get_by_text("distance to the target").wait_for()
+    tab.close()
+    wait_for(lambda: not any(one.alive for one in searches.searches), "the end of the search")
+    recording = searches.searches[0].recording
+    assert searches.searches[0].trouble == "" and len(recording) == 12
+    again = window(explored.url)
+    again.get_by_text(recording.ended).wait_for()
+
+
+def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
+    """Its last decision is asked for by the slider's number; the file that is saved plays without a network."""
+    page.look_back(recorded)
+    tab = window(page.url)
+    tab.get_by_text("distance to the target").wait_for()
+    number = tab.locator(
+        "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
+    ).first
+    number.fill("11")
+    number.press("Enter")
+    tab.get_by_text("ended").wait_for()
+    with tab.expect_download() as saved:
+        press(tab, "Save as a page that plays by itself (.html)")
+    saved.value.save_as(tmp_path / "saved.html")
+    tab.close()
+    file = window(f"file://{tmp_path}/saved.html", offline=True)
+    file.get_by_text("explore, two rooms").first.wait_for()
+    file.locator("canvas").first.wait_for()
+    file.get_by_text("anticipated obstacle").wait_for()
+    sought = file.locator("input").first
+    wait_for(lambda: float(sought.input_value()) > 0.5, "the film to go on")
+
+
+def test_it_can_be_used_on_a_phone(explored, window):
+    """All of the plan lies in the upper part of the window, beside nothing; the panel below it can be read."""
+    tab = window(explored.url, 390, 844)
+    tab.get_by_text("the strongest first").wait_for()
+    camera = client_of(explored).camera
+    for corner in ([0, 0, 0], [6.2, 0, 0], [6.2, 3, 0], [0, 3, 0]):
+        x, y = pixel_of(camera, np.array(corner, float))
+        assert 0 < x < 390 and 0 < y < 844 / 2
+    box = tab.get_by_text("floor shows").bounding_box()
+    assert box is not None and box["x"] >= 0 and box["y"] > 844 / 3

@@ -1,0 +1,102 @@
+"""Searches in processes of their own: the same as without a page, and as obedient as they should be."""
+
+import time
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+
+from robosim.building.building import make_building
+from robosim.building.reach import reach
+from robosim.episode import run_episode
+from robosim.live.search_process import BY_HAND, GO, WAIT, SearchJob, SearchProcess
+from robosim.task.tasks import make_task
+from slam.actions import Action
+from tests.plans import two_rooms
+from tests.robosim.live.conftest import START, TARGET
+
+LONG_S = 120.0
+
+
+@pytest.fixture
+def search(quick) -> Iterator[Callable]:
+    """Starts searches, and ends them with the test."""
+    started = []
+
+    def start(mode: int, start: np.ndarray = START) -> SearchProcess:
+        job = SearchJob(plan=two_rooms(0.8), config=quick, start=start, target=TARGET)
+        started.append(SearchProcess("test", job, lambda one: None, mode))
+        return started[-1]
+
+    yield start
+    for one in started:
+        one.close()
+        assert not one.alive
+
+
+def wait_for(condition: Callable[[], bool]) -> None:
+    end = time.monotonic() + LONG_S
+    while not condition():
+        assert time.monotonic() < end, "nothing happened"
+        time.sleep(0.01)
+
+
+def decisions(one: SearchProcess) -> int:
+    return 0 if one.recording is None else len(one.recording)
+
+
+def test_a_search_is_the_episode_without_a_page(search, quick):
+    """The same poses, to the last bit, as `run_episode` makes of the same task and seed."""
+    one = search(GO)
+    wait_for(lambda: not one.alive)
+    assert one.trouble == ""
+    building = make_building(two_rooms(0.8), config=quick.building)
+    places = reach(building, *quick.simulator.robot.hull_m)
+    task = make_task(places, np.random.default_rng([quick.seed, 0]), start=START, target=TARGET)
+    log, _ = run_episode(building, places, task, quick)
+    assert one.recording.ended.startswith(log.ended)
+    shown = np.array([one.recording[i].snapshot.pose for i in range(len(one.recording))])
+    assert np.array_equal(shown, np.array(log.poses[: len(shown)]))
+    assert len(shown) == log.steps
+
+
+def test_a_search_that_waits_goes_step_by_step(search):
+    one = search(WAIT)
+    wait_for(lambda: decisions(one) == 1)
+    time.sleep(0.3)
+    assert decisions(one) == 1
+    one.step()
+    wait_for(lambda: decisions(one) == 2)
+    one.set_mode(GO)
+    wait_for(lambda: not one.alive)
+    assert one.recording.ended
+
+
+def test_a_person_drives(search):
+    """Two turns to the left and one step forward, and nothing that is not asked for."""
+    one = search(BY_HAND)
+    for k, action in enumerate((Action.LEFT, Action.LEFT, Action.FORWARD)):
+        wait_for(lambda k=k: decisions(one) == k + 1)
+        one.press(action)
+    wait_for(lambda: decisions(one) == 4)
+    poses = np.array([one.recording[i].snapshot.pose for i in range(4)])
+    turned = np.degrees(np.diff(poses[:, 2]))
+    assert (turned[:2] > 5).all(), "each turn is some 10 degrees"
+    assert np.hypot(*(poses[3] - poses[2])[:2]) > 0.15, "a step forward is some 0.25 m"
+
+
+def test_what_goes_wrong_is_told(search):
+    """A start within a wall: the message that the command has, and the process is gone."""
+    one = search(GO, start=np.array([3.1, 0.5, 0.0]))
+    wait_for(lambda: not one.alive)
+    assert "does not fit at the start (3.1, 0.5) m" in one.trouble
+    assert one.recording is None
+
+
+def test_a_search_that_is_killed_is_told_and_keeps_what_it_did(search):
+    one = search(WAIT)
+    wait_for(lambda: decisions(one) == 1)
+    one._process.kill()
+    wait_for(lambda: not one.alive)
+    assert one.trouble == "the search was ended from outside"
+    assert len(one.recording) == 1 and one.recording.ended
