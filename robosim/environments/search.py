@@ -84,7 +84,7 @@ class Search:
         number = self._number(rng, options.get("plan"))
         given = self._source.given(number)
         self._enter(given)
-        place = self._at
+        place = self.place
         difficulty = options.get("difficulty", self._curriculum.difficulty)
         self._task = self._draw(given, rng, options, float(difficulty))
         self._travel = place.travel_m(self._task.target)
@@ -112,7 +112,7 @@ class Search:
         self._steps += 1
         pose = self._simulator.pose
         before = self._distance, self._seen_m2, self._worth, self._snr
-        self._distance = self._at.reach.remaining_m(self._travel, pose[:2])
+        self._distance = self.place.reach.remaining_m(self._travel, pose[:2])
         if self._coverage is not None:
             self._look(pose)
         self._worth, self._snr = self._link()
@@ -137,18 +137,18 @@ class Search:
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view beside the plan with the robot's way."""
         if self._picture is None:
-            self._picture = Picture(self._at.rings, self._task.target)
+            self._picture = Picture(self.place.rings, self._task.target)
         moment = Snapshot(
             rgb=self._view.rgb,
             depth_mm=whole_mm(self._view.depth),
             pose=self._simulator.pose,
-            text=f"{self._at.plan.name}, step {self._steps}: {self._distance:.2f} m to go",
+            text=f"{self.place.plan.name}, step {self._steps}: {self._distance:.2f} m to go",
         )
         return self._picture.draw(moment)
 
     def text(self) -> str:
         """The plan in letters, with robot and target."""
-        return draw_text(self._at.plan, self._simulator.pose, self._task.target)
+        return draw_text(self.place.plan, self._simulator.pose, self._task.target)
 
     def close(self) -> None:
         """Free the camera."""
@@ -156,7 +156,8 @@ class Search:
             self._simulator.close()
 
     @property
-    def _at(self) -> Place:
+    def place(self) -> Place:
+        """The building of the present search."""
         if self._place is None:
             raise RuntimeError("The search has not begun. Call reset first.")
         return self._place
@@ -191,10 +192,10 @@ class Search:
             for key, said in (("start", given.start), ("target", given.target))
         )
         if target is None and self.config.targets is not None:
-            pool = self._at.pool(self.config.targets)
+            pool = self.place.pool(self.config.targets)
             target = pool[rng.integers(len(pool))]
         return make_task(
-            self._at.reach,
+            self.place.reach,
             rng,
             start=start,
             target=target,
@@ -237,7 +238,7 @@ class Search:
                 found |= senses.paths(view.paths, self._probability(view))
             elif sense == "map" and self._coverage is not None:
                 found["map"] = senses.map_ahead(
-                    self._at.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
+                    self.place.plan, self._coverage.seen, pose, config.map_cells, config.map_cell_m
                 )
             elif sense == "pose":
                 found["pose"] = senses.pose_since(self._task.start, pose)

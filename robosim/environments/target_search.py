@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
+from robosim.environments.places import Place
 from robosim.environments.search import Search, spaces_of
 from robosim.environments.sources import source_of
 from robosim.simulator import SimulatorConfig
@@ -91,6 +92,11 @@ class TargetSearch(gymnasium.Env):
         if self.render_mode is None:
             return None
         return self._search.text() if self.render_mode == "ansi" else self._search.picture()
+
+    @property
+    def place(self) -> Place:
+        """The building of the present search, for drivers that know the way."""
+        return self._search.place
 
     def close(self) -> None:
         """Free the camera."""
