@@ -38,7 +38,13 @@ Simulation:
     NoiseModel       noise of actuation and odometry
     CameraConfig     size and optics of its pictures
     DepthNoise       noise of its depth camera
+
+Environments to learn in:
+
     TargetSearch     the search for a target as a Gymnasium environment
+    TargetSearchVector  many of them in one process
+    SearchConfig     what is observed, what is rewarded, which tasks there are
+    MadeHomes        invented homes as a source of plans
 
 Episodes:
 
@@ -131,7 +137,10 @@ _MODULES = {
     "NoiseModel": "robot.odometry",
     "CameraConfig": "camera.model",
     "DepthNoise": "camera.depth_noise",
-    "TargetSearch": "env",
+    "TargetSearch": "environments.target_search",
+    "TargetSearchVector": "environments.target_search_vector",
+    "SearchConfig": "environments.config",
+    "MadeHomes": "environments.sources",
     "make_task": "task.tasks",
     "Task": "task.tasks",
     "run_episode": "episode",
@@ -181,7 +190,15 @@ if (
         os.environ["PYGLFW_LIBRARY"] = str(_library)
 
 gymnasium.register(
-    id="robosim/TargetSearch-v0", entry_point="robosim.env:TargetSearch", max_episode_steps=1000
+    id="robosim/TargetSearch-v0",
+    entry_point="robosim.environments.target_search:target_search_v0",
+    max_episode_steps=1000,
+)
+gymnasium.register(
+    id="robosim/TargetSearch-v1",
+    entry_point="robosim.environments.target_search:TargetSearch",
+    vector_entry_point="robosim.environments.target_search_vector:TargetSearchVector",
+    max_episode_steps=1000,
 )
 
 if TYPE_CHECKING:
@@ -201,7 +218,10 @@ if TYPE_CHECKING:
     from robosim.datasets.torch_data import FrameDataset as FrameDataset
     from robosim.datasets.torch_data import LinkDataset as LinkDataset
     from robosim.datasets.trace import trace_plan as trace_plan
-    from robosim.env import TargetSearch as TargetSearch
+    from robosim.environments.config import SearchConfig as SearchConfig
+    from robosim.environments.sources import MadeHomes as MadeHomes
+    from robosim.environments.target_search import TargetSearch as TargetSearch
+    from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector
     from robosim.episode import Decision as Decision
     from robosim.episode import EpisodeConfig as EpisodeConfig
     from robosim.episode import run_episode as run_episode

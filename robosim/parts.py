@@ -99,6 +99,7 @@ CAMERA = Kind(
     {
         "pyrender": "robosim.camera.cameras:pyrender_camera",
         "embree": "robosim.camera.cameras:embree_camera",
+        "plan": "robosim.camera.cameras:plan_camera",
         "none": "robosim.camera.cameras:NoCamera",
     },
     has=("render", "close"),
@@ -111,6 +112,7 @@ LIDAR = Kind(
         "rplidar-a1": "robosim.lidar.lidars:rplidar_a1",
         "lds-01": "robosim.lidar.lidars:lds_01",
         "ust-10lx": "robosim.lidar.lidars:ust_10lx",
+        "ring-64": "robosim.lidar.lidars:ring_64",
     },
     has=("scan", "true_scan"),
     made_from="a list of meshes and a LidarConfig",

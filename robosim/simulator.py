@@ -6,6 +6,7 @@ differs from what it did (sensing), both after Active Neural SLAM, and its depth
 """
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -48,11 +49,12 @@ class SimulatorConfig:
     physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
     camera: CameraPart = "pyrender"
-    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. none: the robot has no camera."""
+    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. plan: a ray a column, fastest,
+    schematic colours. none: the robot has no camera."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
     lidar: LidarPart = "none"
-    """2D lidar beside the camera or, with --camera none, instead of it: rplidar-a1, lds-01 or ust-10lx."""
+    """2D lidar beside the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx or ring-64."""
     laser: LidarConfig = field(default_factory=LidarConfig)
     """Height of the lidar's beams, and how much they err."""
     robot: RobotConfig = field(default_factory=RobotConfig)
@@ -125,8 +127,9 @@ class Simulator:
         self.watch = watch or Stopwatch()
         with self.watch.stage("scene"):
             self.world: Physics = PHYSICS.make(self.config.physics, building, robot=self.config.robot)
-            # Light takes a second in a large building.
-            self._shaded = building.mesh if self.config.camera == "none" else shaded_mesh(building)
+            # Light takes a second in a large building; it cuts walls into pieces.
+            plain = self.config.camera in ("none", "plan")
+            self._shaded = building.mesh if plain else shaded_mesh(building)
             self.radio = RadioLink(building, self.config.radio) if uses_radio else None
             self._lidar: Lidar | None = None
             if self.config.lidar != "none":
@@ -143,6 +146,18 @@ class Simulator:
         self._target: tuple[float, ...] | None = None
         self._rng = self._radio_rng = self._depth_rng = self._lidar_rng = np.random.default_rng()
         self._depth = np.zeros((0, 0), np.float32)
+
+    def another(self) -> "Simulator":
+        """Another robot in the same building, alone as this one is: what is built for a building is shared."""
+        other = copy(self)
+        again = getattr(self.world, "another", None)
+        other.world = (
+            again() if again else PHYSICS.make(self.config.physics, self.building, robot=self.config.robot)
+        )
+        other.radio = None if self.radio is None else self.radio.another()
+        other.anchors, other._anchor_rngs = {}, {}
+        other._camera, other._target = None, None
+        return other
 
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""

@@ -1,5 +1,7 @@
 """Faces of a building by what they are part of and what they are made of."""
 
+import hashlib
+
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int, UInt8
@@ -24,6 +26,16 @@ class Faces:
     def bounds(self) -> Float[np.ndarray, "2 3"]:
         """Lowest and highest x, y, z [m] in `map`."""
         return self.mesh.bounds
+
+    @property
+    def digest(self) -> str:
+        """A text that changes with any vertex, face or material."""
+        seen = hashlib.sha256()
+        for array in (self.mesh.vertices, self.mesh.faces, self.face_material):
+            seen.update(np.ascontiguousarray(array, float).tobytes())
+        named = (one if isinstance(one, str) else repr(one) for one in self.materials)
+        seen.update("|".join(named).encode())
+        return seen.hexdigest()[:16]
 
     def submesh(self, *kinds: str) -> trimesh.Trimesh:
         """The faces of some kinds, as a mesh of their own.

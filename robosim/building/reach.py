@@ -7,6 +7,7 @@ marching, exact to a fraction of a cell). Left out: turning, and passages narrow
 hull, which the sampling may close.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.outside import outside_of, tell_outside
 from robosim.support.checks import RADIUS_M, check_number
 from slam.planning.marching import march
+from wireless.support.compiled import compiled
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
@@ -144,12 +146,7 @@ class Reach:
         Where none of them is reached, in a passage that the sampling has closed, over the nearest one that is.
         """
         column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
-        iy, ix = round(float(row)), round(float(column))
-        window = np.s_[max(iy - 2, 0) : max(iy + 3, 0), max(ix - 2, 0) : max(ix + 3, 0)]
-        rows, columns = np.mgrid[window]
-        near = travel[window]
-        gap = np.hypot(rows - row, columns - column)[: near.shape[0], : near.shape[1]]
-        best = float(np.min(near + gap * self.plan.resolution_m, initial=np.inf))
+        best = _over_near_cells(travel, float(column), float(row), self.plan.resolution_m)
         if np.isinf(best) and len(cells := np.argwhere(np.isfinite(travel))):
             gaps = np.hypot(cells[:, 0] - row, cells[:, 1] - column)
             nearest = int(np.argmin(gaps))
@@ -197,6 +194,19 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
         floor, open_above = (_contains(plan, one) for one in (free, building.floor(building.height_m)))
         overhung = floor & ~open_above
     return Reach(plan, radius_m, rank[labels], free, outside, floor, overhung)
+
+
+@compiled
+def _over_near_cells(
+    travel: Float[np.ndarray, "ny nx"], column: float, row: float, resolution_m: float
+) -> float:
+    """Least travel over a cell within two cells of a place between cells, with the way to its centre [m]."""
+    best = math.inf
+    iy, ix = round(row), round(column)
+    for i in range(max(iy - 2, 0), min(iy + 3, travel.shape[0])):
+        for j in range(max(ix - 2, 0), min(ix + 3, travel.shape[1])):
+            best = min(best, travel[i, j] + math.hypot(i - row, j - column) * resolution_m)
+    return best
 
 
 def _contains(plan: FloorPlan, floor: shapely.Geometry) -> Bool[np.ndarray, "ny nx"]:

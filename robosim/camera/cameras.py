@@ -1,7 +1,8 @@
 """Cameras by the engine that takes their pictures.
 
-Two engines see the same: pyrender draws triangles with OpenGL, Embree casts a ray for each pixel. Both work in single
-precision about a centre of their own, so that a building may lie kilometres from the origin of `map`.
+Two engines see the same: pyrender draws triangles with OpenGL, Embree casts a ray for each pixel. A third, plan, sees
+the same depth in schematic colours, by one ray a column. All work about a centre of their own, so that a building may
+lie kilometres from the origin of `map`.
 """
 
 from collections.abc import Sequence
@@ -31,8 +32,9 @@ def make_camera(
         meshes: What there is to see, in `map`; it stays as it is. Colours are taken as they are, without
             further light. pyrender shows faces from the side only that their normals point to.
         config: Size and optics.
-        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL; "none" sees
-            nothing. Or another of `robosim.parts.CAMERA`.
+        backend: "pyrender" draws with OpenGL; "embree" casts rays, is slower, and needs no OpenGL; "plan" is for
+            depth, several times faster, its colours schematic; "none" sees nothing. Or another of
+            `robosim.parts.CAMERA`.
         platform: What OpenGL runs on, "osmesa" or "egl"; by default OSMesa if it is installed, else EGL.
             A process can use one of them only.
 
@@ -63,6 +65,15 @@ def embree_camera(
     from robosim.camera.rendering.embree_camera import EmbreeCamera
 
     return EmbreeCamera(meshes, config)
+
+
+def plan_camera(
+    meshes: Sequence[trimesh.Trimesh], config: CameraConfig, platform: GLSystem | None = None
+) -> Camera:
+    """Casts a ray for each column, whatever platform is asked for."""
+    from robosim.camera.rendering.plan_camera import PlanCamera
+
+    return PlanCamera(meshes, config)
 
 
 class NoCamera:

@@ -598,3 +598,36 @@ def positioning(
         console.print(run(hall, folder, PositioningConfig(), console))
     tell_file(folder / "positioning.json")
     console.print(f"Wrote the table and the plot in {folder}")
+
+
+def environment(
+    plan: Positional[str] = "flat",
+    *,
+    robots: int = 16,
+    links: int = 300,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Measure environments: steps per second of CPU by what is observed; and radio tables: errors by what they cost.
+
+    Beside environments of Gymnasium-Robotics and MiniWorld where these are installed. Two minutes.
+
+    Example: robosim bench environment flat --out out/environment
+
+    Args:
+        plan: Floor plan to search in.
+        robots: Robots in one process, beside one alone.
+        links: Places at which radio tables are compared with the tracer, for each of three transmitters.
+        seed: Seed of tasks, actions and places.
+        out: Folder for the tables and plots; a new one under runs/ if not given.
+    """
+    from robosim.bench.environment import run
+
+    check_number("robots", robots, 1, 4096, whole=True)
+    check_number("links", links, 10, 100_000, whole=True)
+    check_number("seed", seed, *SEED, whole=True)
+    with results_in(out, "bench environment") as folder:
+        for one in run(read(plan), robots=robots, links=links, seed=seed, out=folder, console=console):
+            console.print(one)
+    tell_file(folder / "environment.json")
+    console.print(f"Wrote environment.json, environment.png and radio_tables.png in {folder}")

@@ -4,7 +4,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from robosim.commands.terminal import console, read, results_in, tell_file
+from robosim.commands.speaking import console, tell_file
+from robosim.commands.terminal import read, results_in
 from robosim.support.checks import PLANS, SEED, STEPS, check_number, check_some
 
 

@@ -1,7 +1,8 @@
-"""`robosim collect`."""
+"""`robosim collect`, `robosim collect-searches`."""
 
 from pathlib import Path
 from shlex import quote
+from typing import Literal
 
 from tyro.conf import OmitArgPrefixes
 
@@ -58,3 +59,59 @@ def collect(
     tell({"homes": len(shards), "steps": steps, "files": [path.name for path in shards]}, folder)
     console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
     console.print(f"Next: robosim train mapper --data {quote(str(folder))}")
+
+
+def collect_searches(
+    *,
+    plan: str = "homes:100",
+    episodes: int = 100,
+    observe: tuple[Literal["rgb", "depth", "lidar", "odometry", "radio", "map", "pose"], ...] = (
+        "depth",
+        "odometry",
+        "radio",
+        "pose",
+    ),
+    driver: Literal["way", "random"] = "way",
+    stray: float = 0.1,
+    targets: int = 4,
+    most_steps: int = 1000,
+    seed: int = 0,
+    out: Path | None = None,
+) -> None:
+    """Collect searches to learn from: trajectories with all that is observed, as a Minari data set.
+
+    An interrupted run goes on when the command is given again, and more searches may be added later. Needs
+    robosim[minari].
+
+    Example: robosim collect-searches --plan flat --episodes 20 --out out/searches
+
+    Args:
+        plan: Where plans come from: a name, file, folder, suite, or homes:500 for so many invented homes.
+        episodes: Searches.
+        observe: What is kept of each step.
+        driver: way follows the shortest drive on the true map; random goes forward three times of five.
+        stray: Chance that the way's driver does any action instead.
+        targets: Places of each plan that targets are drawn from, each with a table of radio.
+        most_steps: Steps after which a search is given up.
+        seed: Seed of the first search; the next has the next number.
+        out: Folder for the data set, and to go on from; a new one under runs/ if not given.
+    """
+    from robosim.environments.collect import CollectSearchesConfig
+    from robosim.environments.collect import collect_searches as collect_them
+
+    config = CollectSearchesConfig(
+        plan=plan,
+        episodes=episodes,
+        observe=observe,
+        driver=driver,
+        stray=stray,
+        targets=targets,
+        most_steps=most_steps,
+        seed=seed,
+    )
+    folder = folder_for(out, "collect-searches")
+    with going_on(folder):
+        data = collect_them(config, folder, console)
+    tell({"searches": episodes, "data": str(data)}, folder)
+    console.print(f"Wrote {episodes} searches in {folder}")
+    console.print(f"Next, in Python: minari.MinariDataset({str(data)!r})")

@@ -6,7 +6,8 @@ from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, console, read, tell
+from robosim.commands.speaking import console, tell
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, read
 
 
 def live(

@@ -9,13 +9,11 @@ no result.
 import hashlib
 import importlib.metadata
 import json
+import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import robosim
-import slam
-import wireless
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.suite import Suite
 from robosim.plans.files import read_plan
@@ -24,6 +22,8 @@ from robosim.support.files import plain
 from robosim.support.parts import described
 from robosim.support.reading import read_bytes
 
+#: Packages whose code results depend on, loaded by what is imported above.
+_OURS = ("robosim", "slam", "wireless")
 _PACKAGES = (
     "robosim",
     "mujoco",
@@ -62,10 +62,10 @@ def code_digest() -> str:
     digest = hashlib.sha256(json.dumps(versions()).encode())
     for file in sorted((assets_dir() / "weights").glob("*")):
         digest.update(file.name.encode() + file.read_bytes())
-    for package in (robosim, slam, wireless):
-        folder = Path(str(package.__file__)).parent
+    for package in _OURS:
+        folder = Path(str(sys.modules[package].__file__)).parent
         for file in sorted(folder.rglob("*.py")):
-            digest.update(f"{package.__name__}/{file.relative_to(folder)}".encode() + file.read_bytes())
+            digest.update(f"{package}/{file.relative_to(folder)}".encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 

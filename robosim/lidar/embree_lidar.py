@@ -5,6 +5,7 @@ they graze one, and now and then for no reason.
 Left out: mixed pixels at edges, mirrors and glass, the robot's motion within a turn.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,7 @@ from jaxtyping import Float
 from robosim.camera.rendering.scenery import merge
 from robosim.lidar.model import LidarConfig, LidarModel
 from slam.sensing.laser import LaserScan
+from wireless.support.compiled import compiled
 
 
 class EmbreeLidar:
@@ -45,12 +47,12 @@ class EmbreeLidar:
         ranges, slant = self._cast(pose)
         # Drawn for every beam, so that what one of them meets changes no other's noise.
         error, fate = rng.normal(size=len(ranges)), rng.random(len(ranges))
-        seen = np.isfinite(ranges)
-        near = np.where(seen, ranges, 0.0)
-        measured = near + level * model.sigma_at(near) * error
-        lost = (fate < level * model.missing) | ((slant > np.radians(model.grazing_deg)) & (level > 0))
-        seen &= ~lost & (measured >= model.min_range_m) & (measured <= model.max_range_m)
-        return self._told(np.where(seen, measured, np.inf))
+        grazing = math.radians(model.grazing_deg) if level > 0 else math.inf
+        measured = _measured(
+            ranges, slant, error, fate, model.sigma_m, model.sigma_share, level, level * model.missing, grazing,
+            model.min_range_m, model.max_range_m,
+        )  # fmt: skip
+        return self._told(measured)
 
     def true_scan(self, pose: Float[np.ndarray, "3"]) -> LaserScan:
         """What it would measure if it did not err."""
@@ -67,11 +69,44 @@ class EmbreeLidar:
     def _cast(self, pose: Float[np.ndarray, "3"]) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
         """Ranges [m], inf where nothing is within reach, and angles from the normals [rad]."""
         angle = self._bearing + pose[2]
-        way = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
-        start = np.array([pose[0], pose[1], self.config.height_m]) - self._centre
-        origin = np.broadcast_to(start.astype(np.float32), way.shape)
-        hits = self._scene.run(np.ascontiguousarray(origin), way.astype(np.float32), output=True)
-        ranges, face = hits["tfar"].astype(float), hits["primID"]
-        across = np.abs((self._normal[face] * way).sum(axis=1))
-        there = (face >= 0) & (ranges <= self.model.max_range_m)
-        return np.where(there, ranges, np.inf), np.arccos(np.clip(across, 0.0, 1.0))
+        way = np.zeros((len(angle), 3), np.float32)
+        way[:, 0], way[:, 1] = np.cos(angle), np.sin(angle)
+        origin = np.empty_like(way)
+        origin[:] = np.array([pose[0], pose[1], self.config.height_m]) - self._centre
+        hits = self._scene.run(origin, way, output=True)
+        return _met(angle, hits["tfar"], hits["primID"], self._normal, self.model.max_range_m)
+
+
+@compiled
+def _met(
+    angle: Float[np.ndarray, " n"],
+    far: np.ndarray,
+    face: np.ndarray,
+    normal: Float[np.ndarray, "m 3"],
+    most: float,
+) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Ranges of what rays have met, inf for nothing within the most, and angles from the normals."""
+    ranges, slant = np.full(len(angle), math.inf), np.zeros(len(angle))
+    for k in range(len(angle)):
+        if face[k] >= 0 and far[k] <= most:
+            ranges[k] = far[k]
+            across = normal[face[k], 0] * math.cos(angle[k]) + normal[face[k], 1] * math.sin(angle[k])
+            slant[k] = math.acos(min(abs(across), 1.0))
+    return ranges, slant
+
+
+@compiled
+def _measured(
+    ranges: Float[np.ndarray, " n"], slant: Float[np.ndarray, " n"],
+    error: Float[np.ndarray, " n"], fate: Float[np.ndarray, " n"],
+    sigma_m: float, sigma_share: float, level: float, missing: float, grazing: float, least: float, most: float,
+) -> Float[np.ndarray, " n"]:  # fmt: skip
+    """Ranges with their errors, inf for beams that return nothing."""
+    measured = np.full(len(ranges), math.inf)
+    for k in range(len(ranges)):
+        if math.isinf(ranges[k]) or fate[k] < missing or slant[k] > grazing:
+            continue
+        near = ranges[k] + level * max(sigma_m, sigma_share * ranges[k]) * error[k]
+        if least <= near <= most:
+            measured[k] = near
+    return measured

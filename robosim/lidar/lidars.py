@@ -5,6 +5,7 @@
     lds-01       HLDS LDS-01 of the TurtleBot3 (ROBOTIS e-Manual): 360 beams, 0.12 to 3.5 m, precise to 10 mm up to
                  0.5 m and to 3.5 % beyond
     ust-10lx     Hokuyo UST-10LX, specification: 1081 beams over 270 degrees, 0.06 to 10 m, accurate to 40 mm
+    ring-64      no product: 64 beams all around with the errors of an RPLIDAR A1, for learning
 
 Makers tell bounds: they are taken for two standard deviations, and the error of the Hokuyo, which it has in common for
 all beams of a surface, for its spread. That one beam in a hundred returns nothing is our assumption.
@@ -37,6 +38,7 @@ UST_10LX = LidarModel(
     sigma_share=0.0,
     missing=0.01,
 )
+RING_64 = LidarModel(beams=64)
 
 
 def no_lidar(meshes: Sequence[trimesh.Trimesh], config: LidarConfig) -> None:
@@ -46,3 +48,4 @@ def no_lidar(meshes: Sequence[trimesh.Trimesh], config: LidarConfig) -> None:
 rplidar_a1 = partial(EmbreeLidar, model=RPLIDAR_A1)
 lds_01 = partial(EmbreeLidar, model=LDS_01)
 ust_10lx = partial(EmbreeLidar, model=UST_10LX)
+ring_64 = partial(EmbreeLidar, model=RING_64)

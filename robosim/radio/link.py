@@ -4,8 +4,10 @@ At every decision the paths between target and robot are traced, measured beam b
 what comes out is in the robot's own frame, for it knows its heading from its own map only. The true paths are
 kept for judging.
 
-With `engine="cached"` paths are traced from the middle of the 0.15 m square that the robot is in, once for each
-square: what a table of traced links would say. Noise is drawn anew every time all the same.
+With `engine="cached"` paths come from a table that is traced once for each place of the transmitter
+(`robosim.radio.table`); they are measured and estimated all the same. With `engine="table"` there is no measurement
+either: estimates are made from the table's paths by rule (`robosim.radio.table_reader`), for learning. Errors are drawn
+anew every time.
 
 Left out: Doppler, shadowing by the robot's own body, interference between transmitters.
 """
@@ -13,14 +15,18 @@ Left out: Doppler, shadowing by the robot's own body, interference between trans
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-import shapely
 from jaxtyping import Float
 
 from robosim.building.building import Building
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
+from robosim.radio.classifier import Classifier
+from robosim.radio.table import RadioTable
+from robosim.radio.table_reader import read_paths, states_of
+from robosim.radio.tables import RadioTables
 from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
 from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
@@ -29,10 +35,7 @@ from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 from wireless.tracing.tracer import Tracer, TracerConfig
 
-RadioEngine = Literal["live", "cached"]
-
-#: Side of the squares that a cached radio traces once [m]; the grid of the reference's tables.
-SQUARE_M = 0.15
+RadioEngine = Literal["live", "cached", "table"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +43,10 @@ class RadioLinkConfig:
     """How the target sends, and how the robot measures."""
 
     engine: RadioEngine = "live"
-    """live: traced at the robot's true place. cached: at the middle of its square of 0.15 m."""
+    """live: traced at the robot's true place. cached: from a table of the whole building. table: that, and estimates by
+    rule, without a measurement."""
+    tables: Path | None = None
+    """Folder where tables are kept in files; without it they last as long as the process."""
     frequency_hz: float = 28e9
     """Carrier frequency."""
     height_m: float = 1.5
@@ -97,25 +103,23 @@ class RadioLink:
                 f"height_m is {self.config.height_m}, expected antennas between floor and ceiling, 0 to "
                 f"{building.height_m:g} m."
             )
-        self._free = building.free_at(self.config.height_m)
         self._tracer = Tracer(building, frequency_hz=self.config.frequency_hz, config=self.config.tracer)
         c = self.config
         self.sounder, self._estimator = _receiver(c.transmitter, c.receiver, c.estimator, c.sounding)
         self._target = np.full(3, np.nan)
-        self._traced: dict[tuple[int, int], Paths] = {}
+        self.tables = RadioTables(building, self._tracer, self.config.tables)
         self.paths: Paths | None = None
+        self._at = np.full(2, np.nan)
 
     def another(self) -> "RadioLink":
         """The same receiver's link with another transmitter: they take turns, and do not disturb each other."""
         other = copy(self)
-        other._target, other._traced, other.paths = np.full(3, np.nan), {}, None
+        other._target, other.paths = np.full(3, np.nan), None
         return other
 
     def place(self, target: Float[np.ndarray, "2"]) -> None:
         """Put the transmitter at a point of `map` [m]."""
-        at = np.array([*target, self.config.height_m])
-        if not np.array_equal(at, self._target):
-            self._target, self._traced = at, {}
+        self._target = np.array([*target, self.config.height_m])
         self.paths = None
 
     def measure(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> PathEstimates:
@@ -128,7 +132,10 @@ class RadioLink:
         Returns:
             Estimates of the one link: arrivals in the robot's frame, departures in `map`.
         """
-        self.paths = self._paths(pose[:2])
+        self._at = np.array(pose[:2])
+        self.paths = self._paths(self._at)
+        if self.config.engine == "table":
+            return read_paths(self.paths, float(pose[2]), self.sounder, rng)
         rays = Rays.from_paths(self.paths, rx_heading_rad=float(pose[2]))
         return self._estimator.estimate(self.sounder.measure(rays, rng, workers=1))
 
@@ -146,15 +153,24 @@ class RadioLink:
             return float("nan")
         return float(self.paths.aoa_az[0])
 
+    def believed(self, classifier: Classifier) -> Float[np.ndarray, "4"]:
+        """Probabilities of the link state where the robot last listened, between those of the table's nodes."""
+        around = self.table.nodes_around(self._at)
+        if around is None:
+            assert self.paths is not None
+            return states_of([self.paths], self.sounder, classifier)[0]
+        node, weight = around
+        return weight @ self.tables.states(self._target, self.sounder, classifier)[node]
+
+    @property
+    def table(self) -> RadioTable:
+        """Of the transmitter where it stands."""
+        return self.tables.of(self._target)
+
     def _paths(self, at: Float[np.ndarray, "2"]) -> Paths:
-        if self.config.engine == "live":
-            return self._trace(at)
-        square = int(np.floor(at[0] / SQUARE_M)), int(np.floor(at[1] / SQUARE_M))
-        if square not in self._traced:
-            middle = (np.array(square) + 0.5) * SQUARE_M
-            # The middle of a square at a wall may lie behind it.
-            self._traced[square] = self._trace(middle if self._free.contains(shapely.Point(middle)) else at)
-        return self._traced[square]
+        found = None if self.config.engine == "live" else self.table.at(at)
+        # In niches that no node looks into there is no table.
+        return self._trace(at) if found is None else found
 
     def _trace(self, at: Float[np.ndarray, "2"]) -> Paths:
         return self._tracer.trace(self._target[None], np.array([[*at, self.config.height_m]]), workers=1)

@@ -7,13 +7,13 @@ by name, to see what a perfect classifier would bring.
 
 import math
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 from scipy.constants import speed_of_light
 
 from robosim.parts import CLASSIFIER
+from robosim.radio.classifier import Classifier
 from robosim.radio.link import RadioLink
 from robosim.radio.link_state import TrueStates
 from robosim.support.parts import Part, told
@@ -49,21 +49,6 @@ class Measurement:
 def free_path_m(gain_db: float, frequency_hz: float) -> float:
     """Length of a path through free space that lost so much [m] (Friis): lambda / (4 pi) 10^(-gain / 20 dB)."""
     return speed_of_light / frequency_hz / (4 * math.pi) * 10 ** (-gain_db / 20)
-
-
-@runtime_checkable
-class Classifier(Protocol):
-    """Tells link states of measurements."""
-
-    def predict(
-        self,
-        aoa_rad: Float[np.ndarray, "n paths"],
-        snr_db: Float[np.ndarray, "n paths"],
-        *,
-        aod_rad: Float[np.ndarray, "n paths"] | None = None,
-        delay_s: Float[np.ndarray, "n paths"] | None = None,
-    ) -> Float[np.ndarray, "n 4"]:
-        """Probability of each `LinkState`, in its order; see `wireless.linkstate.classifier.LinkStateClassifier`."""
 
 
 def check_classifier(classifier: Part) -> None:
@@ -113,6 +98,8 @@ class Interpreter:
         turned = paths.turned(rx_heading_rad=float(pose[2]))
         if isinstance(self._classifier, TrueStates):
             probability = np.eye(len(LinkState))[radio.state]
+        elif radio.config.engine == "table":
+            probability = radio.believed(self._classifier)
         else:
             probability = self._classifier.predict(
                 turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s

@@ -62,7 +62,7 @@ def receiver_grid(building: Building, step_m: float, height_m: float) -> Receive
     if plan.wall_line == "cell_centre" and abs(step_m - BLOCK * plan.resolution_m) < 1e-9:
         grid = _published(plan, height_m)
     else:
-        grid = _regular(building, step_m, height_m)
+        grid = regular_grid(building, step_m, height_m)
     if not len(grid.position):
         raise ValueError(f"grid is {step_m:g} m, and no receiver fits into {plan.name}; take a finer one.")
     return grid
@@ -102,8 +102,8 @@ def _published(plan: FloorPlan, height_m: float) -> ReceiverGrid:
     return _grid(plan, np.argwhere(middle), shape, BLOCK, np.array([0.0, left_over - 1]), height_m)
 
 
-def _regular(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
-    """A grid of all free points."""
+def regular_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
+    """A grid of all free points, half a step from the plan's lower-left corner, whatever the plan's format."""
     plan = building.plan
     step = step_m / plan.resolution_m
     ny, nx = (max(1, int(np.floor(n / step + 1e-9))) for n in plan.shape)

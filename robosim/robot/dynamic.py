@@ -11,6 +11,7 @@ Left out: encoders (feedback is from the true pose; what odometry gets wrong is 
 """
 
 import math
+from copy import copy
 
 import mujoco
 import numpy as np
@@ -76,8 +77,21 @@ class World:
         add_walls(spec, walls, self.config, origin=self._origin, height_m=building.height_m)
         add_robot(spec, self.robot, self.config)
         self.model = spec.compile()
-        self.data = mujoco.MjData(self.model)
+        self._begin_data()
+        self._height_m = 0.0
+        self._place(half_m[0] - 1.0, half_m[1] - 1.0, 0.0)  # outside of all walls
+        mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
+        self._height_m = float(self._body[2])  # where it rests on its wheels
 
+    def another(self) -> "World":
+        """The same building with another robot in it; neither knows of the other."""
+        other = copy(self)
+        other._begin_data()
+        return other
+
+    def _begin_data(self) -> None:
+        """Make the state of a robot, and views of it."""
+        self.data = mujoco.MjData(self.model)
         robot_at, floor_at = self.model.joint("robot"), self.model.joint("floor_x")
         self._body = self.data.qpos[robot_at.qposadr[0] :][:7]  # views: position and quaternion,
         self._rates = self.data.qvel[robot_at.dofadr[0] :][:6]  # velocity and turn rates,
@@ -87,10 +101,6 @@ class World:
         self._told = (0.0, 0.0)  # speed [m/s] and turn rate [rad/s] that the wheels were last told
         self._steps, self._deepest_m = 0, 0.0
         self._touched = self._at_wall = False  # during this motion, in its last control period
-        self._height_m = 0.0
-        self._place(half_m[0] - 1.0, half_m[1] - 1.0, 0.0)  # outside of all walls
-        mujoco.mj_step(self.model, self.data, round(1.0 / self.config.timestep_s))
-        self._height_m = float(self._body[2])  # where it rests on its wheels
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose x [m], y [m], yaw [rad] in `map`, at rest.

@@ -12,6 +12,7 @@ Left out: acceleration, friction, slip other than what is commanded.
 """
 
 import math
+from copy import copy
 
 import numpy as np
 import shapely
@@ -22,6 +23,7 @@ from robosim.robot.collision import check_pose, wall_segments
 from robosim.robot.motion import BLOCKED_M, Motion, check_displacement, check_drive
 from robosim.robot.robots import RobotConfig
 from slam.poses import wrap
+from wireless.support.compiled import compiled
 
 #: Side of the tiles that walls are sorted into [m].
 TILE_M = 0.5
@@ -56,6 +58,10 @@ class KinematicWorld:
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
         self._walls = _Tiles(wall_segments(self._room) - self._origin, self.robot.radius_m + GAP_M)
         self._x, self._y, self._yaw = 0.0, 0.0, 0.0
+
+    def another(self) -> "KinematicWorld":
+        """The same building with another robot in it; neither knows of the other."""
+        return copy(self)
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Put the robot at a pose x [m], y [m], yaw [rad] in `map`.
@@ -197,38 +203,53 @@ class _Walls:
             Part of the way that it can go, and the unit vector (x, y) from the wall to its centre there. None
             if it can go all the way.
         """
-        length = math.hypot(dx, dy)
-        if length == 0:
-            return None
-        ux, uy, radius = dx / length, dy / length, self._radius_m
-        ax, ay = self._along.T
-        wx, wy = x - self._start[:, 0], y - self._start[:, 1]
-        best, nx, ny = length, 0.0, 0.0
+        part, nx, ny = _first_wall(
+            self._start, self._along, self._length, self._radius_m, float(x), float(y), float(dx), float(dy)
+        )
+        return None if part < 0 else (part, nx, ny)
+
+
+@compiled
+def _first_wall(
+    start: Float[np.ndarray, "n 2"],
+    along: Float[np.ndarray, "n 2"],
+    lengths: Float[np.ndarray, " n"],
+    radius: float,
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+) -> tuple[float, float, float]:
+    """See `_Walls.meet`; a part of -1 if the disk can go all the way."""
+    length = math.sqrt(dx * dx + dy * dy)
+    if length == 0:
+        return -1.0, 0.0, 0.0
+    ux, uy = dx / length, dy / length
+    best, nx, ny = length, 0.0, 0.0
+    for i in range(len(start)):
+        ax, ay = along[i, 0], along[i, 1]
+        wx, wy = x - start[i, 0], y - start[i, 1]
 
         # Straight sides: the height of the centre above the wall's line comes down to the radius.
         height, climb = ax * wy - ay * wx, ax * uy - ay * ux
-        side = np.sign(height)
+        side = 1.0 if height > 0 else -1.0 if height < 0 else 0.0
         sinking = -side * climb
-        i = np.flatnonzero((sinking > _PARALLEL) & (side * height - radius < length * sinking))
-        if len(i):
-            way = np.maximum((side[i] * height[i] - radius) / sinking[i], 0.0)
-            foot = ax[i] * (wx[i] + way * ux) + ay[i] * (wy[i] + way * uy)
-            way[(foot < 0) | (foot > self._length[i])] = math.inf
-            first = int(np.argmin(way))
-            if way[first] < best:
-                best, j = float(way[first]), i[first]
-                nx, ny = float(-side[j] * ay[j]), float(side[j] * ax[j])
+        if sinking > _PARALLEL and side * height - radius < length * sinking:
+            way = max((side * height - radius) / sinking, 0.0)
+            foot = ax * (wx + way * ux) + ay * (wy + way * uy)
+            if 0 <= foot <= lengths[i] and way < best:
+                best, nx, ny = way, -side * ay, side * ax
 
         # Round ends: each corner is the start of one wall.
         nearing, outside = wx * ux + wy * uy, wx * wx + wy * wy - radius * radius
         square = nearing * nearing - outside
-        i = np.flatnonzero((nearing < -_PARALLEL) & (square >= 0))
-        if len(i):
-            way = np.maximum(-nearing[i] - np.sqrt(square[i]), 0.0)
-            first = int(np.argmin(way))
-            if way[first] < best:
-                best, j = float(way[first]), i[first]
-                nx, ny = float(wx[j] + best * ux), float(wy[j] + best * uy)
-                norm = math.hypot(nx, ny)
+        if nearing < -_PARALLEL and square >= 0:
+            way = max(-nearing - math.sqrt(square), 0.0)
+            if way < best:
+                best = way
+                nx, ny = wx + way * ux, wy + way * uy
+                norm = math.sqrt(nx * nx + ny * ny)
                 nx, ny = nx / norm, ny / norm
-        return (best / length, nx, ny) if best < length else None
+    if best < length:
+        return best / length, nx, ny
+    return -1.0, 0.0, 0.0

@@ -22,6 +22,7 @@ published models.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -74,7 +75,7 @@ class NoiseModel:
         """Motion dx [m], dy [m], dyaw [rad] that the robot makes of an action, if nothing is in the way."""
         mean, deviation = self._moments(_ACTUATION, action)
         nominal = NOMINAL[action]
-        return nominal + self.level * (rng.normal(mean, deviation) - nominal)
+        return nominal + self.level * (mean + deviation * rng.standard_normal(3) - nominal)
 
     def sense(
         self, action: Action, true_displacement: Float[np.ndarray, "3"], rng: np.random.Generator
@@ -82,7 +83,7 @@ class NoiseModel:
         """What odometry says of a motion dx [m], dy [m], dyaw [rad] that an action led to."""
         mean, deviation = self._moments(_SENSOR, action)
         # Drawn all the same: the motions that follow must not depend on it.
-        error = self.level * rng.normal(mean, deviation)
+        error = self.level * (mean + deviation * rng.standard_normal(3))
         return true_displacement + (0.0 if self.exact_odometry else error)
 
     def sensor_bias(self, action: Action) -> Float[np.ndarray, "3"]:
@@ -109,10 +110,18 @@ class NoiseModel:
         self, table: _Table, action: Action
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Mean and standard deviation [m, m, rad] of an action in one of the tables."""
-        mean, deviation = (np.array(row) * _TO_SI for row in table[action])
-        if self.variant == "corrected":
-            if action == Action.FORWARD:
-                mean[2], deviation[2] = math.degrees(mean[2]), math.degrees(deviation[2])
-            if table is _SENSOR:
-                mean[1:] *= -1
-        return mean, deviation
+        return _moments(self.variant, table is _SENSOR, action)
+
+
+@cache
+def _moments(
+    variant: NoiseVariant, sensed: bool, action: Action
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    mean, deviation = (np.array(row) * _TO_SI for row in (_SENSOR if sensed else _ACTUATION)[action])
+    if variant == "corrected":
+        if action == Action.FORWARD:
+            mean[2], deviation[2] = math.degrees(mean[2]), math.degrees(deviation[2])
+        if sensed:
+            mean[1:] *= -1
+    mean.flags.writeable = deviation.flags.writeable = False  # they are the same for all
+    return mean, deviation

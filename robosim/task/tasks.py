@@ -5,6 +5,7 @@ with the task, since success weighted by path length (SPL, Anderson et al. 2018)
 """
 
 import logging
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -83,12 +84,13 @@ def make_task(
     start: Float[np.ndarray, "3"] | None = None,
     target: Float[np.ndarray, "2"] | None = None,
     min_path_m: float = 3.0,
+    max_path_m: float = math.inf,
 ) -> Task:
     """A task with what is given, the rest drawn evenly over the floor.
 
-    What is drawn lies at least `min_path_m` of driving from the other end. In a building without two such
-    places the farthest pair found is taken, and a warning logged. A robot begins where it has room to turn, as far as
-    there is such a place.
+    What is drawn lies at least `min_path_m` and at most `max_path_m` of driving from the other end. In a building
+    without two such places the farthest pair found is taken, and a warning logged. A robot begins where it has room to
+    turn, as far as there is such a place.
 
     Raises:
         MapError: If the hull fits nowhere or not at the start, cannot drive from there to the target, or that is
@@ -101,7 +103,7 @@ def make_task(
     if given is not None and start is not None and target is not None:
         return Task(start, target, _shortest_m(reach, start, target))
     places = reach.indoors if start is not None else reach.roomy
-    anchor, other, distance = _draw_pair(reach, rng, given, min_path_m, places)
+    anchor, other, distance = _draw_pair(reach, rng, given, (min_path_m, max_path_m), places)
     if distance < min_path_m:
         _log.warning(
             "%s: no two places %.1f m of path apart were found; the task is %.1f m long.",
@@ -121,7 +123,7 @@ def _draw_pair(
     reach: Reach,
     rng: np.random.Generator,
     given: np.ndarray | None,
-    min_path_m: float,
+    path_m: tuple[float, float],
     places: Bool[np.ndarray, "ny nx"],
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Two points of one part and the drive between them [m]; the first is the given one, if there is one.
@@ -138,7 +140,7 @@ def _draw_pair(
         travel = reach.travel_m(anchor)
         indoors = np.where(clear, travel, np.inf)
         travel = indoors if np.isfinite(indoors).any() else travel
-        far = np.isfinite(travel) & (travel >= min_path_m)
+        far = np.isfinite(travel) & (travel >= path_m[0]) & (travel <= path_m[1])
         far_enough = np.argwhere(far & places if (far & places).any() else far)
         if len(far_enough):
             cell = far_enough[rng.integers(len(far_enough))]

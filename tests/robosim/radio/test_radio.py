@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.building.building import make_building
-from robosim.radio.link import SQUARE_M, RadioLink, RadioLinkConfig
+from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter
 from tests.plans import room, two_rooms
 from wireless.paths import LinkState, Paths
@@ -95,21 +95,18 @@ def test_a_wrong_heading_turns_what_is_heard(radio):
     assert np.array_equal(wrong.aod_rad, right.aod_rad)
 
 
-def test_cached_paths_are_those_of_the_middle_of_the_square(building, radio):
-    """The same measurement as of a robot that stands there; the next one in the square is not traced anew."""
+def test_cached_radio_traces_a_building_once(building):
+    """One table serves every place and every robot, until the transmitter is elsewhere."""
     cached = RadioLink(building, RadioLinkConfig(engine="cached"))
     cached.place(TARGET)
-    inside = np.array([3.95, 0.63])
-    middle = (np.floor(inside / SQUARE_M) + 0.5) * SQUARE_M
-    theirs = radio.measure(np.array([*middle, 0.4]), np.random.default_rng(3))
-    ours = cached.measure(np.array([*inside, 0.4]), np.random.default_rng(3))
-    assert np.array_equal(theirs.aoa_rad, ours.aoa_rad)
-    paths = cached.paths
-    cached.measure(np.array([*(inside + 0.05), 0.4]), np.random.default_rng(3))
-    assert cached.paths is paths
-    cached.place(TARGET + 0.5)
-    cached.measure(np.array([*inside, 0.4]), np.random.default_rng(3))
-    assert cached.paths is not paths
+    cached.measure(np.array([3.95, 0.63, 0.4]), np.random.default_rng(3))
+    table = cached.table
+    other = cached.another()
+    other.place(TARGET)
+    other.measure(np.array([2.4, 0.4, 0.4]), np.random.default_rng(3))
+    assert other.table is table
+    other.place(TARGET + 0.5)
+    assert other.table is not table
 
 
 def test_one_generator_gives_one_measurement(radio):

@@ -1,0 +1,129 @@
+"""Walls of a floor plan, found by a level ray: what a camera asks for each of its columns.
+
+Walls are segments seen from above. They are sorted into square tiles, and a ray goes from tile to tile until it has met
+the nearest wall (Amanatides and Woo, A fast voxel traversal algorithm for ray tracing, Eurographics 1987).
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.support.compiled import compiled
+
+#: Side of the tiles [m].
+TILE_M = 0.5
+#: Walls reach so much beyond their ends [parts of their length] and tiles [m]: no ray slips through a corner.
+_BEYOND, _NEAR_M = 1e-9, 1e-6
+
+
+class WallTiles(NamedTuple):
+    """Walls, sorted by place."""
+
+    segments: Float[np.ndarray, "n 4"]
+    """x, y of the first end, and from there to the second [m]."""
+    corner: Float[np.ndarray, "2"]
+    """Lower left corner of the tiles [m]."""
+    first: Int[np.ndarray, "nx1 ny"]
+    """Where the list of a tile's walls begins in `members`; it ends where that of the next tile in memory begins."""
+    members: Int[np.ndarray, " m"]
+    """Numbers of walls, tile after tile."""
+
+
+def wall_tiles(walls: Float[np.ndarray, "n 2 2"]) -> WallTiles:
+    """Sort walls, given by both ends [m], into tiles."""
+    low, high = walls.min(axis=(0, 1)) - TILE_M, walls.max(axis=(0, 1)) + TILE_M
+    nx, ny = (int(count) for count in np.ceil((high - low) / TILE_M))
+    segments = np.column_stack([walls[:, 0], walls[:, 1] - walls[:, 0]]).astype(float)
+    # One column more than there are tiles, for the end of the last list.
+    first = np.zeros((nx + 1, ny), np.int64)
+    _sort_in(segments, low, first, np.zeros(0, np.int64))
+    flat = first.ravel()
+    flat[:] = np.concatenate([[0], np.cumsum(flat)[:-1]])
+    members = np.empty(int(flat[-1]), np.int64)
+    _sort_in(segments, low, first.copy(), members)
+    return WallTiles(segments, low, first, members)
+
+
+@compiled
+def _sort_in(
+    segments: Float[np.ndarray, "n 4"],
+    low: Float[np.ndarray, "2"],
+    first: Int[np.ndarray, "nx1 ny"],
+    members: Int[np.ndarray, " m"],
+) -> None:
+    """Count the walls of each tile into `first` or, if there is room, put their numbers from there on."""
+    counting = len(members) == 0
+    for number in range(len(segments)):
+        ax, ay, ux, uy = segments[number]
+        length = max(math.hypot(ux, uy), 1e-12)
+        half = TILE_M * (abs(ux) + abs(uy)) / length / 2 + _NEAR_M
+        for ix in range(
+            int((min(ax, ax + ux) - _NEAR_M - low[0]) // TILE_M),
+            int((max(ax, ax + ux) + _NEAR_M - low[0]) // TILE_M) + 1,
+        ):
+            for iy in range(
+                int((min(ay, ay + uy) - _NEAR_M - low[1]) // TILE_M),
+                int((max(ay, ay + uy) + _NEAR_M - low[1]) // TILE_M) + 1,
+            ):
+                mx, my = low[0] + (ix + 0.5) * TILE_M, low[1] + (iy + 0.5) * TILE_M
+                if abs((mx - ax) * uy - (my - ay) * ux) / length > half:
+                    continue
+                if not counting:
+                    members[first[ix, iy]] = number
+                first[ix, iy] += 1
+
+
+@compiled
+def nearest_wall(
+    segments: Float[np.ndarray, "n 4"],
+    corner: Float[np.ndarray, "2"],
+    first: Int[np.ndarray, "nx1 ny"],
+    members: Int[np.ndarray, " m"],
+    x: float,
+    y: float,
+    dx: float,
+    dy: float,
+    most: float,
+) -> tuple[float, int]:
+    """Where a ray from (x, y) first meets a wall: in multiples of its way (dx, dy), inf for nowhere up to `most`.
+
+    Returns:
+        How far, and the number of the wall, -1 for none.
+    """
+    nx, ny = first.shape[0] - 1, first.shape[1]
+    px, py = (x - corner[0]) / TILE_M, (y - corner[1]) / TILE_M
+    ix, iy = math.floor(px), math.floor(py)
+    sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
+    step_x = TILE_M / abs(dx) if dx != 0 else math.inf
+    step_y = TILE_M / abs(dy) if dy != 0 else math.inf
+    next_x = ((ix + 1 - px) if dx > 0 else (px - ix)) * step_x if dx != 0 else math.inf
+    next_y = ((iy + 1 - py) if dy > 0 else (py - iy)) * step_y if dy != 0 else math.inf
+    best, who = math.inf, -1
+    flat = first.ravel()
+    while 0 <= ix < nx and 0 <= iy < ny:
+        tile = ix * ny + iy
+        for m in range(flat[tile], flat[tile + 1]):
+            wall = members[m]
+            ax, ay, ux, uy = segments[wall, 0], segments[wall, 1], segments[wall, 2], segments[wall, 3]
+            cross = dx * uy - dy * ux
+            if cross == 0.0:
+                continue
+            wx, wy = ax - x, ay - y
+            t = (wx * uy - wy * ux) / cross
+            s = (wx * dy - wy * dx) / cross
+            if 0.0 <= t < best and -_BEYOND <= s <= 1.0 + _BEYOND:
+                best, who = t, wall
+        leave = min(next_x, next_y)
+        if best <= leave or leave > most:
+            break
+        if next_x < next_y:
+            ix += sx
+            next_x += step_x
+        else:
+            iy += sy
+            next_y += step_y
+    if best > most:
+        return math.inf, -1
+    return best, who

@@ -1,0 +1,50 @@
+"""What a searching robot may be rewarded for, term by term; a reward is their weighted sum.
+
+arrival      1 on the step that brings the robot within 0.3 m of the target
+progress     metres by which the shortest drive to the target became shorter; its sum does not depend on the way, so
+             that it changes no best policy (Ng, Harada and Russell, Policy invariance under reward
+             transformations, ICML 1999)
+step         1 on every step: give it a negative weight
+collision    1 on a step in which a wall kept the robot from where it was sent
+coverage     floor that was seen for the first time [m2] (Chaplot et al., Learning to explore using Active Neural
+             SLAM, ICLR 2020)
+link_state   rise of the worth of the true link state: 0 for an outage, 0.25 for higher order, 0.5 for first order,
+             1 for line of sight; after the rule of Yin et al., Zero-shot wireless indoor navigation through
+             physics-informed reinforcement learning, ICRA 2024, that on a good way the order of the link falls
+snr          rise of the SNR of the strongest measured path [dB], an outage counting as -30 dB
+"""
+
+from collections.abc import Mapping
+
+from robosim.support.checks import check_number
+from wireless.paths import LinkState
+
+#: Terms, and what they weigh if nothing is said.
+TERMS = ("arrival", "progress", "step", "collision", "coverage", "link_state", "snr")
+DEFAULT_WEIGHTS: Mapping[str, float] = {"arrival": 10.0, "progress": 1.0, "step": -0.01}
+#: How good a link state is for finding the transmitter.
+WORTH = {
+    LinkState.OUTAGE: 0.0,
+    LinkState.HIGHER_ORDER: 0.25,
+    LinkState.FIRST_ORDER: 0.5,
+    LinkState.LOS: 1.0,
+}
+#: What an outage counts as [dB].
+NO_SNR_DB = -30.0
+
+
+def check_weights(weights: Mapping[str, float]) -> None:
+    """See that weights are finite numbers of known terms.
+
+    Raises:
+        ValueError: If they are not.
+    """
+    for term, weight in weights.items():
+        if term not in TERMS:
+            raise ValueError(f"rewards has {term!r}. Known terms: {', '.join(TERMS)}.")
+        check_number(f"weight of {term}", weight, -1e6, 1e6)
+
+
+def total(weights: Mapping[str, float], terms: Mapping[str, float]) -> float:
+    """The reward of a step."""
+    return float(sum(weight * terms[term] for term, weight in weights.items()))

@@ -1,0 +1,144 @@
+"""What a searching robot observes, sense by sense, as the spaces and arrays of an environment.
+
+| sense | key | shape, type | meaning | min | max |
+|---|---|---|---|---|---|
+| rgb | rgb | (h, w, 3) uint8 | camera picture | 0 | 255 |
+| depth | depth | (h, w, 1) uint8 | depth along the camera's axis in steps of 10 m / 255; 0 nothing measured | 0 | 255 |
+| depth, in metres | depth | (h, w, 1) float32 | the same [m] | 0 | 10 |
+| lidar | lidar | (beams,) float32 | ranges [m], from behind counter-clockwise; its reach for nothing | 0 | reach |
+| odometry | odometry | (3,) float32 | measured motion since then: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
+| radio | path_direction | (5,) float32 | where a path comes from, counter-clockwise from ahead [rad] | -pi | pi |
+| | path_delay | (5,) float32 | delay after the strongest path [ns] | -100 | 100 |
+| | path_snr | (5,) float32 | SNR as `wireless.estimates` defines it [dB] | -50 | 150 |
+| | path_found | (5,) int8 | 1 for a path, 0 for a place without one, which holds 0 | 0 | 1 |
+| | link_state | (4,) float32 | probabilities of outage, line of sight, first order, higher order | 0 | 1 |
+| map | map | (n, n, 1) uint8 | floor around the robot, ahead on top: 0 unseen, 128 floor, 255 wall | 0 | 255 |
+| pose | pose | (3,) float32 | x ahead, y left [m], yaw [rad] since the start | -1000, -1000, -pi | 1000, 1000, pi |
+
+Map and pose are what a mapper without error would know: floor counts as seen as `robosim.task.coverage` says, at the
+true pose. The other senses err as the simulator's do. The strongest path comes first.
+"""
+
+from typing import Any
+
+import cv2
+import numpy as np
+from gymnasium import spaces
+from jaxtyping import Float, UInt8
+
+from robosim.environments.config import SearchConfig
+from robosim.lidar.model import Lidar
+from robosim.plans.floorplan import FloorPlan
+from robosim.simulator import Observation, SimulatorConfig
+from slam.poses import between
+from slam.sensing.laser import LaserScan
+from wireless.estimates import PathEstimates
+
+#: Depth in observations is cut off here [m]: a sensor's range, and the bound of the space.
+MAX_DEPTH_M = 10.0
+#: Paths of the radio that are observed.
+PATHS = 5
+#: Bounds of one odometry reading [m, m, rad]; far beyond what one action can do.
+_ODOMETRY_BOUND = np.array([2.0, 2.0, np.pi], np.float32)
+_POSE_BOUND = np.array([1000.0, 1000.0, np.pi], np.float32)
+_DELAY_NS, _SNR_DB = 100.0, (-50.0, 150.0)
+_FLOOR, _WALL = 128, 255
+
+
+def space_of(config: SearchConfig, simulator: SimulatorConfig, lidar: Lidar | None) -> spaces.Space[Any]:
+    """The space of the observations that a configuration asks for.
+
+    Args:
+        config: Says which.
+        simulator: Gives the size of pictures.
+        lidar: Gives number and reach of beams.
+    """
+    size = simulator.image.height, simulator.image.width
+    found: dict[str, spaces.Space[Any]] = {}
+    for sense in config.observe:
+        if sense == "rgb":
+            found["rgb"] = spaces.Box(0, 255, (*size, 3), np.uint8)
+        elif sense == "depth" and config.depth == "picture":
+            found["depth"] = spaces.Box(0, 255, (*size, 1), np.uint8)
+        elif sense == "depth":
+            found["depth"] = spaces.Box(0.0, MAX_DEPTH_M, (*size, 1), np.float32)
+        elif sense == "lidar" and lidar is not None:
+            scan = lidar.true_scan(np.zeros(3))
+            found["lidar"] = spaces.Box(0.0, scan.max_range_m, scan.range_m.shape, np.float32)
+        elif sense == "odometry":
+            found["odometry"] = spaces.Box(-_ODOMETRY_BOUND, _ODOMETRY_BOUND, dtype=np.float32)
+        elif sense == "radio":
+            found["path_direction"] = spaces.Box(-np.pi, np.pi, (PATHS,), np.float32)
+            found["path_delay"] = spaces.Box(-_DELAY_NS, _DELAY_NS, (PATHS,), np.float32)
+            found["path_snr"] = spaces.Box(*_SNR_DB, (PATHS,), np.float32)
+            found["path_found"] = spaces.MultiBinary(PATHS)
+            found["link_state"] = spaces.Box(0.0, 1.0, (4,), np.float32)
+        elif sense == "map":
+            found["map"] = spaces.Box(0, 255, (config.map_cells, config.map_cells, 1), np.uint8)
+        elif sense == "pose":
+            found["pose"] = spaces.Box(-_POSE_BOUND, _POSE_BOUND, dtype=np.float32)
+    return spaces.Dict(found)
+
+
+def depth_picture(depth: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 1"]:
+    """Depth [m] in 8 bits; what is measured at all is 1 or more."""
+    level = np.rint(np.minimum(depth, MAX_DEPTH_M) * np.float32(255 / MAX_DEPTH_M))
+    return np.where(depth > 0, np.maximum(level, 1), 0).astype(np.uint8)[..., None]
+
+
+def depth_metres(depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w 1"]:
+    """Depth within the bounds of its space [m]."""
+    return np.clip(depth, 0, MAX_DEPTH_M).astype(np.float32)[..., None]
+
+
+def ranges(scan: LaserScan) -> Float[np.ndarray, " beams"]:
+    """Ranges of a scan [m], its reach for beams that did not come back."""
+    return np.minimum(scan.range_m, scan.max_range_m).astype(np.float32)
+
+
+def odometry(view: Observation) -> Float[np.ndarray, "3"]:
+    """Measured motion within the bounds of its space."""
+    return np.clip(view.odometry, -_ODOMETRY_BOUND, _ODOMETRY_BOUND).astype(np.float32)
+
+
+def paths(estimates: PathEstimates, probability: Float[np.ndarray, "4"]) -> dict[str, np.ndarray]:
+    """Estimated paths of one link, and the probabilities of its state, as observations."""
+    n = min(int(estimates.count[0]), PATHS)
+    found = {key: np.zeros(PATHS, np.float32) for key in ("path_direction", "path_delay", "path_snr")}
+    pi = np.float32(np.pi)
+    found["path_direction"][:n] = np.clip(estimates.aoa_rad[0, :n].astype(np.float32), -pi, pi)
+    found["path_delay"][:n] = np.clip(1e9 * estimates.delay_s[0, :n], -_DELAY_NS, _DELAY_NS)
+    found["path_snr"][:n] = np.clip(estimates.snr_db[0, :n], *_SNR_DB)
+    found["path_found"] = (np.arange(PATHS) < n).astype(np.int8)
+    found["link_state"] = np.clip(probability, 0, 1).astype(np.float32)
+    return found
+
+
+def pose_since(start: Float[np.ndarray, "3"], pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+    """A pose in the frame of the start, within the bounds of its space."""
+    return np.clip(between(start, pose).astype(np.float32), -_POSE_BOUND, _POSE_BOUND)
+
+
+def map_ahead(
+    plan: FloorPlan, seen: np.ndarray, pose: Float[np.ndarray, "3"], cells: int, cell_m: float
+) -> UInt8[np.ndarray, "n n 1"]:
+    """The floor seen so far and the walls beside it, about the robot and turned with it.
+
+    Args:
+        plan: Gives the walls.
+        seen: Cells of the plan that were seen.
+        pose: True pose in `map`.
+        cells: Side of the map [cells].
+        cell_m: Side of a cell [m].
+    """
+    floor = seen.astype(np.uint8)
+    beside = cv2.dilate(floor, np.ones((3, 3), np.uint8))
+    known = np.where(seen, _FLOOR, np.where((beside > 0) & ~plan.free, _WALL, 0)).astype(np.uint8)
+    # Corners of the map: of pixel (0, 0) and of those beside it, as centres of the plan's cells.
+    half = (cells - 1) / 2 * cell_m
+    ahead_left = np.array([[half, half], [half, half - cell_m], [half - cell_m, half]])
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    at = plan.to_cells(pose[:2] + ahead_left @ np.array([[c, s], [-s, c]])) - 0.5
+    affine = np.column_stack([at[1] - at[0], at[2] - at[0], at[0]])
+    flags = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    return cv2.warpAffine(known, affine, (cells, cells), flags=flags, borderValue=0)[..., None]

@@ -1,0 +1,131 @@
+"""The search for a target as an environment of Gymnasium: `robosim/TargetSearch-v1`, and -v0."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from jaxtyping import UInt8
+
+from robosim.environments.config import SearchConfig, simulator_for
+from robosim.environments.places import Place
+from robosim.environments.search import Search, spaces_of
+from robosim.environments.sources import source_of
+from robosim.simulator import SimulatorConfig
+
+
+class TargetSearch(gymnasium.Env):
+    """A differential-drive robot looks for a target at an unknown place in a building.
+
+    ## Action space
+    Discrete (default): 0 forward 0.25 m, 1 left 10 degrees, 2 right 10 degrees, each subject to actuation
+    noise. With `continuous=True`: Box (2,), forward speed [-1, 1] as a fraction of 0.5 m/s and turn rate
+    [-1, 1] as a fraction of 90 degrees/s, held for 0.5 s.
+
+    ## Observation space
+    Dict, all in the robot's own frame, of the senses that `observe` names: rgb, depth, lidar, odometry, radio, map,
+    pose. By default depth, odometry and radio. `robosim.environments.senses` tells keys, shapes, units and bounds.
+
+    ## Reward
+    Weighted sum of the terms of `robosim.environments.rewards`; `rewards={...}` gives the weights. By default metres by
+    which the shortest drive to the target became shorter, minus 0.01 a step, plus 10 on arrival.
+
+    ## Start
+    Drawn from the seed: the plan if there are several, the target and a start at least 3 m of driving from it.
+    `options` of `reset` may fix `start` (x, y, yaw [rad]) and `target` (x, y), in the frame of the plan, `plan` (its
+    number) and `difficulty` (0 to 1), which bounds the drive.
+
+    ## End
+    Terminated when the robot's true position is within 0.3 m of the target. Truncated after 1000 steps.
+
+    `info` holds what the robot must not know: `pose`, `target`, `distance_m` (of the shortest drive),
+    `collided`, `arrived`; after a step also `rewards`, term by term, at a reset `plan` and `difficulty`.
+
+    ## Versions
+    v1: radio, lidar, map and pose; depth as a picture of 8 bits; many plans, difficulty and named rewards. By default
+    the fastest simulator that gives what is observed.
+    v0: rgb, depth in metres, odometry; by default MuJoCo and pictures of 128 x 128.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "ansi"], "render_fps": 20}  # noqa: RUF012
+
+    def __init__(
+        self,
+        plan: object = "flat",
+        *,
+        config: SimulatorConfig | None = None,
+        render_mode: str | None = None,
+        **search: Any,
+    ) -> None:
+        """Nothing is built before the first reset.
+
+        Args:
+            plan: Where plans come from: see `robosim.environments.sources`.
+            config: What is simulated, and how faithfully; the fastest that gives what is observed if not given.
+            render_mode: None, "rgb_array" or "ansi" (text).
+            search: Fields of `SearchConfig`.
+
+        Raises:
+            ValueError: If the render mode is unknown, or the robot does not carry what it is to observe by.
+            MapError: If there is no such plan.
+        """
+        check_render_mode(render_mode, self.metadata["render_modes"])
+        self.render_mode = render_mode
+        self.search = SearchConfig(**search)
+        simulator = config or simulator_for(self.search)
+        self._search = Search(source_of(plan), self.search, simulator)
+        self.observation_space, self.action_space = spaces_of(self.search, simulator)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Start a new search; see the class for `options`."""
+        super().reset(seed=seed)
+        return self._search.reset(self.np_random, options)
+
+    def step(self, action: Any) -> tuple[dict[str, np.ndarray], float, bool, bool, dict[str, Any]]:
+        """Do one action."""
+        observation, reward, arrived, info = self._search.step(action)
+        return observation, reward, arrived, False, info
+
+    def render(self) -> UInt8[np.ndarray, "height width 3"] | str | None:
+        """The camera's view beside the plan with the robot's way, or the plan in letters."""
+        if self.render_mode is None:
+            return None
+        return self._search.text() if self.render_mode == "ansi" else self._search.picture()
+
+    @property
+    def place(self) -> Place:
+        """The building of the present search, for drivers that know the way."""
+        return self._search.place
+
+    def close(self) -> None:
+        """Free the camera."""
+        self._search.close()
+
+
+def target_search_v0(
+    plan: object = "flat",
+    *,
+    continuous: bool = False,
+    config: SimulatorConfig | None = None,
+    render_mode: str | None = None,
+) -> TargetSearch:
+    """`TargetSearch` with what its first version observed."""
+    return TargetSearch(
+        plan,
+        config=config or SimulatorConfig(),
+        render_mode=render_mode,
+        observe=("rgb", "depth", "odometry"),
+        depth="metres",
+        continuous=continuous,
+    )
+
+
+def check_render_mode(mode: str | None, known: list[str]) -> None:
+    """See that pictures can be drawn as asked.
+
+    Raises:
+        ValueError: If they cannot.
+    """
+    if mode not in (None, *known):
+        raise ValueError(f"render_mode = {mode!r}, expected None or one of {', '.join(known)}.")

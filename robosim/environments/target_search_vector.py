@@ -1,0 +1,161 @@
+"""Many searches in one process, by the API of Gymnasium's vector environments.
+
+What `gymnasium.make_vec("robosim/TargetSearch-v1", n)` makes. Robots share the buildings that they are in, with all
+that is built for them, and nothing else: robot i does step for step what a lone environment of seed + i does. Each may
+be in another building.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space, iterate
+from jaxtyping import Bool, Float, UInt8
+
+from robosim.environments.config import SearchConfig, simulator_for
+from robosim.environments.search import Search, spaces_of
+from robosim.environments.sources import source_of
+from robosim.environments.target_search import TargetSearch, check_render_mode
+from robosim.simulator import SimulatorConfig
+from robosim.support.checks import check_number
+
+Flags = Bool[np.ndarray, " n"]
+Batch = tuple[dict[str, np.ndarray], Float[np.ndarray, " n"], Flags, Flags, dict[str, Any]]
+
+
+class TargetSearchVector(gymnasium.vector.VectorEnv):
+    """`TargetSearch` many times over; a search that has ended begins anew with the next step."""
+
+    metadata = {  # noqa: RUF012
+        "render_modes": TargetSearch.metadata["render_modes"],
+        "render_fps": TargetSearch.metadata["render_fps"],
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        plan: object = "flat",
+        *,
+        config: SimulatorConfig | None = None,
+        max_episode_steps: int = 1000,
+        render_mode: str | None = None,
+        **search: Any,
+    ) -> None:
+        """Nothing is built before the first reset.
+
+        Args:
+            num_envs: How many robots.
+            plan: Where plans come from: see `robosim.environments.sources`.
+            config: What is simulated, and how faithfully; the fastest that gives what is observed if not given.
+            max_episode_steps: Steps after which a search is truncated.
+            render_mode: None, "rgb_array" or "ansi" (text).
+            search: Fields of `SearchConfig`.
+
+        Raises:
+            ValueError: If a number is out of bounds, the render mode unknown, or the robot does not carry what it is to
+                observe by.
+            MapError: If there is no such plan.
+        """
+        check_number("num_envs", num_envs, 1, 65536, "robots", whole=True)
+        check_number("max_episode_steps", max_episode_steps, 1, 10**9, "steps", whole=True)
+        check_render_mode(render_mode, self.metadata["render_modes"])
+        self.num_envs, self.render_mode, self._most = num_envs, render_mode, max_episode_steps
+        self.search = SearchConfig(**search)
+        simulator, source = config or simulator_for(self.search), source_of(plan)
+        self._searches = [Search(source, self.search, simulator) for _ in range(num_envs)]
+        self.single_observation_space, self.single_action_space = spaces_of(self.search, simulator)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(num_envs)]
+        self._steps = np.zeros(num_envs, int)
+        self._over = np.zeros(num_envs, bool)
+        self._seen: list[dict[str, np.ndarray]] = [{}] * num_envs
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """Start a new search with each robot.
+
+        Args:
+            seed: One for the first robot, the next number for the next; or one each. None goes on as it was.
+            options: See `TargetSearch`; the same for all. `reset_mask` (n,) bool says whose search starts anew, if not
+                everybody's: then the others' observations are those of before.
+        """
+        options = dict(options or {})
+        mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
+        if np.shape(mask) != (self.num_envs,) or np.asarray(mask).dtype != bool or not np.any(mask):
+            raise ValueError(
+                f"reset_mask is {mask}, expected {self.num_envs} of True or False, one of them True."
+            )
+        seeds: list[int | None] = list(seed) if isinstance(seed, Sequence) else [None] * self.num_envs
+        if isinstance(seed, int):
+            seeds = [seed + i for i in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise ValueError(
+                f"seed has {len(seeds)} numbers, expected one for each of {self.num_envs} robots."
+            )
+        infos: dict[str, Any] = {}
+        for i in np.flatnonzero(mask).tolist():
+            if (own := seeds[i]) is not None:
+                self._rngs[i], _ = seeding.np_random(own)
+            self._seen[i], info = self._begin(i, options)
+            infos = self._add_info(infos, info, i)
+        return self._together(self._seen), infos
+
+    def step(self, actions: np.ndarray) -> Batch:
+        """Do one action with each robot; those whose search has ended begin a new one instead."""
+        rewards = np.zeros(self.num_envs)
+        arrived, late = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
+        told: list[dict[str, Any]] = []
+        for i, action in enumerate(iterate(self.action_space, actions)):
+            if self._over[i]:
+                self._seen[i], info = self._begin(i, {})
+            else:
+                self._seen[i], rewards[i], arrived[i], info = self._searches[i].step(action)
+                self._steps[i] += 1
+                late[i] = self._steps[i] >= self._most
+            told.append(info)
+        self._over = arrived | late
+        return self._together(self._seen), rewards, arrived, late, self._told(told)
+
+    def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
+        """A picture of each search, as `TargetSearch.render` draws one."""
+        if self.render_mode is None:
+            return None
+        return tuple(one.text() if self.render_mode == "ansi" else one.picture() for one in self._searches)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Free the cameras."""
+        for search in self._searches:
+            search.close()
+
+    def _begin(self, i: int, options: dict[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        self._steps[i], self._over[i] = 0, False
+        return self._searches[i].reset(self._rngs[i], options)
+
+    def _told(self, infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """What Gymnasium's own `_add_info` makes of them, but faster where all robots tell the same things."""
+        keys = infos[0].keys()
+        if any(info.keys() != keys for info in infos):
+            found: dict[str, Any] = {}
+            for i, info in enumerate(infos):
+                found = self._add_info(found, info, i)
+            return found
+        all_told = np.ones(self.num_envs, bool)
+        found = {}
+        for key in keys:
+            values = [info[key] for info in infos]
+            if isinstance(values[0], dict):
+                found[key] = self._told(values)
+            else:
+                found[key] = np.array(values, object if isinstance(values[0], str) else None)
+            found[f"_{key}"] = all_told.copy()
+        return found
+
+    def _together(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+        """Observations of all robots as arrays with one more axis in front."""
+        return {key: np.stack([one[key] for one in seen]) for key in seen[0]}

@@ -1,0 +1,138 @@
+"""What a receiver would make of known paths, without a measurement: its resolution, its reach and its errors, by rule.
+
+For learning, where a measurement and its estimation would take most of the time. Paths nearer to each other than the
+receiver can tell apart, in angle and in delay, are one; what is outside of the window of delays, or too weak beside the
+strongest, is not found; five are kept; directions, delays and strengths err by Gaussian noise, directions more where
+another path is beside. The numbers are those of the shipped receiver with `sage`, on 800 links in flat and office: it
+tells the same number of paths in 90 % of them; `robosim bench environment` compares the two.
+
+Left out: paths that are not there, and directions that are far off, as one in a hundred measured ones is.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from robosim.radio.classifier import Classifier
+from wireless.estimates import PathEstimates, wrapped
+from wireless.paths import Paths
+from wireless.sounding.sounder import Sounder
+from wireless.support.compiled import compiled
+
+#: Paths that are told.
+MOST = 5
+#: Paths nearer than this in direction [rad] and delay [samples] are one.
+MERGED_RAD, MERGED_SAMPLES = np.radians(3.0), 0.3
+#: Weaker paths are not found: SNR of the link budget, and beside the strongest [dB].
+LEAST_SNR_DB, LEAST_BESIDE_DB = -28.0, -50.0
+#: Two paths nearer than this are beside each other.
+BESIDE_RAD, BESIDE_SAMPLES = np.radians(20.0), 1.3
+#: Standard deviations: directions of paths alone and of those beside others, delays, strengths.
+SIGMA_RAD, SIGMA_SAMPLES, SIGMA_DB = np.radians([0.05, 1.0]), 0.02, 0.3
+
+
+def read_paths(
+    paths: Paths, heading_rad: float, sounder: Sounder, rng: np.random.Generator | None
+) -> PathEstimates:
+    """Estimates of one link.
+
+    Args:
+        paths: True paths of the link.
+        heading_rad: Azimuth of the receiver's own +x.
+        sounder: Whose budget and window it is.
+        rng: Source of errors; None for none.
+
+    Returns:
+        Arrivals in the receiver's frame, departures in the scene's.
+    """
+    power = np.abs(paths.gain[:, 0, 0]) ** 2
+    order = np.argsort(-power, kind="stable")
+    power, aoa, aod = power[order], paths.aoa_az[order], paths.aod_az[order]
+    delay = paths.delay_s[order] / sounder.config.sample_s
+    which, sums, beside = _told_apart(power, aoa, delay, sounder.config.half_window)
+    snr = 10 * np.log10(np.maximum(sums, 1e-300)) + sounder.budget_db
+    kept = (snr >= LEAST_SNR_DB) & (snr >= snr.max(initial=-np.inf) + LEAST_BESIDE_DB)
+    # Drawn for all places, so that what one path meets changes no other's errors.
+    error = np.zeros((4, MOST)) if rng is None else rng.normal(size=(4, MOST))
+    which = which[kept]
+    n = len(which)
+    snr = snr[kept] + SIGMA_DB * error[0, :n]
+    rank = np.argsort(-snr, kind="stable")
+    which, snr, sigma, error = which[rank], snr[rank], SIGMA_RAD[beside[kept][rank]], error[:, :n][:, rank]
+    return PathEstimates(
+        aoa_rad=_padded(wrapped(aoa[which] - heading_rad + sigma * error[1]), 0.0),
+        aod_rad=_padded(wrapped(aod[which] + sigma * error[2]), 0.0),
+        snr_db=_padded(snr, -np.inf),
+        delay_s=_padded(_after_first(delay[which] + SIGMA_SAMPLES * error[3]) * sounder.config.sample_s, 0.0),
+        count=np.array([n]),
+    )
+
+
+@compiled
+def _told_apart(
+    power: Float[np.ndarray, " n"],
+    aoa: Float[np.ndarray, " n"],
+    delay: Float[np.ndarray, " n"],
+    window: float,
+) -> tuple[Int[np.ndarray, " k"], Float[np.ndarray, " k"], Int[np.ndarray, " k"]]:
+    """Paths that the receiver can tell apart: number, power with all that they hide, and whether one is beside.
+
+    Args:
+        power: Falling.
+        aoa: Azimuths of arrival [rad].
+        delay: Delays [samples].
+        window: Most between the strongest and another [samples].
+    """
+    which, total, beside = np.empty(MOST, np.int64), np.zeros(MOST), np.zeros(MOST, np.int64)
+    count = 0
+    for k in range(len(power)):
+        if abs(delay[k] - delay[0]) > window:
+            continue
+        hidden = False
+        for place in range(count):
+            other = which[place]
+            turn = abs((aoa[k] - aoa[other] + np.pi) % (2 * np.pi) - np.pi)
+            gap = abs(delay[k] - delay[other])
+            if turn < MERGED_RAD and gap < MERGED_SAMPLES:
+                total[place] += power[k]
+                hidden = True
+                break
+        if hidden or count == MOST:
+            continue
+        for place in range(count):
+            other = which[place]
+            turn = abs((aoa[k] - aoa[other] + np.pi) % (2 * np.pi) - np.pi)
+            if turn < BESIDE_RAD and abs(delay[k] - delay[other]) < BESIDE_SAMPLES:
+                beside[count] = 1
+        which[count], total[count] = k, power[k]
+        count += 1
+    return which[:count], total[:count], beside[:count]
+
+
+def states_of(
+    links: Iterable[Paths], sounder: Sounder, classifier: Classifier
+) -> Float[np.ndarray, "links 4"]:
+    """What a classifier takes the states of links to be, from their paths read without errors.
+
+    Args:
+        links: Paths of one link each.
+        sounder: Whose budget and window it is.
+        classifier: Tells link states.
+    """
+    read = [read_paths(paths, 0.0, sounder, None) for paths in links]
+    aoa, aod, snr, delay = (
+        np.concatenate([getattr(one, name) for one in read])
+        for name in ("aoa_rad", "aod_rad", "snr_db", "delay_s")
+    )
+    return classifier.predict(aoa, snr, aod_rad=aod, delay_s=delay)
+
+
+def _after_first(delay: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    return delay - delay[0] if len(delay) else delay
+
+
+def _padded(values: Float[np.ndarray, " n"], fill: float) -> Float[np.ndarray, "1 5"]:
+    row = np.full((1, MOST), fill)
+    row[0, : len(values)] = values
+    return row

@@ -1,0 +1,20 @@
+"""The example of learning runs, from the first step to the comparison."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "learn_with_sb3.py"
+
+
+# Stable-Baselines3 advises against what is small here for the test's sake.
+@pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
+def test_it_learns_a_little_and_compares():
+    spec = importlib.util.spec_from_file_location("learn_with_sb3", EXAMPLE)
+    example = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(example)
+    example.STEPS_OF_A_SEARCH = 20
+    shares = example.main(256, robots=1, searches=1, homes=1)
+    assert set(shares) == {"learned", "at random"}
+    assert all(0 <= share <= 1 for share in shares.values())

@@ -1,0 +1,101 @@
+"""Many robots in one process: step for step what lone environments do."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+from robosim.environments.places import place_of
+from robosim.environments.target_search_vector import TargetSearchVector
+from robosim.simulator import SimulatorConfig
+from tests.plans import two_rooms
+
+PLAN = two_rooms(0.8)
+OPTIONS = {"plan": PLAN, "observe": ("depth", "lidar", "odometry", "radio", "pose"), "targets": 2}
+ID = "robosim/TargetSearch-v1"
+
+
+def assert_same(first, second, what: str = "") -> None:
+    """See that observations, or infos, are the same, key by key."""
+    if isinstance(first, dict):
+        assert first.keys() == second.keys(), what
+        for key in first:
+            assert_same(first[key], second[key], f"{what} {key}")
+    else:
+        assert np.asarray(first).dtype == np.asarray(second).dtype, what
+        assert np.array_equal(first, second), what
+
+
+@pytest.mark.parametrize("mode", ["sync", "async"])
+def test_it_does_step_for_step_what_lone_environments_do(mode):
+    """Observations, rewards, ends and infos, over searches that end and begin anew after 12 steps."""
+    ours = gymnasium.make_vec(ID, 3, vectorization_mode="vector_entry_point", max_episode_steps=12, **OPTIONS)
+    # A spec of its own: `make_vec` has no other way to end searches of lone environments early.
+    spec = gymnasium.spec(ID)
+    before, spec.max_episode_steps = spec.max_episode_steps, 12
+    # Processes of their own begin afresh: a fork would copy locks of threads that are not there any more.
+    how = {"context": "spawn"} if mode == "async" else {}
+    try:
+        theirs = gymnasium.make_vec(ID, 3, vectorization_mode=mode, vector_kwargs=how, **OPTIONS)
+    finally:
+        spec.max_episode_steps = before
+    rng = np.random.default_rng(0)
+    for a, b in zip(ours.reset(seed=4), theirs.reset(seed=4), strict=True):
+        assert_same(a, b)
+    ended = 0
+    for _ in range(30):
+        actions = rng.choice([0, 0, 1, 2], 3)
+        first, second = ours.step(actions), theirs.step(actions)
+        for name, a, b in zip(
+            ("observation", "reward", "arrived", "late", "info"), first, second, strict=True
+        ):
+            assert_same(a, b, name)
+        ended += int(first[3].sum())
+    assert ended >= 6
+    ours.close()
+    theirs.close()
+
+
+def test_a_robot_does_not_depend_on_how_many_there_are():
+    """The first of one, two and four does the same, bit for bit."""
+    ways = []
+    for count in (1, 2, 4):
+        env = TargetSearchVector(count, **OPTIONS)
+        seen = [env.reset(seed=9)[0]]
+        seen += [env.step(np.full(count, action))[0] for action in (0, 1, 0, 2, 0, 0)]
+        ways.append(np.concatenate([np.ravel(one[key][0]) for one in seen for key in sorted(one)]))
+        env.close()
+    assert np.array_equal(ways[0], ways[1])
+    assert np.array_equal(ways[0], ways[2])
+
+
+def test_robots_share_a_building_and_not_their_poses():
+    config = SimulatorConfig(physics="dynamic", camera="none", lidar="ring-64")
+    place = place_of(PLAN, config, uses_radio=False)
+    assert place_of(PLAN, config, uses_radio=False) is place
+    first, second = place.simulator(), place.simulator()
+    first.world.reset(np.array([1.0, 1.0, 0.0]))
+    second.world.reset(np.array([2.0, 2.0, 1.0]))
+    first.world.move(np.array([0.25, 0.0, 0.0]))
+    assert first.world.model is second.world.model
+    assert second.world.pose == pytest.approx([2.0, 2.0, 1.0], abs=1e-6)
+    assert first.world.pose[0] == pytest.approx(1.25, abs=2e-3)
+
+
+def test_some_may_start_anew():
+    """`reset_mask` leaves the others' observations as they were; senseless masks are refused."""
+    env = TargetSearchVector(3, plan=PLAN, observe=("pose", "lidar"))
+    env.reset(seed=0)
+    before = env.step(np.zeros(3, int))[0]
+    after, _ = env.reset(seed=[7, 8, 9], options={"reset_mask": np.array([False, True, False])})
+    assert np.array_equal(after["pose"][[0, 2]], before["pose"][[0, 2]])
+    assert np.array_equal(after["pose"][1], np.zeros(3))
+    with pytest.raises(ValueError, match="reset_mask"):
+        env.reset(options={"reset_mask": np.zeros(3, bool)})
+    with pytest.raises(ValueError, match="seed has 2 numbers"):
+        env.reset(seed=[1, 2])
+
+
+def test_pictures_of_all():
+    env = TargetSearchVector(2, plan=PLAN, observe=("pose",), render_mode="ansi")
+    env.reset(seed=0)
+    assert [text.count("X") for text in env.render()] == [1, 1]
