@@ -27,6 +27,7 @@ NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--ven
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
+	@echo "Look back on it in a browser: $(BIN)/robosim live $(OUT)"
 
 test: $(VENV)/.test-installed
 	$(BIN)/ruff check .
@@ -73,7 +74,7 @@ $(BIN)/pip: | system
 	@$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable .
+	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[live]'
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip

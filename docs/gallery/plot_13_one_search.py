@@ -24,46 +24,31 @@ def keep(log, decision):
     """Called once a decision."""
     estimate, belief, heard = decision.estimate, decision.belief, decision.situation.measured()
     seen = np.where(estimate.obstacle, 0.0, np.where(estimate.explored, 1.0, 0.8))
-    kept.append((belief.frame, belief.probability().copy(), estimate.frame, seen, decision.goal, heard))
+    kept.append((estimate.frame, seen, belief.frame, belief.probability().copy(), decision.goal, heard))
 
 
-def extent(frame):
-    """Edges of a grid [m]: left, right, below, above."""
+def show(axes, frame, cells, **options):
+    """Draw a grid where it lies."""
     (x, y), (ny, nx), cell = frame.origin_xy, frame.shape, frame.resolution_m
-    return x, x + nx * cell, y, y + ny * cell
+    axes.imshow(cells, origin="lower", extent=(x, x + nx * cell, y, y + ny * cell), **options)
 
 
 log, _ = robosim.run_episode(building, places, task, config, keep)
 
 figure, axes = plt.subplots(2, 3, figsize=(12, 11), layout="constrained")
-for place, part in zip(axes.flat, (0.0, 0.3, 0.6, 0.72, 0.82, 0.97), strict=True):
-    step = int(part * (len(kept) - 1))
-    frame, probability, cells, seen, goal, heard = kept[step]
-    place.set_facecolor("0.8")
-    place.imshow(seen, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent(cells))
+for place, step in zip(axes.flat, np.linspace(0, len(kept) - 5, 6, dtype=int), strict=True):
+    map_frame, seen, frame, probability, goal, heard = kept[step]
+    show(place, map_frame, seen, cmap="gray", vmin=0, vmax=1)
     shade = np.log10(np.maximum(probability, 1e-12) / probability.max())
-    place.imshow(
-        np.ma.masked_less(shade, -2),
-        cmap="Purples",
-        vmin=-2.5,
-        vmax=0,
-        alpha=0.6,
-        origin="lower",
-        extent=extent(frame),
-    )
+    show(place, frame, np.ma.masked_less(shade, -2), cmap="Purples", vmin=-2.5, vmax=0, alpha=0.6)
     place.plot(*np.array(log.poses)[: step + 1, :2].T, color="#009E73", lw=2.5, label="way")
-    if len(heard.aoa_rad):
-        ahead = 2.0 * np.array([np.cos(heard.aoa_rad[0]), np.sin(heard.aoa_rad[0])])
-        place.annotate(
-            "",
-            heard.pose[:2] + ahead,
-            heard.pose[:2],
-            arrowprops={"color": "#0072B2", "width": 2, "headwidth": 9},
-        )
-    place.plot([], [], color="#0072B2", lw=2, label="strongest arrival")
+    for angle in heard.aoa_rad[:1]:
+        place.quiver(*heard.pose[:2], np.cos(angle), np.sin(angle), color="#0072B2", scale=7)
     place.plot(*goal, "X", color="black", mec="white", ms=11, label="goal")
     place.plot(*task.target, "*", color="#D55E00", mec="white", ms=16, label="transmitter")
     title = f"decision {step}: {heard.state.name.lower().replace('_', ' ')}"
-    place.set(title=title, xlabel="x [m]", ylabel="y [m]", xlim=(-0.5, 15), ylim=(-0.5, 19.5))
+    place.set(
+        title=title, xlabel="x [m]", ylabel="y [m]", xlim=(-0.5, 15), ylim=(-0.5, 19.5), facecolor="0.8"
+    )
 axes[0, 0].legend(loc="upper left")
 plt.show()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "learn_with_sb3.py"
+EXAMPLE = Path(__file__).parents[2] / "docs" / "tasks" / "learn_with_sb3.py"
 
 
 # Stable-Baselines3 advises against what is small here for the test's sake.
