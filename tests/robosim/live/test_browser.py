@@ -69,7 +69,7 @@ def test_the_transmitter_is_dragged_and_the_paths_follow(explored, window):
 
 
 def test_two_windows_drag_and_see_the_same(explored, window):
-    first, second = window(explored.url), window(explored.url, 700, 500)
+    first, second = window(explored.url), window(explored.url, 1000, 640)
     for tab in (first, second):
         tab.get_by_text("the strongest first").wait_for()
     before = first.locator("table").first.inner_text()
