@@ -25,7 +25,7 @@ from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from rich.console import Console
 from rich.table import Table
 
@@ -175,8 +175,7 @@ def judged(belief: TargetBelief, target: Float[np.ndarray, "2"]) -> list[float]:
     around = p[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2]
     density = float(around.mean()) / cell_m**2 if around.size else 0.0
     peak, _ = belief.peak()
-    centres = belief.frame.centres(np.ones(p.shape, bool)).reshape(*p.shape, 2)
-    from_peak = np.hypot(*(centres - peak).transpose(2, 0, 1))
+    from_peak = np.hypot(*(belief.centres - peak).transpose(2, 0, 1))
     off_m = math.hypot(*(target - peak))
     claimed = [float(p[from_peak <= radius].sum()) for radius in RADII_M]
     return [math.log(max(density, 1e-12)), *claimed, *(float(off_m <= radius) for radius in RADII_M)]
@@ -184,13 +183,18 @@ def judged(belief: TargetBelief, target: Float[np.ndarray, "2"]) -> list[float]:
 
 def calibration_error(claimed: Float[np.ndarray, " n"], held: Float[np.ndarray, " n"]) -> float:
     """Expected calibration error: 0 if of places believed with p a share p held the target."""
-    classes = np.minimum((claimed * _CLASSES).astype(int), _CLASSES - 1)
+    classes = _classes(claimed)
     gaps = [
         abs(float(claimed[own].mean() - held[own].mean())) * float(own.mean())
         for own in (classes == i for i in range(_CLASSES))
         if own.any()
     ]
     return sum(gaps)
+
+
+def _classes(claimed: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
+    """Which of the equal classes of claimed mass each claim falls in."""
+    return np.minimum((claimed * _CLASSES).astype(int), _CLASSES - 1)
 
 
 def read_search(path: Path, count: int) -> list[Float[np.ndarray, "n m"]]:
@@ -265,7 +269,7 @@ def _plot(path: Path, by_name: dict[str, list[np.ndarray]]) -> None:
     for name, searches in by_name.items():
         noted = np.concatenate(searches)
         claimed, held = noted[:, _CLAIMED + 1], noted[:, _HELD + 1]
-        classes = np.minimum((claimed * _CLASSES).astype(int), _CLASSES - 1)
+        classes = _classes(claimed)
         shown = [i for i in range(_CLASSES) if np.count_nonzero(classes == i) >= 10]
         points = [(claimed[classes == i].mean(), held[classes == i].mean()) for i in shown]
         line = left.plot(*np.array(points).reshape(-1, 2).T, marker="o", ms=4, label=name)[0]

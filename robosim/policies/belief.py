@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from robosim.policies.leads import filled
+from robosim.policies.leads import filled, share_of
 from robosim.policies.likelihood import Likelihood, normal
 from robosim.policies.sightlines import in_sight, knowledge
 from robosim.radio.measurement import Measurement, free_path_m
@@ -116,7 +116,8 @@ class TargetBelief:
         self._located = np.zeros((n, n), np.float32)
         self._empty = np.zeros((n, n), bool)
         self._prior = np.zeros((n, n), np.float32)
-        self._centres = _centres(self.frame)
+        #: Of the cells, x, y [m].
+        self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
@@ -132,7 +133,7 @@ class TargetBelief:
         """
         c = self.config
         covariance = _TOLD * found.covariance + c.cell_m**2 / 12 * np.eye(2)
-        off = self._centres - found.xy
+        off = self.centres - found.xy
         square = np.einsum("yxi,ij,yxj->yx", off, np.linalg.inv(covariance), off, optimize=True)
         density = normal(np.exp(-0.5 * square))
         flat = np.float32(c.doubt / density.size)
@@ -155,7 +156,7 @@ class TargetBelief:
             estimate,
             known,
             self.frame,
-            self._centres,
+            self.centres,
             frequency_hz=c.frequency_hz,
             departures=c.departures,
             ways=c.ways,
@@ -179,7 +180,7 @@ class TargetBelief:
 
     def _look(self, pose: Float[np.ndarray, "3"], surely: Bool[np.ndarray, "ny nx"]) -> None:
         """The robot is here, and its camera sees no target ahead."""
-        c, off = self.config, self._centres - pose[:2]
+        c, off = self.config, self.centres - pose[:2]
         distance = np.hypot(off[..., 0], off[..., 1])
         if not c.remembers:
             self._empty[:] = False
@@ -190,10 +191,7 @@ class TargetBelief:
 
     def _before(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
         """Logarithm of the probability of each cell, but for a constant, before anything is measured."""
-        row, column = self.frame.index(estimate.frame.centres(estimate.explored))
-        inside = self.frame.inside(row, column)
-        unseen = np.ones(self.frame.shape, np.uint8)
-        unseen[row[inside], column[inside]] = 0
+        unseen = (share_of(estimate.explored, estimate, self.frame) == 0).astype(np.uint8)
         away_m = self.config.cell_m * cv2.distanceTransform(unseen, cv2.DIST_L2, 5)
         if unseen.all():
             away_m[:] = 0
@@ -217,11 +215,11 @@ class TargetBelief:
             np.pad(layer, sides, mode="edge")
             for layer in (self._log, self._located, self._empty, self._prior)
         )
-        self._centres = _centres(self.frame)
+        self.centres = _centres(self.frame)
 
     def rule_out(self, place: Float[np.ndarray, "2"], radius_m: float, strength: float = 3.0) -> None:
         """The target was looked for at a place, and not found."""
-        near = np.hypot(*(self._centres - place).transpose(2, 0, 1)) <= radius_m
+        near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
         self._log[near] -= np.float32(strength)
 
     def peak(self, radius_m: float = 0.5) -> tuple[Float[np.ndarray, "2"], float]:
@@ -232,7 +230,7 @@ class TargetBelief:
         iy, ix = np.unravel_index(int(np.argmax(around)), around.shape)
         part = np.s_[max(iy - n // 2, 0) : iy + n // 2 + 1, max(ix - n // 2, 0) : ix + n // 2 + 1]
         mass = p[part]
-        return (self._centres[part] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
+        return (self.centres[part] * mass[..., None]).sum(axis=(0, 1)) / mass.sum(), float(around[iy, ix])
 
 
 def _ends(measurement: Measurement, config: BeliefConfig) -> Float[np.ndarray, "n 2"]:

@@ -66,7 +66,7 @@ def leads(
     shut[max(iy - 1, 0) : iy + 2, max(ix - 1, 0) : ix + 2] = False
     time = march(np.where(shut, 0.0, 1.0), (iy, ix), part.resolution_m)
     out, back = (np.zeros((*part.shape, 2), np.float32) for _ in range(2))
-    entry = np.where(_share(estimate.explored, estimate, part) < _SEEN, np.int32(0), np.int32(-1))
+    entry = np.where(share_of(estimate.explored, estimate, part) < _SEEN, np.int32(0), np.int32(-1))
     reached = np.argsort(time, axis=None, kind="stable")[: np.count_nonzero(np.isfinite(time))]
     _hand_on(time, reached, iy, ix, part.resolution_m, out, back, entry)
     _fill_beside(time, reached, out, back)
@@ -79,13 +79,13 @@ def filled(estimate: MapEstimate, part: GridFrame) -> Float32[np.ndarray, "ny nx
     stands: Bool[np.ndarray, "ny nx"] = estimate.obstacle
     if estimate.anticipated_probability is not None:
         stands = stands | (~estimate.known_free & (estimate.anticipated_probability > _SURE))
-    return _share(stands, estimate, part)
+    return share_of(stands, estimate, part)
 
 
-def _share(
+def share_of(
     holds: Bool[np.ndarray, "my mx"], estimate: MapEstimate, part: GridFrame
 ) -> Float32[np.ndarray, "ny nx"]:
-    """Part of each cell of a coarser grid in which something holds."""
+    """Part of each cell of a coarser grid in which something holds of the map's cells."""
     row, column = part.index(estimate.frame.centres(holds))
     inside = part.inside(row, column)
     count = np.bincount(row[inside] * part.shape[1] + column[inside], minlength=part.shape[0] * part.shape[1])

@@ -81,16 +81,17 @@ def prospects(
     if len(beyond) < len(frontiers) and at_feet.any():
         found.append(_ahead(mass[at_feet], decisions[at_feet], way.out[unseen][at_feet].astype(float), pose))
     if far:
-        behind = _behind(far, places, inverse, np.where(at_feet, 0, mass), decisions, pose)
+        turns = np.array([_turns(one.near_xy, pose) for one in far])
+        behind = _behind(far, turns, places, inverse, np.where(at_feet, 0, mass), decisions)
         found += [
             Prospect(
                 f.goal_xy,
                 f.near_xy,
-                f.cost_m / FORWARD_M + _turns(f.near_xy, pose),
+                f.cost_m / FORWARD_M + float(turn),
                 float(share),
                 min(1.0, f.length_m / _WIDE_M),
             )
-            for f, share in zip(far, behind, strict=True)
+            for f, turn, share in zip(far, turns, behind, strict=True)
         ]
     return found
 
@@ -115,11 +116,11 @@ def _ahead(
 
 def _behind(
     frontiers: Sequence[Frontier],
+    turns: Float[np.ndarray, " m"],
     places: Float[np.ndarray, "k 2"],
     inverse: np.ndarray,
     mass: Float[np.ndarray, " n"],
     decisions: Float[np.ndarray, " n"],
-    pose: Float[np.ndarray, "3"],
 ) -> Float[np.ndarray, " m"]:
     """What is believed to lie behind each frontier, over the decisions of the ways."""
     share = np.zeros(len(frontiers))
@@ -128,7 +129,6 @@ def _behind(
     goals = np.array([frontier.goal_xy for frontier in frontiers])
     off_m = np.hypot(*(places[:, None] - goals).transpose(2, 0, 1))
     passed, own = np.argmin(off_m, axis=1), off_m.min(axis=1) < _BESIDE_M
-    turns = np.array([_turns(frontier.near_xy, pose) for frontier in frontiers])
     which = passed[inverse]
     np.add.at(share, which, np.where(own[inverse], mass / (decisions + turns[which]), 0))
     return share

@@ -116,7 +116,7 @@ def test_a_bent_wave_leads_round_the_corner():
     place, _ = belief.peak()
     off = to(corner, place) - to(corner, target)
     assert abs(off) < np.deg2rad(6)
-    p, centres = belief.probability(), belief._centres
+    p, centres = belief.probability(), belief.centres
     assert p[centres[..., 0] < 1.8].sum() < 0.2
 
 
@@ -128,8 +128,8 @@ def test_out_of_sight_the_belief_leaves_what_is_in_sight():
     nothing = Measurement(np.zeros(3), *(np.zeros(0) for _ in range(5)), np.eye(4)[LinkState.OUTAGE])
     belief.add(nothing, estimate())
     ratio = belief.probability() / before
-    inside = np.abs(belief._centres).max(axis=-1) < 5.5
-    outside = np.abs(belief._centres).max(axis=-1) > 6.5
+    inside = np.abs(belief.centres).max(axis=-1) < 5.5
+    outside = np.abs(belief.centres).max(axis=-1) > 6.5
     assert ratio[inside].max() / ratio[outside].min() == pytest.approx(0.02, rel=1e-3)
 
 
