@@ -186,8 +186,9 @@ class TargetBelief:
             self._empty[:] = False
         self._empty |= distance <= _BEEN_M
         if c.look_m > 0:
-            aside = np.abs(wrap(np.arctan2(off[..., 1], off[..., 0]) - pose[2]))
-            self._empty |= surely & (distance <= c.look_m) & (aside <= math.radians(c.look_deg) / 2)
+            near = surely & (distance <= c.look_m)
+            aside = np.abs(wrap(np.arctan2(off[near, 1], off[near, 0]) - pose[2]))
+            self._empty[near] |= aside <= math.radians(c.look_deg) / 2
 
     def _before(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:
         """Logarithm of the probability of each cell, but for a constant, before anything is measured."""
