@@ -116,7 +116,7 @@ def map_log(
     tracker = Tracker(config.tracker(loops))
     for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
-        scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m)
+        scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m)
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
         moved, covariance = config.odometry.predicted(log.moved[k], bool(log.known[k]))
         if k == 0:

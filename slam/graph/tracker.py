@@ -112,6 +112,8 @@ _VAGUE_RAD = math.radians(0.1)
 _ROUNDS = 3
 #: The surfaces around are put together anew when a pose moves by more [m].
 _MOVED_M = 0.002
+#: Fits may depart by so many times the covariance of the prediction, which counts when they are taken in, once.
+_LOOSENED = 9.0
 #: What a robot that was found again may have been off beyond what it moved [m, rad].
 _OFF_M, _OFF_RAD = 0.1, math.radians(3.0)
 #: Scans before by which a pose that was searched for is judged.
@@ -175,9 +177,9 @@ class Tracker:
             scan: Its points, robot's frame.
             view: How far it saw.
         """
-        # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
-        found = matches(self._around, scan, self.pose, prior, self.config.match)
+        # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
+        found = matches(self._around, scan, self.pose, prior, self.config.match, _LOOSENED)
         return found[0] if len(found) == 1 else self._best(found, scan, view, prior)
 
     def accept(self, match: Match, scan: ScanPoints, view: View) -> bool:

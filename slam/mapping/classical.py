@@ -199,11 +199,15 @@ class ClassicalMapper:
         """
         self._step += 1
         self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
-        points = points_of_scan(scan, self.config.match.max_range_m, self.config.resolution_m)
+        points = points_of_scan(scan, self.config.match, self.config.resolution_m)
         view = view_of_scan(scan)
         if laser is not None:
             beams = points_of_beams(
-                laser.bearing_rad, laser.range_m, laser.max_range_m, self.config.resolution_m
+                laser.bearing_rad,
+                laser.range_m,
+                laser.max_range_m,
+                self.config.resolution_m,
+                self.config.match.sigma_m,
             )
             points, view = points.with_more(beams), view_of_laser(laser)
         moved, covariance = self._measured(action, odometry)

@@ -14,7 +14,7 @@ Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbr
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -30,8 +30,12 @@ class MatchConfig:
     """How far scans are trusted."""
 
     sigma_m: float = 0.01
-    """Standard deviation of one point from its surface [m]; neighbouring points err alike, so larger than the
-    sensor's own."""
+    """Standard deviation of one point from its surface [m], of a laser or a submap; neighbouring points err alike, so
+    larger than the sensor's own."""
+    depth_sigma_m: float = 0.001
+    """The same for a column of a depth camera's image, right before it [m]."""
+    depth_sigma_per_m2: float = 0.0003
+    """How much that grows with the square of the range [m/m^2]; an error of triangulation, over the column's rows."""
     outlier_m: float = 0.03
     """Residual at which a pair counts half: wild pairs lie beyond [m]."""
     iterations: int = 6
@@ -45,6 +49,8 @@ class MatchConfig:
         check_numbers(
             self,
             sigma_m=(1e-6, 10, "m"),
+            depth_sigma_m=(1e-6, 10, "m"),
+            depth_sigma_per_m2=(0, 10, "m/m2"),
             outlier_m=(1e-6, 10, "m"),
             iterations=(1, 1000, "steps"),
             max_range_m=(0.01, 1000, "m"),
@@ -62,21 +68,22 @@ class ScanPoints:
     """Unit normals that point towards the robot."""
     weights: Float[np.ndarray, " n"]
     """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
+    sigma_m: Float[np.ndarray, " n"] | None = None
+    """Standard deviation of each from its surface [m]; None where `MatchConfig.sigma_m` says it for all."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
         """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
         heading = np.array([0.0, 0.0, pose[2]])
-        return ScanPoints(
-            points=to_map(pose, self.points), normals=to_map(heading, self.normals), weights=self.weights
-        )
+        return replace(self, points=to_map(pose, self.points), normals=to_map(heading, self.normals))
 
     def with_more(self, *others: "ScanPoints") -> "ScanPoints":
-        """These points and others'."""
+        """These points and others', all of known deviations."""
         every = (self, *others)
         return ScanPoints(
             points=np.concatenate([each.points for each in every]),
             normals=np.concatenate([each.normals for each in every]),
             weights=np.concatenate([each.weights for each in every]),
+            sigma_m=np.concatenate([each.sigma_m for each in every if each.sigma_m is not None]),
         )
 
 
@@ -92,12 +99,16 @@ class Match:
     """Which scan points lie on a surface of the map."""
 
 
-def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
+def points_of_scan(scan: Scan, config: MatchConfig, cell_m: float) -> ScanPoints:
     """Points and normals of a depth camera's scan: of what is nearest, and of what stands behind.
+
+    A camera that triangulates sees a near wall ten times as exactly as a far one; a robot that turns before a wall has
+    nothing else to hold its heading.
+    Reference: Nguyen, Izadi and Lovell, 3DIMPVT 2012, eq. (3), for how the error grows.
 
     Args:
         scan: The scan.
-        max_range_m: Farther points are dropped [m].
+        config: How far points are seen and trusted.
         cell_m: Side of a map cell [m].
 
     Returns:
@@ -105,12 +116,21 @@ def points_of_scan(scan: Scan, max_range_m: float, cell_m: float) -> ScanPoints:
     """
     slant = np.hypot(1.0, scan.left)
     bearing = np.arctan(scan.left)
-    near, far = (points_of_beams(bearing, z * slant, max_range_m, cell_m) for z in (scan.depth_m, scan.far_m))
-    return near.with_more(far)
+    near, far = (
+        points_of_beams(bearing, z * slant, config.max_range_m, cell_m, config.depth_sigma_m)
+        for z in (scan.depth_m, scan.far_m)
+    )
+    both = near.with_more(far)
+    growth_m = config.depth_sigma_per_m2 * (both.points**2).sum(axis=1)
+    return replace(both, sigma_m=np.hypot(config.depth_sigma_m, growth_m))
 
 
 def points_of_beams(
-    bearing_rad: Float[np.ndarray, " w"], range_m: Float[np.ndarray, " w"], max_range_m: float, cell_m: float
+    bearing_rad: Float[np.ndarray, " w"],
+    range_m: Float[np.ndarray, " w"],
+    max_range_m: float,
+    cell_m: float,
+    sigma_m: float,
 ) -> ScanPoints:
     """Points and normals of a fan of beams.
 
@@ -122,6 +142,7 @@ def points_of_beams(
         range_m: How far away each beam ends at a surface [m]; inf where it meets none.
         max_range_m: Farther points are dropped [m].
         cell_m: Side of a map cell [m].
+        sigma_m: Standard deviation of a point from its surface [m].
 
     Returns:
         The points that have a normal.
@@ -129,7 +150,8 @@ def points_of_beams(
     columns = np.flatnonzero(range_m <= max_range_m)
     n = len(columns)
     if n < 3:
-        return ScanPoints(points=np.empty((0, 2)), normals=np.empty((0, 2)), weights=np.empty(0))
+        nothing = np.empty((0, 2))
+        return ScanPoints(points=nothing, normals=nothing, weights=np.empty(0), sigma_m=np.empty(0))
     bearing, reached = bearing_rad[columns].astype(float), range_m[columns].astype(float)
     points = np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
     i = np.arange(n)
@@ -146,7 +168,12 @@ def points_of_beams(
     normals = np.where(inward[:, None] < 0, -normals, normals)
     good = (torn[before] == torn[after]) & (length > 1e-6) & (np.abs(inward) > 0.12)
     weights = np.minimum(spacing[good] / cell_m, 1.0)
-    return ScanPoints(points=points[good], normals=normals[good], weights=weights)
+    return ScanPoints(
+        points=points[good],
+        normals=normals[good],
+        weights=weights,
+        sigma_m=np.full(len(weights), float(sigma_m)),
+    )
 
 
 def match_scan(
@@ -168,8 +195,10 @@ def match_scan(
         start: Pose at which to begin, if not at the predicted one.
 
     Returns:
-        The pose, which is the prediction itself if the scan finds no surfaces.
+        The pose, which is the prediction itself if the scan finds no surfaces. Where points lie farther from their
+        surfaces than they should, the information is less by as much: steps, corners and furniture fit badly.
     """
+    of_points_m = np.full(len(scan.points), config.sigma_m) if scan.sigma_m is None else scan.sigma_m
     prior = np.linalg.inv(covariance)
     pose = (predicted if start is None else start).astype(float).copy()
     nothing = np.zeros(len(scan.points), bool)
@@ -181,10 +210,11 @@ def match_scan(
             mean, normal, found = surfaces.nearest(world, to_map(np.array([0, 0, pose[2]]), scan.normals))
             if found.sum() < config.min_pairs:
                 return unmatched
-            local, mean, normal, weight = scan.points[found], mean[found], normal[found], scan.weights[found]
+            local, mean, normal = scan.points[found], mean[found], normal[found]
+            weight, variance = scan.weights[found], of_points_m[found] ** 2
         arm = to_map(np.array([0, 0, pose[2]]), local)
         residual = (normal * (arm + pose[:2] - mean)).sum(axis=1)
-        trust = weight / (1 + (residual / config.outlier_m) ** 2) / config.sigma_m**2
+        trust = weight / (1 + (residual / config.outlier_m) ** 2) / variance
         jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         departure = pose - predicted
         departure[2] = wrap(departure[2])
@@ -197,6 +227,8 @@ def match_scan(
         if moved_m < 2e-4:
             break
     pose[2] = wrap(pose[2])
+    # The variance factor of least squares: squared residuals over what was expected.
+    information /= max(1.0, float((trust * residual**2).sum() / (trust * variance).sum()))
     paired = np.zeros(len(scan.points), bool)
     paired[found] = np.abs(residual) < 2 * config.outlier_m
     return Match(pose=pose, information=information, paired=paired)

@@ -11,6 +11,8 @@ from slam.matching.scan_matching import ScanPoints, points_of_beams
 #: Directions of the beams [rad].
 BEARING = np.radians(np.arange(-135, 135.1, 1.0))
 RANGE_M = 12.0
+#: What is taken for the deviation of a point where none is added [m].
+SIGMA_M = 0.02
 
 
 def rectangle(x0: float, y0: float, x1: float, y1: float) -> list[tuple[float, float, float, float]]:
@@ -38,7 +40,7 @@ def ranges(walls, pose, rng=None, sigma_m: float = 0.01, bearing=BEARING) -> np.
 
 def seen(reach: np.ndarray) -> tuple[ScanPoints, View]:
     """A scan's points, and how far it saw."""
-    scan = points_of_beams(BEARING, reach, RANGE_M, 0.05)
+    scan = points_of_beams(BEARING, reach, RANGE_M, 0.05, SIGMA_M)
     return scan, View(bearing_rad=BEARING, range_m=np.where(np.isfinite(reach), reach, -RANGE_M))
 
 
