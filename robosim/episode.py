@@ -33,6 +33,7 @@ from robosim.parts import (
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
+from robosim.policies.reason import KEPT, UNTOLD, Reason
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.policies.situation import Situation
 from robosim.radio.bearings import bearings_of
@@ -125,6 +126,8 @@ class Decision(Turn):
     """Where its policy takes the target to be; None if it keeps no such belief."""
     goal: Float[np.ndarray, "2"]
     """Where to go, in `map` [m]."""
+    reason: Reason
+    """Why to go there."""
     plan: Plan
     """How to get there."""
     action: Action
@@ -208,12 +211,14 @@ def drive(
         if goal is None:
             return turn, True
         with watch.stage("planner"):
-            goal = rounds.goal(goal, estimate.pose)
+            asked, goal = goal, rounds.goal(goal, estimate.pose)
             plan = planner.plan(estimate, goal)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
             action = controller.act(estimate.pose, plan)
         paths = simulator.radio.paths if simulator.radio else None
+        # A policy that somebody has written may not say.
+        reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
         other = on_decision(
             Decision(
                 **vars(turn),
@@ -221,6 +226,7 @@ def drive(
                 paths=paths,
                 belief=policy.belief,
                 goal=goal,
+                reason=reason,
                 plan=plan,
                 action=action,
             )
@@ -256,6 +262,7 @@ def run_episode(
     log = EpisodeLog(task, seconds=watch.seconds)
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     policy = _policy(config, navigator, task.target)
+    log.seeks_target = policy.seeks_target
     simulator = Simulator(
         building, config.simulator, watch, uses_radio=policy.uses_radio, uses_camera=policy.uses_camera
     )

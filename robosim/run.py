@@ -1,6 +1,7 @@
 """One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
 
 import importlib.metadata
+import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -19,6 +20,7 @@ from robosim.drawing.snapshot import Snapshot, arrivals, belief_layer, built_lay
 from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from robosim.policies.reason import decisions_along
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.support.files import write_json
@@ -133,11 +135,12 @@ def _record(
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
         def look(log: EpisodeLog, decision: Decision) -> None:
+            picture.seeks_target = decisions.seeks_target = log.seeks_target
             text = status_line(log, decision)
             progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
                 snapshot = snapshot_of(
-                    decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}"
+                    log, decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}"
                 )
                 decisions.add(snapshot)
             if writer is not None:
@@ -185,8 +188,9 @@ def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig)
     return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
 
 
-def snapshot_of(decision: Decision, text: str) -> Snapshot:
+def snapshot_of(log: EpisodeLog, decision: Decision, text: str) -> Snapshot:
     """What is drawn and kept of a decision."""
+    path = decision.plan.path
     return Snapshot(
         rgb=decision.view.rgb,
         depth_mm=whole_mm(decision.view.depth),
@@ -194,10 +198,14 @@ def snapshot_of(decision: Decision, text: str) -> Snapshot:
         estimate=decision.estimate.pose,
         built=built_layer(decision.estimate),
         goal=decision.goal,
-        path=decision.plan.path,
+        path=path,
         arrivals=None if decision.situation.measurement is None else arrivals(decision.situation.measurement),
         belief=None if decision.belief is None else belief_layer(decision.belief),
         text=text,
+        reason=decision.reason,
+        decisions=decisions_along(path, float(decision.estimate.pose[2])) if len(path) else math.nan,
+        coverage=log.coverage[-1],
+        true_state=log.links[-1].state if log.links else None,
     )
 
 
@@ -205,7 +213,10 @@ def status_line(log: EpisodeLog, decision: Decision) -> str:
     """How far a search is, in words."""
     gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
     error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
-    text = f"{gap:.1f} m to target, {100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
+    text = f"{100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
+    if not log.seeks_target:
+        return text
+    text = f"{gap:.1f} m to target, {text}"
     if decision.situation.measurement is None:
         return text
     return f"{text}, {decision.situation.measurement.state.name.lower().replace('_', ' ')}"
@@ -239,6 +250,7 @@ def _result(
         "plan": plan.name,
         "goal": told(config.goal),
         "seed": config.seed,
+        "seeks_target": log.seeks_target,
         **log.result(),
         "walls": len(building.walls_2d),
         "config": described(config),

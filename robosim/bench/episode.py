@@ -24,7 +24,8 @@ from rich.table import Table
 from robosim.building.building import BuildingConfig
 from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episodes import Head, Job, make_jobs, read_head, run_job
+from robosim.evaluation.episode_file import Head, read_head
+from robosim.evaluation.episodes import Job, make_jobs, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap

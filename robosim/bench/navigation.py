@@ -15,7 +15,8 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episodes import MILESTONES, make_jobs, read_head
+from robosim.evaluation.episode_file import read_head
+from robosim.evaluation.episodes import MILESTONES, make_jobs
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.sweep import sweep

@@ -94,6 +94,8 @@ class Picture:
         self._corner = low - _MARGIN_M - slack / 2
         self._walls = [self._fixed(ring) for ring in rings]
         self._target = target
+        #: Whether the target is looked for, and drawn.
+        self.seeks_target = True
         self._true = np.zeros((0, 1, 2), np.int32)
         self._estimated = np.zeros((0, 1, 2), np.int32)
 
@@ -135,7 +137,8 @@ class Picture:
             self._draw_arrivals(canvas, snapshot.arrivals, snapshot.estimate)
         if snapshot.goal is not None:
             cv2.drawMarker(canvas, self._pixel(snapshot.goal), PATH_PURPLE, cv2.MARKER_CROSS, 10, 2)
-        cv2.drawMarker(canvas, self._pixel(self._target), TARGET_RED, cv2.MARKER_STAR, 12, 2)
+        if self.seeks_target:
+            cv2.drawMarker(canvas, self._pixel(self._target), TARGET_RED, cv2.MARKER_STAR, 12, 2)
         pose = snapshot.pose
         nose = pose[:2] + 0.3 * np.array([np.cos(pose[2]), np.sin(pose[2])])
         cv2.circle(canvas, self._pixel(pose[:2]), 4, TRUE_GREEN, -1, cv2.LINE_AA)

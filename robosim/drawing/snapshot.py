@@ -4,12 +4,14 @@ Depth is rounded to millimetres, the belief to 64 levels, before anything is dra
 same picture, to the pixel.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, UInt8, UInt16
 
 from robosim.policies.belief import TargetBelief
+from robosim.policies.reason import Reason
 from robosim.radio.measurement import Measurement
 from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
@@ -67,6 +69,14 @@ class Snapshot:
     """Where the target may be, in levels of `belief_layer`."""
     text: str = ""
     """A line below."""
+    reason: Reason | None = None
+    """Why it wants to go there."""
+    decisions: float = math.nan
+    """What the way there takes, if nothing comes between; NaN if there is no way."""
+    coverage: float = math.nan
+    """Part of the reachable floor seen so far, 0 to 1."""
+    true_state: LinkState | None = None
+    """The true link state."""
 
 
 def whole_mm(depth: Float[np.ndarray, "h w"]) -> UInt16[np.ndarray, "h w"]:

@@ -15,7 +15,7 @@ from matplotlib.ticker import PercentFormatter
 
 from robosim.building.building import Building
 from robosim.drawing.plots import plan_axes
-from robosim.evaluation.episodes import Episode
+from robosim.evaluation.episode_file import Episode
 from robosim.evaluation.scores import CLASSES, Estimate, Summary
 from robosim.support.colours import ESTIMATE, TARGET, TRUE
 from robosim.task.tasks import ARRIVAL_M

@@ -14,7 +14,8 @@ from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
-from robosim.evaluation.episodes import draw_plan, make_jobs, read_head
+from robosim.evaluation.episode_file import read_head
+from robosim.evaluation.episodes import draw_plan, make_jobs
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import summary_rows
 from robosim.evaluation.results import Evaluation, write_results

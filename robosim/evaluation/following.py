@@ -15,7 +15,8 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
-from robosim.evaluation.episodes import Episode, read_episode, scene
+from robosim.evaluation.episode_file import Episode, read_episode
+from robosim.evaluation.episodes import scene
 from robosim.evaluation.suite import Suite
 from robosim.policies.arrival import FollowConfig
 from wireless.paths import LinkState

@@ -22,7 +22,8 @@ from rich.console import Console
 from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
-from robosim.evaluation.episodes import Job, read_episode
+from robosim.evaluation.episode_file import read_episode
+from robosim.evaluation.episodes import Job
 from robosim.evaluation.report import FailedEpisode, Page, write_report
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure

@@ -27,7 +27,7 @@ from robosim.drawing.picture import STATE_COLOURS
 from robosim.drawing.plots import save_figure
 from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
-from robosim.evaluation.episodes import Episode, read_episode, read_head
+from robosim.evaluation.episode_file import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
 from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise

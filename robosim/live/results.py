@@ -10,20 +10,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
-from jaxtyping import Float
 
-from robosim.drawing.snapshot import OBSTACLE, Layer, Snapshot
-from robosim.evaluation.episodes import Episode, read_episode, read_head
+from robosim.drawing.snapshot import Layer, Snapshot
+from robosim.evaluation.episode_file import Episode, read_episode, read_head
 from robosim.live.moments import Moment, Recording
 from robosim.recording.decision_log import DECISIONS, DecisionLog, read_decisions
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
 EPISODES = "episodes"
-#: Walls of an evaluation's episode are those that its robot has mapped; their outlines are smoothed by so many cells.
-_SMOOTH_CELLS = 1.5
 
 
 def is_episode(folder: Path) -> bool:
@@ -154,7 +150,7 @@ def recording_of(searched: Searched) -> Recording:
     )
     built = Layer(frame, episode.built if episode.built.size else np.zeros((1, 1), np.uint8))
     title = f"{row['policy']}, {row['plan']}, task {row['task']}"
-    recording = Recording(title, mapped_rings(built), np.array(row["target"], float), ended=str(row["ended"]))
+    recording = Recording(title, episode.rings, np.array(row["target"], float), ended=str(row["ended"]))
     for i in range(len(episode.goals)):
         recording.add(_moment(episode, i, built))
     if not len(episode.goals):
@@ -172,6 +168,8 @@ def _moment(episode: Episode, i: int, built: Layer) -> Moment:
         built=built,
         goal=episode.goals[i].astype(float),
         text=f"step {i}",
+        reason=episode.reasons[i],
+        decisions=float(episode.decisions[i]),
     )
     more: dict[str, Any] = {"coverage": float(episode.coverage[i])}
     if i < len(episode.links):
@@ -180,17 +178,3 @@ def _moment(episode: Episode, i: int, built: Layer) -> Moment:
         if np.isfinite(snr_db):
             more["snr_db"] = float(snr_db)
     return Moment(snapshot=snapshot, **more)
-
-
-def mapped_rings(built: Layer) -> list[Float[np.ndarray, "_ 2"]]:
-    """Outlines of what a map holds to be floor [m]: walls as far as a robot has seen them."""
-    known = np.pad((built.values > 0) & (built.values != OBSTACLE), 1).astype(np.uint8)
-    contours, _ = cv2.findContours(known, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    rings = [cv2.approxPolyDP(contour, _SMOOTH_CELLS, True)[:, 0].astype(float) for contour in contours]
-    corner = np.array(built.frame.origin_xy)
-    placed = [(ring - 0.5) * built.frame.resolution_m + corner for ring in rings if len(ring) > 3]
-    if placed:
-        return placed
-    rows, columns = built.frame.shape
-    box = np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float)
-    return [box * built.frame.resolution_m + corner]

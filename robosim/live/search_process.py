@@ -201,7 +201,7 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
 def moment_of(log: EpisodeLog, decision: Decision) -> Moment:
     """What is shown of a decision."""
     measurement = decision.situation.measurement
-    snapshot = snapshot_of(decision, status_line(log, decision))
+    snapshot = snapshot_of(log, decision, status_line(log, decision))
     return Moment.of(
         replace(snapshot, text=f"step {log.steps}: {snapshot.text}"),
         paths=decision.paths,

@@ -9,6 +9,7 @@ of the belief may come in sight, and behind which most of it lies, for each deci
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +18,7 @@ from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.policies.leads import leads
 from robosim.policies.prospects import prospects
+from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.sightlines import in_sight, knowledge
 from robosim.policies.situation import Situation
 from robosim.support.checks import check_numbers
@@ -74,6 +76,17 @@ class FusedConfig:
         )
 
 
+class _Rated(NamedTuple):
+    """A place to go to, and what it is worth."""
+
+    value: float
+    goal_xy: Float[np.ndarray, "2"]
+    in_sight: float
+    """Probability that the target is seen from there."""
+    decisions: float
+    """What the way there takes."""
+
+
 class Fused:
     """Goes where the target is believed to be, or where most is learnt about it."""
 
@@ -87,6 +100,9 @@ class Fused:
         self._explorer = explorer
         self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
         self.belief: TargetBelief | None = None
+        self.reason: Reason | None = None
+        self._mass = math.nan
+        self._before = ""
         self._goal: np.ndarray | None = None
         self._age = 0
         self._dwelling = Dwelling(self.config.dwell_steps, self.config.dwell_m)
@@ -102,9 +118,11 @@ class Fused:
         if situation.target is not None:
             self._seen = to_map(estimate.pose, situation.target)
         if self._seen is not None:
+            self._tell(GoalKind.SEEN, "the camera has seen the target")
             return self._seen
         straight = self._in_sight.goal(situation.measured(), estimate.pose)
         if straight is not None:
+            self._tell(GoalKind.ARRIVAL, "the strongest path comes in line of sight")
             self._goal = None
             return straight
         self._age += 1
@@ -114,24 +132,38 @@ class Fused:
         if self._goal is None or reached or self._age >= self.config.every:
             if self.config.uses_graph and (found := situation.located().get("target")) is not None:
                 self.belief.locate(found)
+            self._before = "the last goal is reached; " if reached else self._before
             self._goal, self._age = self._choose(estimate, self.belief), 0
+            self._before = ""
         return self._goal
 
     def _choose(self, estimate: MapEstimate, belief: TargetBelief) -> Float[np.ndarray, "2"] | None:
         place, mass = belief.peak()
+        self._mass = mass
         if mass >= self.config.sure:
             if math.hypot(*(place - estimate.pose[:2])) > 0.2:
+                self._tell(GoalKind.BELIEVED, f"{mass:.0%} of the belief lies within 0.5 m of it")
                 return place
             belief.rule_out(place, 0.3)
         rated = self._rate(estimate, belief)
         if rated:
-            return max(rated, key=lambda r: r[0])[1]
+            best = max(rated, key=lambda r: r.value)
+            told = f"{best.in_sight:.0%} of the belief in sight from it, {best.decisions:.0f} decisions away"
+            self._tell(GoalKind.LOOK, f"{told}: best of {len(rated)}")
+            return best.goal_xy
         onward = self._explorer.goal(estimate)
-        return place if onward is None else onward
+        if onward is None:
+            self._tell(GoalKind.BELIEVED, "nothing is left to look at")
+            return place
+        self._tell(GoalKind.EXPLORE, "the belief tells no place to look from")
+        return onward
 
-    def _rate(
-        self, estimate: MapEstimate, belief: TargetBelief
-    ) -> list[tuple[float, Float[np.ndarray, "2"]]]:
+    def _tell(self, kind: GoalKind, because: str) -> None:
+        because = f"{self._before}{because}"
+        if self.reason is None or (self.reason.kind, self.reason.because) != (kind, because):
+            self.reason = Reason(kind=kind, because=because, mass=self._mass)
+
+    def _rate(self, estimate: MapEstimate, belief: TargetBelief) -> list[_Rated]:
         """Places to go to, with the probability in sight from there and behind them for each decision on the way."""
         c = self.config
         low, high = known_box(estimate)
@@ -149,10 +181,11 @@ class Fused:
             if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
                 continue
             _, possibly = in_sight(known, one.near_xy, belief.frame, self.config.view_m)
-            value = one.width * (float(p[possibly].sum()) / (one.decisions + c.head_start) + one.behind)
+            share = float(p[possibly].sum())
+            value = one.width * (share / (one.decisions + c.head_start) + one.behind)
             if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:
                 value *= self.config.keep
-            rated.append((value, one.goal_xy))
+            rated.append(_Rated(value, one.goal_xy, share, one.decisions))
         return rated
 
     def _give_up(self) -> None:
@@ -160,5 +193,6 @@ class Fused:
         if self._goal is not None and self.belief is not None:
             self.belief.rule_out(self._goal, 0.6)
             self._given_up.append(self._goal)
+            self._before = "the last goal is given up, as the robot dwells; "
         self._goal = None
         self._dwelling.forget()

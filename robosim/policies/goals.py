@@ -27,6 +27,7 @@ from robosim.parts import GOAL
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import Fused, FusedConfig
+from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
 from robosim.policies.situation import Situation
 from robosim.support.parts import Part
 from slam.exploration.explorer import Explorer
@@ -39,7 +40,10 @@ SEEKERS = tuple(name for name in GOAL.names if name != "explore")
 
 @runtime_checkable
 class GoalPolicy(Protocol):
-    """Chooses a goal once a decision; what derives from this class takes what it does not say from here."""
+    """Chooses a goal once a decision; what derives from this class takes what it does not say from here.
+
+    One that says why it chose its last goal does so by an attribute `reason`, a `robosim.policies.reason.Reason`.
+    """
 
     #: Whether the policy looks for the target, so that an episode ends on arrival.
     seeks_target: bool = True
@@ -60,6 +64,7 @@ class Oracle:
 
     seeks_target, uses_radio, uses_camera = True, False, False
     belief: TargetBelief | None = None
+    reason: Reason | None = KNOWN
 
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
@@ -74,6 +79,7 @@ class Explore:
 
     seeks_target, uses_radio, uses_camera = False, False, False
     belief: TargetBelief | None = None
+    reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
@@ -88,6 +94,7 @@ class Visual:
 
     seeks_target, uses_radio, uses_camera = True, False, True
     belief: TargetBelief | None = None
+    reason: Reason | None = EXPLORE
 
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
@@ -97,6 +104,7 @@ class Visual:
         """The target if it was ever seen, else a frontier."""
         if situation.target is not None:
             self._seen = to_map(situation.estimate.pose, situation.target)
+            self.reason = SEEN
         return self._explorer.goal(situation.estimate) if self._seen is None else self._seen
 
 
@@ -105,6 +113,7 @@ class Wireless:
 
     seeks_target, uses_radio, uses_camera = True, True, False
     belief: TargetBelief | None = None
+    reason: Reason | None = None
 
     def __init__(self, explorer: Explorer, trusted: tuple[LinkState, ...]) -> None:
         self._explorer = explorer
@@ -113,6 +122,7 @@ class Wireless:
     def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""
         ahead = self._follow.goal(situation.measured(), situation.estimate.pose)
+        self.reason = EXPLORE if ahead is None else ARRIVAL
         return self._explorer.goal(situation.estimate) if ahead is None else ahead
 
 

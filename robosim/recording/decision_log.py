@@ -5,7 +5,7 @@ belief when it changed, all else as columns; some 15 kB a decision. What varies 
 lengths. Walls and target are in it too: no floor plan is needed to draw it.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from jaxtyping import Float, UInt8
 
 from robosim.drawing.snapshot import GUESS, Arrivals, Layer, Snapshot
 from robosim.plans.floorplan import MAX_CELLS, RESOLUTIONS_M
-from robosim.support.arrays_in import FAR, Array, read_npz
+from robosim.policies.reason import UNTOLD, GoalKind, Reason
+from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.images_in import opened_image
 from robosim.support.reading import naming, reading
@@ -37,7 +38,9 @@ class DecisionWriter:
             rings: Outlines of the building's free space [m].
             target: Where the target is [m].
         """
-        self._scene = {**_ragged("ring", rings, (0, 2)), "target": np.asarray(target, float)}
+        self._scene = {**ragged("ring", rings, (0, 2)), "target": np.asarray(target, float)}
+        #: Whether the target is looked for; a robot that only explores knows of none.
+        self.seeks_target = True
         self._rows: list[dict[str, Any]] = []
         self._built: Layer | None = None
         self._belief: Layer | None = None
@@ -56,12 +59,19 @@ class DecisionWriter:
             self._belief is None or not np.array_equal(belief.values, self._belief.values)
         )
         cells, values = _changes(self._built, built)
+        reason = snapshot.reason or UNTOLD
         self._rows.append(
             {
                 "pose": np.array(snapshot.pose),
                 "estimate": np.array(estimate),
                 "goal": np.array(goal, float),
                 "text": snapshot.text,
+                "goal_kind": reason.kind.value,
+                "because": reason.because,
+                "mass": reason.mass,
+                "decisions": snapshot.decisions,
+                "coverage": snapshot.coverage,
+                "true_state": _NO_RADIO if snapshot.true_state is None else int(snapshot.true_state),
                 "rgb": _png(np.ascontiguousarray(snapshot.rgb[..., ::-1])),
                 "depth": _png(snapshot.depth_mm),
                 "path": np.zeros((0, 2)) if snapshot.path is None else np.array(snapshot.path, float),
@@ -79,19 +89,23 @@ class DecisionWriter:
 
     def save(self, path: Path) -> None:
         """Write the file; one without decisions is written too."""
-        columns: dict[str, Any] = dict(self._scene)
+        columns: dict[str, Any] = {**self._scene, "seeks_target": np.array(self.seeks_target)}
         for name, shape in _COLUMNS.items():
             columns[name] = np.array([row[name] for row in self._rows]).reshape(-1, *shape)
-        columns["text"] = np.array([row["text"] for row in self._rows], np.str_)
+        for name in _TEXTS:
+            columns[name] = np.array([row[name] for row in self._rows], np.str_)
         for name, shape in _RAGGED.items():
-            columns |= _ragged(name, [row[name] for row in self._rows], shape)
+            columns |= ragged(name, [row[name] for row in self._rows], shape)
         write_whole(path, npz_bytes(columns))
 
 
 #: Columns of fixed length, with the shape of an entry.
 _COLUMNS = {
-    "pose": (3,), "estimate": (3,), "goal": (2,), "state": (), "map_frame": (5,), "belief_frame": (5,),
+    "pose": (3,), "estimate": (3,), "goal": (2,), "state": (), "true_state": (), "map_frame": (5,),
+    "belief_frame": (5,), "mass": (), "decisions": (), "coverage": (),
 }  # fmt: skip
+#: Columns of text.
+_TEXTS = ("text", "goal_kind", "because")
 #: Columns of entries of any length, with the shape of an empty one.
 _RAGGED: dict[str, tuple[int, ...]] = {
     "rgb": (0,), "depth": (0,), "path": (0, 2), "aoa_rad": (0,), "snr_db": (0,), "cell": (0,), "value": (0,),
@@ -104,7 +118,9 @@ _EXPECTED = {
     "ring": Array("f", "corners 2", FAR), "ring_count": Array("i", "rings"), "target": Array("f", "2", FAR),
     "pose": Array("f", "n 3", FAR), "estimate": Array("f", "n 3", FAR), "goal": Array("f", "n 2", FAR),
     "state": Array("i", "n"), "map_frame": Array("f", "n 5", FAR), "belief_frame": Array("f", "n 5"),
-    "text": Array("U", "n"), "rgb": Array("u1", "a"), "depth": Array("u1", "b"), "belief": Array("u1", "c"),
+    "true_state": Array("i", "n"), "mass": Array("f", "n"), "decisions": Array("f", "n"), "coverage": Array("f", "n"),
+    "seeks_target": Array("b", ""), **{name: Array("U", "n") for name in _TEXTS},
+    "rgb": Array("u1", "a"), "depth": Array("u1", "b"), "belief": Array("u1", "c"),
     "path": Array("f", "d 2", FAR), "aoa_rad": Array("f", "e", FAR), "snr_db": Array("f", "e", FAR),
     "cell": Array("u", "g"), "value": Array("u1", "g"), **{f"{name}_count": Array("i", "n") for name in _RAGGED},
 }  # fmt: skip
@@ -121,6 +137,8 @@ class DecisionLog:
     """Outlines of the building's free space [m]."""
     target: Float[np.ndarray, "2"]
     """Where the target is [m]."""
+    seeks_target: bool
+    """Whether it was looked for."""
     columns: dict[str, Any]
     """What was written, entries of any length as lists."""
     path: Path
@@ -183,6 +201,12 @@ class DecisionLog:
             arrivals=arrivals,
             belief=belief,
             text=str(row["text"]),
+            reason=Reason(
+                kind=GoalKind(str(row["goal_kind"])), because=str(row["because"]), mass=float(row["mass"])
+            ),
+            decisions=float(row["decisions"]),
+            coverage=float(row["coverage"]),
+            true_state=None if row["true_state"] == _NO_RADIO else LinkState(int(row["true_state"])),
         )
 
 
@@ -195,9 +219,11 @@ def read_decisions(folder: Path) -> DecisionLog:
     path = Path(folder) / DECISIONS
     with reading(path, _WHAT, _REMEDY) as file:
         arrays = read_npz(file, _EXPECTED)
-        columns: dict[str, Any] = {name: arrays[name] for name in (*_COLUMNS, "text")}
-        columns |= {name: _parts(arrays, name) for name in _RAGGED}
-        log = DecisionLog(_parts(arrays, "ring"), arrays["target"], columns, path)
+        columns: dict[str, Any] = {name: arrays[name] for name in (*_COLUMNS, *_TEXTS)}
+        columns |= {name: parts(arrays, name) for name in _RAGGED}
+        log = DecisionLog(
+            parts(arrays, "ring"), arrays["target"], bool(arrays["seeks_target"]), columns, path
+        )
         _check(log)
         return log
 
@@ -211,8 +237,8 @@ def _check(log: DecisionLog) -> None:
         raise ValueError(f"a wall lies more than {_FARTHEST_M:g} m from the target")
     columns = log.columns
     for name in ("pose", "estimate", "goal", "path"):
-        parts = columns[name] if name == "path" else [columns[name]]
-        if any(np.abs(part[:, :2] - log.target).max(initial=0) > _FARTHEST_M for part in parts):
+        some = columns[name] if name == "path" else [columns[name]]
+        if any(np.abs(part[:, :2] - log.target).max(initial=0) > _FARTHEST_M for part in some):
             raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
     has_belief = ~np.isnan(columns["belief_frame"]).all(axis=1)
     for frames in (columns["map_frame"], columns["belief_frame"][has_belief]):
@@ -221,22 +247,11 @@ def _check(log: DecisionLog) -> None:
         good &= (frames[:, 3:] >= 1).all(axis=1) & (frames[:, 3:].prod(axis=1) <= MAX_CELLS)
         if not good.all():
             raise ValueError(f"a map lies and is as no map: {frames[np.argmin(good)]}")
-    if not np.isin(columns["state"], [_NO_RADIO, *LinkState]).all():
-        raise ValueError(f"a link state is {columns['state'].max()}")
-
-
-def _ragged(name: str, parts: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
-    """Arrays of any length as one, and their lengths."""
-    joined = np.concatenate(parts) if len(parts) else np.zeros(empty)
-    return {name: joined, f"{name}_count": np.array([len(part) for part in parts], np.int64)}
-
-
-def _parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
-    joined, lengths = arrays[name], arrays[f"{name}_count"]
-    # Each is asked for before their sum, which may overflow.
-    if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
-        raise ValueError(f"the lengths of {name} do not sum up to {len(joined)}")
-    return np.split(joined, np.cumsum(lengths)[:-1]) if len(lengths) else []
+    for name in ("state", "true_state"):
+        if not np.isin(columns[name], [_NO_RADIO, *LinkState]).all():
+            raise ValueError(f"a link state is {columns[name].max()}")
+    if strange := set(columns["goal_kind"].tolist()) - set(GoalKind):
+        raise ValueError(f"a kind of goal is {min(strange)[:80]!r}")
 
 
 def _packed(frame: GridFrame) -> Float[np.ndarray, "5"]:

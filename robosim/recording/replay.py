@@ -34,6 +34,7 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
     log.check_pictures()
     shown = set(np.linspace(0, len(log) - 1, min(frames, len(log))).round().astype(int).tolist())
     picture = Picture(log.rings, log.target, anticipates=log.anticipates)
+    picture.seeks_target = log.seeks_target
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
     writer = VideoWriter(video, picture.size)
     kept = []

@@ -9,7 +9,7 @@ import io
 import math
 import struct
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -125,6 +125,31 @@ def checked(array: np.ndarray, expected: Array, name: str, sizes: dict[str, int]
         if not (-expected.most <= low and high <= expected.most):
             raise ValueError(f"{name} goes from {low:g} to {high:g}, expected at most {expected.most:g}")
     return array
+
+
+def ragged(name: str, some: Sequence[np.ndarray], empty: tuple[int, ...]) -> dict[str, np.ndarray]:
+    """Arrays of any length as one of a name, and their lengths as `NAME_count`.
+
+    Args:
+        name: What it is called.
+        some: The arrays.
+        empty: Shape of none.
+    """
+    joined = np.concatenate(some) if len(some) else np.zeros(empty)
+    return {name: joined, f"{name}_count": np.array([len(one) for one in some], np.int64)}
+
+
+def parts(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
+    """The arrays that `ragged` has joined.
+
+    Raises:
+        ValueError: If their lengths do not sum up.
+    """
+    joined, lengths = arrays[name], arrays[f"{name}_count"]
+    # Each is asked for before their sum, which may overflow.
+    if len(lengths) and not (lengths.min() >= 0 and lengths.max() <= len(joined) == lengths.sum()):
+        raise ValueError(f"the lengths of {name} do not sum up to {len(joined)}")
+    return np.split(joined, np.cumsum(lengths)[:-1]) if len(lengths) else []
 
 
 def _check_directory(file: IO[bytes]) -> None:

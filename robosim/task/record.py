@@ -64,6 +64,8 @@ class EpisodeLog:
     """Wall-clock time by stage [s]."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
+    seeks_target: bool = True
+    """Whether the target is looked for; an episode that only explores is about coverage."""
 
     def __repr__(self) -> str:
         return f"<EpisodeLog: {self.ended} after {self.steps} step(s)>"
@@ -174,7 +176,7 @@ class EpisodeLog:
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw the true way, the estimated one and the target.
+        """Draw the true way, the estimated one and the target, if that is looked for.
 
         Args:
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
@@ -186,7 +188,9 @@ class EpisodeLog:
         axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
         axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
         axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
-        axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
+        if self.seeks_target:
+            axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
+            axes.add_patch(Circle(tuple(self.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
         for anchor in self.task.anchors:
             axes.plot(*anchor.place, "^", color=TARGET, ms=7, mfc=TARGET if anchor.known else "none")
             axes.annotate(
@@ -196,7 +200,6 @@ class EpisodeLog:
                 textcoords="offset points",
                 fontsize=7,
             )
-        axes.add_patch(Circle(tuple(self.task.target), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
         axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
         return axes
 

@@ -23,7 +23,7 @@ from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
 from robosim.drawing.snapshot import Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episodes import Head, _to_bytes
+from robosim.evaluation.episode_file import Decided, Head, to_bytes
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
 from robosim.plans.files import write_png, write_ros
@@ -31,6 +31,7 @@ from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.plans.formats.pgm import encode_pgm
 from robosim.plans.formats.plan_image import GREY
 from robosim.plans.furnishings.pieces import make_piece
+from robosim.policies.reason import ARRIVAL
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import COLUMNS as MEASURED
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
@@ -214,6 +215,9 @@ def decisions(folder: Path) -> None:
                 else Arrivals(rng.uniform(-3, 3, 2), np.array([30.0, 10.0]), LinkState.LOS),
                 belief=None if i < 2 else belief,
                 text=f"small step {i}",
+                reason=None if i == 3 else ARRIVAL,
+                coverage=0.1 * i,
+                true_state=LinkState.OUTAGE,
             )
         )
     writer.save(_into(folder, "decisions") / DECISIONS)
@@ -226,8 +230,10 @@ def _episode(task: int, policy: str, steps: int) -> bytes:
     if policy != "oracle":
         log.links = [Link(LinkState.HIGHER_ORDER, LinkState.FIRST_ORDER, 20.0, 0.1)] * steps
     row = kept.row("pair", task, policy, TARGET, steps=steps)
-    goals = np.array(log.poses)[:-1, :2] + (0.6, 0.0)
-    return _to_bytes(Head(row, {"wall": 1.0, "decisions_per_s": 9.0}, "0123"), log, goals, _estimate())
+    goals = list(np.array(log.poses)[:-1, :2] + (0.6, 0.0))
+    decided = Decided(goals, [ARRIVAL] * steps, [2.4] * steps)
+    head = Head(row, {"wall": 1.0, "decisions_per_s": 9.0}, "0123")
+    return to_bytes(head, log, decided, [np.array([[0.0, 0], [6, 0], [6, 3], [0, 3]])], _estimate())
 
 
 def evaluation(folder: Path) -> None:

@@ -18,7 +18,7 @@ from robosim.building.storeys import make_storeys
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episodes import read_episode, read_head
+from robosim.evaluation.episode_file import read_episode, read_head
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite

@@ -10,6 +10,7 @@ from PIL import Image
 
 from robosim.drawing.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
+from robosim.policies.reason import GoalKind, Reason
 from robosim.recording import replay as replaying
 from robosim.recording.decision_log import DECISIONS, DecisionWriter, read_decisions
 from robosim.recording.replay import replay
@@ -68,6 +69,17 @@ def test_the_log_tells_what_the_other_files_tell(recorded):
     np.testing.assert_array_equal(log.target, [5.0, 2.4])
 
 
+def test_the_log_tells_why(recorded):
+    """Each decision of `fused` has a reason in words; the way to the goal takes at least its straight length."""
+    kinds = set()
+    for m in read_decisions(recorded).snapshots():
+        assert m.reason.because and m.reason.kind is not GoalKind.OTHER
+        kinds.add(m.reason.kind)
+        assert m.decisions >= np.hypot(*(m.path[-1] - m.path[0])) / 0.25 - 1e-9
+        assert m.true_state is not None and 0 < m.coverage <= 1
+    assert kinds & {GoalKind.LOOK, GoalKind.ARRIVAL}
+
+
 def test_nothing_is_simulated_by_a_replay(recorded, tmp_path, monkeypatch):
     """Neither camera, physics nor radio is made, and no plan is read: only the log is there."""
     alone = tmp_path / "alone"
@@ -102,6 +114,10 @@ def _moment(origin, shape, belief, state, text) -> Snapshot:
         arrivals=None if state is None else Arrivals(rng.normal(size=n), rng.normal(size=n), state),
         belief=None if belief is None else Layer(around, np.full((7, 7), belief, np.uint8)),
         text=text,
+        reason=Reason(kind=GoalKind.LOOK, because=f"because of {text}", mass=float(n)),
+        decisions=float(n),
+        coverage=0.25,
+        true_state=state,
     )
 
 
@@ -175,6 +191,8 @@ def _forged_size(pictures):
         ({"goal": _one((3, 1), 3e6)}, "a goal lies more than 100000 m from the target"),
         ({"path": lambda a: a + 2e5}, "a path lies more than"),
         ({"state": _one(2, 9)}, "a link state is 9"),
+        ({"true_state": _one(2, 9)}, "a link state is 9"),
+        ({"goal_kind": _one(2, "whim")}, "a kind of goal is 'whim'"),
         ({"map_frame": _one((5, 3), 1e6)}, "a map lies and is as no map"),
         ({"map_frame": _one((5, 2), 1e-9)}, "a map lies and is as no map"),
         ({"belief_frame": _one((-1, 2), np.nan)}, "a map lies and is as no map"),

@@ -1,0 +1,69 @@
+"""Why a policy wants to go where it wants to go: what is kept of each decision, and shown beside it."""
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.actions import FORWARD_M, TURN_RAD
+from slam.poses import wrap
+
+
+class GoalKind(StrEnum):
+    """What a goal is."""
+
+    KNOWN = "target known"
+    """The target's place, told to the policy."""
+    SEEN = "target seen"
+    """Where the camera saw the target."""
+    ARRIVAL = "arrival followed"
+    """A point ahead along the strongest radio path."""
+    BELIEVED = "place believed"
+    """Where the belief has gathered."""
+    LOOK = "place to look from"
+    """Where most of the belief comes in sight, or lies behind, for each decision of the way."""
+    EXPLORE = "map's edge"
+    """Where the map ends, whatever the radio says."""
+    KEPT = "goal kept"
+    """An earlier goal, since two of them took turns."""
+    OTHER = "not told"
+    """The policy does not say."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reason:
+    """Why the present goal was taken, or kept when it was last looked at."""
+
+    kind: GoalKind
+    """What the goal is."""
+    because: str = ""
+    """What was weighed then, in a few words."""
+    mass: float = math.nan
+    """Probability that the target was within half a metre of the place most believed then; NaN without a belief."""
+
+
+#: Of policies that have one reason for a kind of goal.
+KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is told where the target is")
+SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
+ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
+EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
+#: Of a policy that does not say.
+UNTOLD = Reason(kind=GoalKind.OTHER)
+#: Of a goal that is kept from outside of the policy (`slam.planning.rounds`).
+KEPT = Reason(kind=GoalKind.KEPT, because="two goals took turns, so the present one is kept for a while")
+
+
+def decisions_along(path: Float[np.ndarray, "n 2"], yaw: float) -> float:
+    """What a way takes if nothing comes between [decisions]: steps ahead, and turns at its corners.
+
+    Args:
+        path: Corners of the way (x, y) [m], from the robot on.
+        yaw: Where the robot looks [rad].
+    """
+    legs = np.diff(path, axis=0)
+    length = np.hypot(legs[:, 0], legs[:, 1])
+    legs, length = legs[length > 0], length[length > 0]
+    heading = np.concatenate([[yaw], np.arctan2(legs[:, 1], legs[:, 0])])
+    return float(length.sum() / FORWARD_M + np.abs(wrap(np.diff(heading))).sum() / TURN_RAD)

@@ -1,0 +1,54 @@
+"""Why a goal was taken: what policies say of it, and what the way there takes."""
+
+import numpy as np
+import pytest
+
+from robosim.policies.goals import PolicyContext, make_policy
+from robosim.policies.reason import GoalKind, decisions_along
+from robosim.policies.situation import Situation
+from slam.exploration.explorer import FrontierExplorer
+from slam.grid import GridFrame, MapEstimate
+
+
+@pytest.mark.parametrize(
+    ("path", "yaw", "expected"),
+    [
+        ([[0, 0], [1, 0]], 0.0, 4.0),
+        ([[0, 0], [1, 0]], np.pi / 2, 4.0 + 9.0),
+        ([[0, 0], [1, 0], [1, 0], [1, -0.5]], 0.0, 6.0 + 9.0),
+        ([[0, 0], [-1, 0]], 3.0, 4.0 + (np.pi - 3.0) / np.radians(10)),
+        ([[2, 3]], 1.0, 0.0),
+    ],
+)
+def test_a_way_takes_its_steps_and_turns(path, yaw, expected):
+    """By hand: 0.25 m a step, 10 degrees a turn; turns go the short way round."""
+    assert decisions_along(np.array(path, float), yaw) == pytest.approx(expected)
+
+
+def _situation(target=None) -> Situation:
+    frame = GridFrame(origin_xy=(-3.0, -3.0), shape=(120, 120))
+    explored = np.zeros(frame.shape, bool)
+    explored[40:80, 40:80] = True
+    return Situation(
+        MapEstimate(
+            frame=frame,
+            obstacle_probability=np.full(frame.shape, 0.1, np.float32),
+            explored=explored,
+            blocked=np.zeros(frame.shape, bool),
+            pose=np.zeros(3),
+        ),
+        target=target,
+    )
+
+
+def test_policies_say_what_their_goal_is():
+    """The oracle knows, `explore` goes to the map's edge, `visual` changes its reason when it sees the target."""
+    context = PolicyContext(explorer=FrontierExplorer(), target=np.array([1.0, 0.0]))
+    oracle, explore, visual = (make_policy(name, context) for name in ("oracle", "explore", "visual"))
+    for policy in (oracle, explore, visual):
+        policy.goal(_situation())
+    assert [p.reason.kind for p in (oracle, explore, visual)] == [
+        GoalKind.KNOWN, GoalKind.EXPLORE, GoalKind.EXPLORE,
+    ]  # fmt: skip
+    visual.goal(_situation(target=np.array([1.0, 0.0])))
+    assert visual.reason.kind is GoalKind.SEEN
