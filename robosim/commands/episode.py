@@ -93,9 +93,10 @@ def episode(
     )
     tell(result, folder)
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
+    shortest = f" (shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f})"
     told = (
-        f" after {result['steps']} steps and {result['path_length_m']:.2f} m "
-        f"(shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f}), {seen}, "
+        f" after {result['steps']} steps and {result['path_length_m']:.2f} m"
+        f"{shortest if result['seeks_target'] else ''}, {seen}, "
         f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
     console.print(Text.assemble((result["ended"], "bold"), told))

@@ -1,8 +1,11 @@
 """One picture of a moment: the camera's view beside the map as it grows, and beside what is guessed of the rest.
 
+Below them what was decided and why, and time lines; beside them a legend, and on each map a scale bar and north.
 Drawn by OpenCV straight into an array, since a video needs one for every decision.
 """
 
+import math
+import textwrap
 from collections.abc import Sequence
 
 import cv2
@@ -11,6 +14,7 @@ import shapely
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
+from robosim.drawing.marks import SCALE_PX, Entry, draw_scale, legend, write
 from robosim.drawing.snapshot import (
     BLOCKED,
     FREE,
@@ -23,11 +27,15 @@ from robosim.drawing.snapshot import (
     Layer,
     Snapshot,
 )
+from robosim.drawing.timeline import Timeline
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
 HEIGHT = 384
-_BAR = 32
+#: Height of what stands below, brief or with time lines; width of the legend [pixels].
+_BAR, _STRIP, LEGEND = 32, 132, 210
+#: Letters of a line below the camera, and lines there.
+_LETTERS, _LINES, _LINE_PX = 54, 7, 18
 _MAX_MAP_WIDTH = 640
 _MARGIN_M = 0.4
 
@@ -47,6 +55,12 @@ STATE_COLOURS = {
     LinkState.FIRST_ORDER: (0, 114, 178),
     LinkState.HIGHER_ORDER: (213, 94, 0),
 }
+STATE_NAMES = {
+    LinkState.OUTAGE: "outage",
+    LinkState.LOS: "line of sight",
+    LinkState.FIRST_ORDER: "first-order NLOS",
+    LinkState.HIGHER_ORDER: "higher-order NLOS",
+}
 #: Length of the strongest arrival's arrow [m].
 ARRIVAL_M = 1.5
 #: Colour of each kind of cell of the built map, as OpenCV's tables are.
@@ -63,6 +77,8 @@ _GUESSES[GUESS : GUESS + GUESS_LEVELS, 0] = np.stack(
     axis=-1,
 )
 
+#: Size of titles.
+_TEXT = 0.45
 #: Bits of a pixel's fraction in OpenCV's fixed-point coordinates: lines then fall between pixels smoothly.
 _SHIFT = 4
 
@@ -76,6 +92,7 @@ class Picture:
         target: Float[np.ndarray, "2"],
         *,
         anticipates: bool = False,
+        brief: bool = False,
     ) -> None:
         """Fix the scale so that the whole building fits.
 
@@ -83,26 +100,32 @@ class Picture:
             rings: Outlines of its free space, of `building_rings` [m].
             target: Where the target is [m].
             anticipates: Whether a second map shows what the mapper guesses where it has not looked.
+            brief: Whether legend, reasons and time lines are left out.
         """
+        self._brief = brief
         self._palettes = {"observed": PALETTE, "anticipated": _GUESSES} if anticipates else {"": PALETTE}
         low, high = np.concatenate(rings).min(axis=0), np.concatenate(rings).max(axis=0)
         extent = high - low + 2 * _MARGIN_M
-        self._px_per_m = float(min(HEIGHT / extent[1], _MAX_MAP_WIDTH / extent[0]))
+        # Scale bar and north stand below the plan.
+        self._px_per_m = float(min((HEIGHT - SCALE_PX) / extent[1], _MAX_MAP_WIDTH / extent[0]))
         width = max(int(extent[0] * self._px_per_m), HEIGHT // 2)
         self._map_width = width + width % 2
-        slack = np.array([self._map_width, HEIGHT]) / self._px_per_m - extent
-        self._corner = low - _MARGIN_M - slack / 2
+        slack = np.array([self._map_width, HEIGHT - SCALE_PX]) / self._px_per_m - extent
+        self._corner = low - _MARGIN_M - slack / 2 - np.array([0, SCALE_PX / self._px_per_m])
         self._walls = [self._fixed(ring) for ring in rings]
         self._target = target
         #: Whether the target is looked for, and drawn.
         self.seeks_target = True
         self._true = np.zeros((0, 1, 2), np.int32)
         self._estimated = np.zeros((0, 1, 2), np.int32)
+        self._timeline = Timeline(len(self._palettes) * self._map_width, _STRIP, STATE_COLOURS)
+        self._legend: np.ndarray | None = None
 
     @property
     def size(self) -> tuple[int, int]:
         """Width and height [pixels]."""
-        return HEIGHT + len(self._palettes) * self._map_width, HEIGHT + _BAR
+        width = HEIGHT + len(self._palettes) * self._map_width
+        return (width, HEIGHT + _BAR) if self._brief else (width + LEGEND, HEIGHT + _STRIP)
 
     def draw(self, snapshot: Snapshot) -> UInt8[np.ndarray, "height width 3"]:
         """The picture of one decision; the trajectories grow by one point a call.
@@ -118,11 +141,58 @@ class Picture:
         for k, (title, palette) in enumerate(self._palettes.items()):
             canvas = self._base(snapshot.built, palette)
             self._draw_over(canvas, snapshot)
-            _write(canvas, title, (8, 16))
+            draw_scale(canvas, self._px_per_m)
+            write(canvas, title, (8, 16), _TEXT)
             left = HEIGHT + k * self._map_width
             image[:HEIGHT, left : left + self._map_width] = canvas
-        _write(image, snapshot.text, (8, HEIGHT + _BAR - 11))
+        if self._brief:
+            write(image, snapshot.text, (8, HEIGHT + _BAR - 11), _TEXT)
+            return image
+        for i, line in enumerate(_lines(snapshot)[:_LINES]):
+            write(image, line, (8, HEIGHT + 18 + _LINE_PX * i))
+        self._grow(snapshot)
+        below = self._timeline.draw()
+        image[HEIGHT:, HEIGHT : HEIGHT + below.shape[1]] = below
+        if self._legend is None:
+            self._legend = legend(self._entries(snapshot), LEGEND, len(image))
+        image[:, -LEGEND:] = self._legend
         return image
+
+    def _grow(self, snapshot: Snapshot) -> None:
+        """Let the time lines grow."""
+        found = snapshot.arrivals
+        snr_db = float(found.snr_db[0]) if found is not None and len(found.snr_db) else math.nan
+        told = None if found is None else found.state
+        self._timeline.add(snr_db, told, snapshot.true_state, snapshot.coverage)
+
+    def _entries(self, snapshot: Snapshot) -> list[Entry]:
+        """What is named in the legend: what an episode like this one shows."""
+        entries = [
+            Entry("true wall", WALL_BLUE),
+            Entry("true way", TRUE_GREEN),
+            Entry("way as estimated", ESTIMATE_ORANGE),
+            Entry("planned way", PATH_PURPLE),
+            Entry("goal", PATH_PURPLE, "cross"),
+            Entry("The robot's map"),
+            Entry("floor seen", FREE_WHITE, "area"),
+            Entry("obstacle seen", OBSTACLE_BLACK, "area"),
+            Entry("bumped into", TARGET_RED, "area"),
+            Entry("not seen", UNKNOWN_GREY, "area"),
+        ]
+        if len(self._palettes) > 1:
+            floor, wall = (_GUESSES[GUESS + k, 0].tolist() for k in (0, GUESS_LEVELS - 1))
+            entries += [
+                Entry("floor anticipated", tuple(floor), "area"),
+                Entry("obstacle anticipated", tuple(wall), "area"),
+            ]
+        if self.seeks_target:
+            entries += [Entry("The target"), Entry("where it is", TARGET_RED, "star")]
+        if snapshot.belief is not None:
+            entries.append(Entry("where it may be", _tint_of(0.5), "area"))
+        if snapshot.arrivals is not None:
+            entries.append(Entry("Arrivals, by told state"))
+            entries += [Entry(STATE_NAMES[state], STATE_COLOURS[state], "arrow") for state in LinkState]
+        return [*entries, Entry("Depth in the corner:"), Entry("the nearer the lighter")]
 
     def _draw_over(self, canvas: np.ndarray, snapshot: Snapshot) -> None:
         """Draw belief, walls, ways, arrivals, goal, target and robot over a map."""
@@ -203,8 +273,22 @@ class Picture:
         return int(column), int(row)
 
 
-def _write(canvas: np.ndarray, text: str, at: tuple[int, int]) -> None:
-    cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.45, (0, 0, 0), 1, cv2.LINE_AA)
+def _lines(snapshot: Snapshot) -> list[str]:
+    """What was decided and why, in lines below the camera."""
+    said = [snapshot.text]
+    if snapshot.reason is not None and snapshot.reason.because:
+        far = "" if math.isnan(snapshot.decisions) else f", {snapshot.decisions:.0f} decisions away"
+        said.append(f"Goal: {snapshot.reason.kind.value}{far}")
+        said.append(f"Why: {snapshot.reason.because}")
+        if not math.isnan(snapshot.reason.mass):
+            said.append(f"Belief within 0.5 m of its peak: {snapshot.reason.mass:.0%}")
+    return [line for one in said for line in textwrap.wrap(one, _LETTERS)]
+
+
+def _tint_of(share: float) -> tuple[int, int, int]:
+    """Colour of the floor where the belief is of some strength, 0 to 1."""
+    mixed = [round((1 - 0.7 * share) * 255 + 0.7 * share * channel) for channel in TARGET_RED]
+    return mixed[0], mixed[1], mixed[2]
 
 
 def building_rings(building: Building) -> list[Float[np.ndarray, "_ 2"]]:

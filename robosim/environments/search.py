@@ -137,7 +137,7 @@ class Search:
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view beside the plan with the robot's way."""
         if self._picture is None:
-            self._picture = Picture(self.place.rings, self._task.target)
+            self._picture = Picture(self.place.rings, self._task.target, brief=True)
         moment = Snapshot(
             rgb=self._view.rgb,
             depth_mm=whole_mm(self._view.depth),

@@ -17,7 +17,7 @@ from jaxtyping import Float, UInt8
 
 from robosim.episode import Decision
 from robosim.evaluation.rows import check_row, is_number, name_of
-from robosim.policies.reason import GoalKind, Reason, decisions_along
+from robosim.policies.reason import UNTOLD, GoalKind, Reason, decisions_along
 from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
 from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_json
@@ -34,8 +34,9 @@ _EXPECTED = {
     "ring_count": Array("i", "rings"), "goal_kind": Array("U", "m"), "because": Array("U", "m"),
     "mass": Array("f", "m"), "decisions": Array("f", "m"),
 }  # fmt: skip
-#: Arrays that are handed on as they are.
-_AS_READ = ("poses", "estimates", "goals", "decisions", "coverage", "links", "built", "built_frame")
+#: Arrays that are handed on as they are, and those that episodes of version 0.1 lack.
+_AS_READ = ("poses", "estimates", "goals", "coverage", "links", "built", "built_frame")
+_LATER = ("ring", "ring_count", "goal_kind", "because", "mass", "decisions")
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Episode:
     built_frame: Float[np.ndarray, "3"]
     """Origin x, y and resolution [m] of the built map."""
     rings: list[Float[np.ndarray, "_ 2"]]
-    """Outlines of the building's free space, and of what stands in it [m]."""
+    """Outlines of the building's free space, and of what stands in it [m]; none in files of version 0.1."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def read_episode(path: Path) -> Episode:
         FileError: As `read_head` does.
     """
     with reading(path, _WHAT, _REMEDY) as file:
-        arrays = read_npz(file, _EXPECTED)
+        arrays = read_npz(file, _EXPECTED, optional=_LATER)
         head = _head(arrays, path)
         moments = len(arrays["poses"])
         if not moments or max(len(arrays["goals"]), len(arrays["links"])) > moments:
@@ -122,18 +123,24 @@ def read_episode(path: Path) -> Episode:
             raise ValueError("a link state is none")
         if arrays["built"].max(initial=0) > 2:
             raise ValueError(f"a cell of the map is {arrays['built'].max()}, expected 0, 1 or 2")
-        if strange := set(arrays["goal_kind"].tolist()) - set(GoalKind):
-            raise ValueError(f"a kind of goal is {min(strange)[:80]!r}")
-        told = (arrays[name].tolist() for name in ("goal_kind", "because", "mass"))
+        count = len(arrays["goals"])
         return Episode(
             head=head,
-            reasons=[
-                Reason(kind=GoalKind(kind), because=because, mass=mass)
-                for kind, because, mass in zip(*told, strict=True)
-            ],
-            rings=parts(arrays, "ring"),
+            reasons=_reasons(arrays) if "goal_kind" in arrays else [UNTOLD] * count,
+            decisions=arrays.get("decisions", np.full(count, np.nan)),
+            rings=parts(arrays, "ring") if "ring" in arrays else [],
             **{name: arrays[name] for name in _AS_READ},
         )
+
+
+def _reasons(arrays: Mapping[str, np.ndarray]) -> list[Reason]:
+    if strange := set(arrays["goal_kind"].tolist()) - set(GoalKind):
+        raise ValueError(f"a kind of goal is {min(strange)[:80]!r}")
+    told = (arrays[name].tolist() for name in ("goal_kind", "because", "mass"))
+    return [
+        Reason(kind=GoalKind(kind), because=because, mass=mass)
+        for kind, because, mass in zip(*told, strict=True)
+    ]
 
 
 def _head(arrays: Mapping[str, np.ndarray], path: Path) -> Head:

@@ -26,14 +26,6 @@ FLOOR: Colour = (246, 246, 244)
 
 #: Received power that the scale of colours begins and ends at [dBm].
 POWER_DBM = (-110.0, -40.0)
-STATE_NAMES = {
-    LinkState.OUTAGE: "outage",
-    LinkState.LOS: "line of sight",
-    LinkState.FIRST_ORDER: "first-order NLOS",
-    LinkState.HIGHER_ORDER: "higher-order NLOS",
-}
-
-
 #: Tables of colours, each with the part of it that is taken: the palest end would hardly show on white.
 _PARTS = {"cividis": (0.0, 1.0), "twilight": (0.0, 1.0), "viridis_r": (0.12, 1.0)}
 TableName = Literal["cividis", "twilight", "viridis_r"]

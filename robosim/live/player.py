@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import STATE_COLOURS
-from robosim.live.colours import STATE_NAMES, css
+from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
+from robosim.live.colours import css
 from robosim.live.export import exported
 from robosim.live.moments import Moment, Recording
 from robosim.live.scenery import Scenery

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
 from robosim.drawing.snapshot import Layer, Snapshot
 from robosim.evaluation.episode_file import Episode, read_episode, read_head
@@ -150,7 +151,9 @@ def recording_of(searched: Searched) -> Recording:
     )
     built = Layer(frame, episode.built if episode.built.size else np.zeros((1, 1), np.uint8))
     title = f"{row['policy']}, {row['plan']}, task {row['task']}"
-    recording = Recording(title, episode.rings, np.array(row["target"], float), ended=str(row["ended"]))
+    recording = Recording(
+        title, episode.rings or [_box(frame)], np.array(row["target"], float), ended=str(row["ended"])
+    )
     for i in range(len(episode.goals)):
         recording.add(_moment(episode, i, built))
     if not len(episode.goals):
@@ -178,3 +181,9 @@ def _moment(episode: Episode, i: int, built: Layer) -> Moment:
         if np.isfinite(snr_db):
             more["snr_db"] = float(snr_db)
     return Moment(snapshot=snapshot, **more)
+
+
+def _box(frame: GridFrame) -> Float[np.ndarray, "4 2"]:
+    """Outline of a map [m], for an episode of version 0.1, which keeps no walls."""
+    rows, columns = frame.shape
+    return frame.to_points(np.array([[0, 0], [columns, 0], [columns, rows], [0, rows]], float))

@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float
 
+from robosim.drawing.scale import bar_m
 from robosim.live.colours import FLOOR, WALL, WALL_EDGE
 from robosim.live.walls import facing_free, floor_mesh, wall_mesh, wall_sides
 
 if TYPE_CHECKING:
     import viser
 
-#: Lengths that a scale bar may have [m].
-_BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 #: Lines on the floor lie so high over each other [m], that none hides the next.
 STEP_M = 0.01
 #: What is to be seen over all of them is so high.
@@ -105,7 +104,7 @@ class Scenery:
 
     def _draw_scale(self, scene: "viser.SceneApi") -> None:
         """A bar of a round length, and an arrow along the plan's y, below the plan's south-west corner."""
-        length = max((bar for bar in _BARS_M if bar <= 0.3 * self.size.max()), default=_BARS_M[0])
+        length = bar_m(float(self.size.max()))
         gap = 0.05 * max(float(self.size.max()), 1.0)
         x, y = self.low[0], self.low[1] - 1.2 * gap
         tick, z = 0.3 * gap, OVER_MAPS_M

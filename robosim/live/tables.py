@@ -9,12 +9,11 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.drawing.picture import STATE_COLOURS
+from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
 from robosim.live.colours import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
     ROBOT_COLOUR,
-    STATE_NAMES,
     TRUE_ARRIVAL,
     TX_COLOUR,
     Colour,

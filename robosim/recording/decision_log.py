@@ -124,6 +124,8 @@ _EXPECTED = {
     "path": Array("f", "d 2", FAR), "aoa_rad": Array("f", "e", FAR), "snr_db": Array("f", "e", FAR),
     "cell": Array("u", "g"), "value": Array("u1", "g"), **{f"{name}_count": Array("i", "n") for name in _RAGGED},
 }  # fmt: skip
+#: Of these, what logs of version 0.1 lack.
+_LATER = ("seeks_target", "true_state", "goal_kind", "because", "mass", "decisions", "coverage")
 _WHAT, _REMEDY = "the log of an episode", "Give a folder of `robosim episode`, or run the episode again."
 #: Pixels of a picture; and how far from the target anything is [m], or it could not be drawn in whole pixels.
 _MOST_PIXELS, _FARTHEST_M, _NARROWEST_M = 4096**2, 1e5, 0.01
@@ -218,7 +220,7 @@ def read_decisions(folder: Path) -> DecisionLog:
     """
     path = Path(folder) / DECISIONS
     with reading(path, _WHAT, _REMEDY) as file:
-        arrays = read_npz(file, _EXPECTED)
+        arrays = _completed(read_npz(file, _EXPECTED, optional=_LATER))
         columns: dict[str, Any] = {name: arrays[name] for name in (*_COLUMNS, *_TEXTS)}
         columns |= {name: parts(arrays, name) for name in _RAGGED}
         log = DecisionLog(
@@ -226,6 +228,19 @@ def read_decisions(folder: Path) -> DecisionLog:
         )
         _check(log)
         return log
+
+
+def _completed(arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays of a log, with those that it lacks if it is of version 0.1: nothing was told then."""
+    count = len(arrays["pose"])
+    nothing = {
+        "seeks_target": np.array(True),
+        "true_state": np.full(count, _NO_RADIO),
+        "goal_kind": np.full(count, UNTOLD.kind.value),
+        "because": np.full(count, ""),
+        **{name: np.full(count, np.nan) for name in ("mass", "decisions", "coverage")},
+    }
+    return {**nothing, **arrays}
 
 
 def _check(log: DecisionLog) -> None:

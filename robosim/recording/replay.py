@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.drawing.picture import Picture
+from robosim.drawing.picture import LEGEND, Picture
 from robosim.drawing.video import VideoWriter
 from robosim.recording.decision_log import read_decisions
 from robosim.support.files import write_whole
@@ -46,7 +46,11 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
                 kept.append(frame)
     finally:
         writer.close()
-    _, content = cv2.imencode(".png", cv2.cvtColor(_tiled(kept), cv2.COLOR_RGB2BGR))
+    # One legend for all.
+    tiled = _tiled([frame[:, :-LEGEND] for frame in kept])
+    beside = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
+    beside[: len(kept[0])] = kept[0][:, -LEGEND:]
+    _, content = cv2.imencode(".png", cv2.cvtColor(np.hstack([tiled, beside]), cv2.COLOR_RGB2BGR))
     write_whole(sheet, content.tobytes())
     return [video, sheet]
 

@@ -9,7 +9,7 @@ import io
 import math
 import struct
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import IO, NamedTuple
 
 import numpy as np
@@ -35,13 +35,18 @@ class Array(NamedTuple):
 
 
 def read_npz(
-    file: IO[bytes], expected: Mapping[str, Array], *, most_bytes: int = MOST_BYTES
+    file: IO[bytes],
+    expected: Mapping[str, Array],
+    *,
+    optional: Collection[str] = (),
+    most_bytes: int = MOST_BYTES,
 ) -> dict[str, np.ndarray]:
     """Arrays of an archive.
 
     Args:
         file: The archive.
         expected: What each array must be, by its name; others are left alone.
+        optional: Those that may be missing, as in files of an earlier version.
         most_bytes: How large they may be together.
 
     Raises:
@@ -55,6 +60,8 @@ def read_npz(
     with zipfile.ZipFile(file) as archive:
         for name, array in expected.items():
             member = archive.getinfo(f"{name}.npy") if f"{name}.npy" in archive.NameToInfo else None
+            if member is None and name in optional:
+                continue
             if member is None:
                 raise ValueError(f"the array {name} is missing")
             left -= member.file_size

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from robosim.drawing.picture import LEGEND
 from robosim.drawing.snapshot import TOP_LEVEL, Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
 from robosim.policies.reason import GoalKind, Reason
 from robosim.recording import replay as replaying
-from robosim.recording.decision_log import DECISIONS, DecisionWriter, read_decisions
+from robosim.recording.decision_log import _LATER, DECISIONS, DecisionWriter, read_decisions
 from robosim.recording.replay import replay
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -46,7 +47,7 @@ def test_a_replay_is_the_video_of_the_episode(recorded, tmp_path):
     assert video.read_bytes() == (recorded / "episode.mp4").read_bytes()
     with Image.open(sheet) as picture:
         width, height = picture.size
-    assert width % 3 == 0 and height % 4 == 0
+    assert (width - LEGEND) % 3 == 0 and height % 4 == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["replay.mp4", "sheet.png"]
 
 
@@ -146,6 +147,16 @@ def test_what_is_written_reads_the_same(tmp_path):
     for written, read in zip(snapshots, log.snapshots(), strict=True):
         for name in vars(written):
             assert _same(getattr(written, name), getattr(read, name)), name
+
+
+def test_a_log_of_version_0_1_is_drawn(recorded, tmp_path):
+    """Without what came later: no reasons, no true states, no coverage."""
+    with np.load(recorded / DECISIONS) as file:
+        arrays = {name: file[name] for name in file.files if name not in _LATER}
+    np.savez(tmp_path / DECISIONS, **arrays)
+    log = read_decisions(tmp_path)
+    assert log.seeks_target and {m.reason.kind for m in log.snapshots()} == {GoalKind.OTHER}
+    assert all(path.is_file() for path in replay(tmp_path, tmp_path, frames=1))
 
 
 def test_mistakes_are_named(tmp_path):
