@@ -30,22 +30,30 @@ def map_keys() -> list[Artist]:
     return [Patch(facecolor=shade, edgecolor="0.5", lw=0.5, label=label) for label, shade in shades]
 
 
-def explain(axes: Axes, keys: Sequence[Artist], title: str | None = None) -> None:
+def heading(text: str) -> Artist:
+    """A line of a legend without a sign."""
+    return Line2D([], [], ls="", label=text)
+
+
+def explain(
+    axes: Axes, keys: Sequence[Artist], title: str | None = None, *, after: Sequence[Artist] = ()
+) -> None:
     """Set a legend beside a plan, and a scale bar and an arrow to the north below it.
 
     What the axes show must be set before.
 
     Args:
         axes: In metres.
-        keys: Of what is drawn beside what has a label already.
+        keys: Of what is drawn beside what has a label already; they stand before it.
         title: Of the legend.
+        after: Keys that stand after it.
     """
     drawn, _ = axes.get_legend_handles_labels()
     inside = axes.get_legend()
     if inside is not None:
         inside.remove()
     axes.figure.legend(
-        handles=[*keys, *drawn],
+        handles=[*keys, *drawn, *after],
         loc="outside right upper",
         fontsize=8,
         frameon=False,

@@ -1,4 +1,4 @@
-"""Pictures of an evaluation: arrival rates, relative arrival times, SPL, and single episodes from what is kept."""
+"""Charts of an evaluation: arrival rates, relative arrival times, SPL."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,15 +10,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from matplotlib.ticker import PercentFormatter
 
-from robosim.building.building import Building
-from robosim.drawing.plots import plan_axes
-from robosim.evaluation.episode_file import Episode
 from robosim.evaluation.scores import CLASSES, Estimate, Summary
-from robosim.support.colours import ESTIMATE, TARGET, TRUE
-from robosim.task.tasks import ARRIVAL_M
 
 #: Okabe and Ito's colours, in the order that policies come in.
 _COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#999999")
@@ -63,34 +57,6 @@ def time_chart(scored: Sequence[Mapping[str, Any]], bar: str = "oracle") -> Figu
     handles, labels = panels[-1].get_legend_handles_labels()
     if handles:
         panels[-1].legend(handles, labels, loc="lower right", fontsize=8, frameon=False)
-    return figure
-
-
-def episode_picture(building: Building, episode: Episode) -> Figure:
-    """An episode from above: the built map, the walls, where the robot was, believed to be and wanted to go."""
-    row = episode.head.row
-    figure, axes = plan_axes(building)
-    x, y, cell_m = episode.built_frame
-    height, width = np.array(episode.built.shape) * cell_m
-    if episode.built.size:
-        shade = np.array([0.85, 1.0, 0.35])[episode.built]
-        extent = (x, x + width, y, y + height)
-        axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=0)
-    building.draw_walls(axes)
-    axes.plot(*episode.goals.T, ".", color="#CC79A7", ms=4, label="goals")
-    axes.plot(*episode.poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
-    axes.plot(*episode.estimates[:, :2].T, color=ESTIMATE, lw=0.9, label="estimated way")
-    axes.plot(*episode.poses[0, :2], "o", color=TRUE, ms=8, label="start")
-    axes.plot(*episode.poses[-1, :2], "s", color=TRUE, ms=7, mec="k", label="end")
-    axes.plot(*row["target"], "*", color=TARGET, ms=14, label="target")
-    axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
-    axes.set_title(
-        f"{row['plan']} {row['task']}, {row['policy']}: {row['ended']} after {row['steps']} steps, "
-        f"{row['final_distance_m']:.1f} m away (the way was {row['shortest_m']:.1f} m)",
-        fontsize=9,
-        parse_math=False,
-    )
-    axes.legend(loc="upper left", fontsize=7, framealpha=0.8)
     return figure
 
 

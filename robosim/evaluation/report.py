@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robosim.evaluation.plain_names import plain_name
 from robosim.evaluation.scores import Estimate, Summary
 from robosim.support.files import whole_file
 
@@ -17,24 +18,44 @@ h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 2em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
 td, th { padding: .2em .8em; text-align: right; border-bottom: 1px solid #eee; white-space: nowrap }
 th { border-bottom: 1px solid #999; font-weight: 600 }
-td:first-child, th:first-child, td.name { text-align: left }
+td:first-child, th:first-child, td.name, .list th { text-align: left }
 tr.first td { border-top: 1px solid #999 }
 img { max-width: 100% } figure { margin: 1em 0 } figcaption { color: #555; font-size: 13px }
-.failures { display: grid; grid-template-columns: repeat(auto-fill, minmax(330px, 1fr)); gap: 1.2em }
+section { border-top: 1px solid #ccc; margin-top: 1.5em } h3 { font-size: 1em } .lost { color: #a33 }
 code { font: 12px/1.4 ui-monospace, monospace; background: #f5f5f5; overflow-wrap: anywhere; padding: .1em .3em }
 .wide { overflow-x: auto } .warn { color: #a33 } small { color: #777 }
 """
 
 
 @dataclass(frozen=True)
-class FailedEpisode:
-    """An episode without arrival, as the page shows it."""
+class TaskEpisode:
+    """An episode of a task, as the page tells it."""
+
+    cells: Sequence[str]
+    """As `TASK_HEADS`."""
+    arrived: bool
+    goals: str
+    """Of how many decisions the goal was what, in words."""
+    command: str
+    """What to type to run it again."""
+
+
+@dataclass(frozen=True)
+class TaskPage:
+    """One task, as the page shows it."""
 
     title: str
     what: str
-    command: str
-    """What to type to run it again."""
+    """Which policy did what, in a line."""
+    episodes: Sequence[TaskEpisode]
     picture: Path | None
+    """The ways of two policies; None for tasks beyond the first ones."""
+
+
+#: What is told of each episode of a task.
+TASK_HEADS = (
+    "policy", "arrived", "actions", "x oracle", "way [m]", "shortest [m]", "SPL", "floor seen [%]", "collisions",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,7 +73,11 @@ class Page:
     """By policy: means of the table's columns."""
     seconds: Mapping[str, Mapping[str, float]]
     """By policy: mean seconds of an episode by stage."""
-    failed: Sequence[FailedEpisode]
+    decisions_per_s: Mapping[str, float]
+    """By policy: decisions a second, over the time of all stages but making the scene."""
+    order: str
+    """In which order tasks stand."""
+    tasks: Sequence[TaskPage]
 
 
 def write_report(page: Page, path: Path) -> None:
@@ -67,14 +92,16 @@ def write_report(page: Page, path: Path) -> None:
         "steps relative to the oracle's on the same task, and x shortest the median relative to a robot that knows the "
         "building, where that was run; never: fewer episodes than that arrive.</small></p>",
         *(_figure(picture, caption) for picture, caption in page.pictures),
-        "<h2>Where the time goes</h2><p>Mean seconds of an episode.</p>",
+        f"<h2>Task by task</h2><p>{escape(page.order)}</p>",
+        _task_list(page.tasks),
+        *(_task(number, task) for number, task in enumerate(page.tasks)),
+        "<h2>Where the time goes</h2><p>Mean seconds of an episode, by stage.</p>",
         _wide_table(page.seconds, "{:.2f}"),
-        "<h2>Means of all columns</h2>",
+        "<p>Decisions a second, without the time that making building, robot and radio ready takes: "
+        + escape(", ".join(f"{policy} {rate:.1f}" for policy, rate in page.decisions_per_s.items()))
+        + ".</p>",
+        "<h2>Means of all episodes</h2>",
         _wide_table(page.means, "{:.3g}"),
-        f"<h2>Episodes without arrival: {len(page.failed)}</h2>",
-        '<div class="failures">',
-        *(_failed(episode) for episode in page.failed),
-        "</div>",
     ]
     body = "\n".join(parts)
     head = f'<meta charset="utf-8"><title>{escape(page.title)}</title><style>{_STYLE}</style>'
@@ -141,7 +168,7 @@ def _wide_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
     """A table with a column for each policy and a line for each name."""
     names = list(dict.fromkeys(name for values in columns.values() for name in values))
     rows = [
-        f"<tr><td>{escape(name)}</td>"
+        f"<tr><td>{escape(plain_name(name))}</td>"
         + "".join(
             f"<td>{form.format(values[name]) if name in values else ''}</td>" for values in columns.values()
         )
@@ -160,11 +187,30 @@ def _figure(picture: Path, caption: str) -> str:
     return f"<figure>{_image(picture, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
 
 
-def _failed(episode: FailedEpisode) -> str:
-    image = _image(episode.picture, episode.title) if episode.picture else ""
+def _task_list(tasks: Sequence[TaskPage]) -> str:
+    rows = [
+        f'<tr><td><a href="#task-{number}">{escape(task.title)}</a></td><td class="name">{escape(task.what)}</td></tr>'
+        for number, task in enumerate(tasks)
+    ]
+    return f'<div class="list">{_table(("task", "in short"), rows)}</div>'
+
+
+def _task(number: int, task: TaskPage) -> str:
+    """A task: its picture, all its episodes, and how to run each again."""
+    rows = []
+    for episode in task.episodes:
+        lost = "" if episode.arrived else ' class="lost"'
+        name, *cells = map(escape, episode.cells)
+        rows.append(f"<tr{lost}><td>{name}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
+    image = _image(task.picture, task.title) if task.picture else ""
+    told = "".join(
+        f"<li><b>{escape(episode.cells[0])}</b>: {escape(episode.goals)}<br><code>{escape(episode.command)}</code></li>"
+        for episode in task.episodes
+    )
     return (
-        f"<figure>{image}<figcaption><b>{escape(episode.title)}</b> {escape(episode.what)}<br>"
-        f"<code>{escape(episode.command)}</code></figcaption></figure>"
+        f'<section id="task-{number}"><h3>{escape(task.title)}</h3><p>{escape(task.what)}</p>{image}'
+        f"{_table(TASK_HEADS, rows)}<details><summary>Goals, and how to run each again</summary><ul>{told}</ul>"
+        "</details></section>"
     )
 
 

@@ -6,6 +6,7 @@ seed, byte for byte; `timing.parquet` is not.
 
 import io
 import shlex
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,19 +22,23 @@ from rich.console import Console
 
 from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.charts import arrival_chart, episode_picture, spl_chart, time_chart
+from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart
+from robosim.evaluation.comparison import Compared, compared, subject_of
 from robosim.evaluation.episode_file import read_episode
 from robosim.evaluation.episodes import Job
-from robosim.evaluation.report import FailedEpisode, Page, write_report
+from robosim.evaluation.report import Page, TaskEpisode, TaskPage, write_report
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
+from robosim.evaluation.ways import ways_figure
 from robosim.support.assets import shipped_plans
 from robosim.support.files import plain, whole_file, write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.workers import Workers
 
-#: Episodes without arrival that the page shows with their pictures; all are listed.
+#: Tasks that the page shows with a picture, the worst first; all are listed.
 _PICTURES = 60
+#: Pictures that a process draws at once.
+_AT_ONCE = 5
 _IDENTITY = ("plan", "task", "policy", "repeat", "seed")
 
 
@@ -108,23 +113,36 @@ def write_results(
     for name, figure, _ in charts:
         save_figure(figure, out / f"{name}.png")
     pictures = [(out / f"{name}.png", caption) for name, _, caption in charts]
-    failed = _draw_failed(result, out, options, workers, console)
-    write_report(_page(result, config, pictures, failed), out / "report.html")
+    tasks = compared(result.rows)
+    drawn = _draw_tasks(result, tasks, out, workers, console)
+    pages = [_task_page(result, task, options, drawn.get(task), out) for task in tasks]
+    write_report(_page(result, config, pictures, pages), out / "report.html")
 
 
 def _page(
     result: Evaluation,
     config: EpisodeConfig,
     pictures: list[tuple[Path, str]],
-    failed: list[FailedEpisode],
+    tasks: list[TaskPage],
 ) -> Page:
     policies = list(dict.fromkeys(row["policy"] for row in result.rows))
     own = {p: [i for i, row in enumerate(result.rows) if row["policy"] == p] for p in policies}
-    tasks, plans = {(row["plan"], row["task"]) for row in result.rows}, {row["plan"] for row in result.rows}
+    plans, count = (
+        {row["plan"] for row in result.rows},
+        len({(row["plan"], row["task"]) for row in result.rows}),
+    )
     lead = (
-        f"{len(tasks)} tasks in {len(plans)} floor plans, {len(result.rows)} episodes. "
+        f"{count} tasks in {len(plans)} floor plans, {len(result.rows)} episodes. "
         f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
         f"{config.simulator.noise.level:g}, at most {config.max_steps} steps."
+    )
+    seconds = {p: _means([result.timing[i] for i in own[p]]) for p in policies}
+    rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}
+    subject = subject_of(policies)
+    order = (
+        f"Tasks that {subject} failed stand first, then those where it lost most to the best of the other policies. "
+        f"The first {min(len(tasks), _PICTURES)} have a picture: the ways of both on one map, with the true walls, "
+        "and below it the link state as told and what the goal was at each decision."
     )
     return Page(
         title=f"Evaluation of {', '.join(policies)}",
@@ -133,8 +151,10 @@ def _page(
         summaries=result.summaries,
         pictures=pictures,
         means={p: _means([result.rows[i] for i in own[p]]) for p in policies},
-        seconds={p: _means([result.timing[i] for i in own[p]]) for p in policies},
-        failed=failed,
+        seconds=seconds,
+        decisions_per_s=rates,
+        order=order,
+        tasks=tasks,
     )
 
 
@@ -146,46 +166,88 @@ def write_parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
         pq.write_table(table, partial)
 
 
-def _draw_failed(
-    result: Evaluation, out: Path, options: str, workers: int, console: Console
-) -> list[FailedEpisode]:
-    """Episodes without arrival, the first of them with pictures; each plan's are drawn in one process."""
-    failed = [(job, row) for job, row in zip(result.jobs, result.rows, strict=True) if not row["arrived"]]
-    by_plan: dict[Path, list[Job]] = {}
-    for job, _ in failed[:_PICTURES]:
-        by_plan.setdefault(job.plan_file, []).append(job)
-    drawn: dict[str, Path] = {}
-    with (
-        Workers(min(workers, len(by_plan) or 1), what="pictures") as pool,
-        told_units(console, "plans with failures", len(by_plan)) as tell,
-    ):
-        for _, pictures in pool.run(_draw, [(own, out) for own in by_plan.values()]):
-            for name, content in pictures.items():
-                drawn[name] = out / "failures" / f"{name.replace('/', '-')}.png"
-                write_whole(drawn[name], content)
-            tell("")
-    return [
-        FailedEpisode(
-            job.name,
-            f"{row['difficulty']}: {row['ended']} after {row['steps']} steps, "
-            f"{row['final_distance_m']:.1f} m from the target",
-            replay_command(job, options),
-            drawn.get(job.name),
-        )
-        for job, row in failed
+def _draw_tasks(
+    result: Evaluation, tasks: list[Compared], out: Path, workers: int, console: Console
+) -> dict[Compared, Path]:
+    """Pictures of the first tasks."""
+    shown = tasks[:_PICTURES]
+    files = [
+        [result.jobs[i].file(out) for i in (task.subject, task.rival) if i is not None] for task in shown
     ]
+    calls = [(files[first : first + _AT_ONCE],) for first in range(0, len(files), _AT_ONCE)]
+    drawn: dict[Compared, Path] = {}
+    with (
+        Workers(min(workers, len(calls) or 1), what="pictures") as pool,
+        told_units(console, "pictures of tasks", len(calls)) as tell,
+    ):
+        for number, pictures in pool.run(_draw, calls):
+            for task, content in zip(shown[number * _AT_ONCE :], pictures, strict=False):
+                path = out / "tasks" / f"{task.plan}-{task.task:03d}-{task.repeat}.png"
+                write_whole(path, content)
+                drawn[task] = path
+            tell("")
+    return drawn
 
 
-def _draw(jobs: list[Job], out: Path) -> dict[str, bytes]:
-    """Pictures of episodes of one plan, by their names."""
-    building, _ = jobs[0].scene()
-    return {job.name: _small(episode_picture(building, read_episode(job.file(out)))) for job in jobs}
+def _draw(files: list[list[Path]]) -> list[bytes]:
+    """Pictures of some tasks, each from the files of its one or two episodes."""
+    return [_small(ways_figure([read_episode(file) for file in some])) for some in files]
+
+
+def _task_page(result: Evaluation, task: Compared, options: str, picture: Path | None, out: Path) -> TaskPage:
+    rows = result.rows
+    difficulty = rows[task.episodes[0]]["difficulty"]
+    again = f", repetition {task.repeat}" if task.repeat else ""
+    told = [_in_short(rows[i]) for i in (task.subject, task.rival) if i is not None]
+    times = f": {task.loss:.2f} times as many" if np.isfinite(task.loss) and task.loss > 0 else ""
+    return TaskPage(
+        title=f"{task.plan}, task {task.task}{again} ({difficulty})",
+        what=f"{', '.join(told)}{times}",
+        episodes=[
+            TaskEpisode(
+                cells=_cells(rows[i]),
+                arrived=rows[i]["arrived"],
+                goals=_goals(result.jobs[i].file(out)),
+                command=replay_command(result.jobs[i], options),
+            )
+            for i in task.episodes
+        ],
+        picture=picture,
+    )
+
+
+def _in_short(row: Mapping[str, Any]) -> str:
+    if row["arrived"]:
+        return f"{row['policy']} arrives after {row['arrived_at_step']} actions"
+    return f"{row['policy']} {row['ended']} after {row['steps']}, {row['final_distance_m']:.1f} m away"
+
+
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Of `TASK_HEADS`."""
+    time = row["relative_time"]
+    return (
+        row["policy"],
+        "yes" if row["arrived"] else "no",
+        str(row["arrived_at_step"] if row["arrived"] else row["steps"]),
+        f"{time:.2f}" if np.isfinite(time) else "-" if np.isnan(time) else "never",
+        f"{row['path_length_m']:.1f}",
+        f"{row['shortest_m']:.1f}",
+        f"{row['spl']:.2f}",
+        f"{100 * row['coverage']:.0f}",
+        str(row["collisions"]),
+    )
+
+
+def _goals(file: Path) -> str:
+    """What the goals of an episode were, the most frequent first."""
+    counts = Counter(reason.kind.value for reason in read_episode(file).reasons)
+    return ", ".join(f"{kind} {count}" for kind, count in counts.most_common()) or "no decision"
 
 
 def _small(figure: Figure) -> bytes:
     """A picture in few colours, since a page may hold many."""
     drawn, small = io.BytesIO(), io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=70)
+    figure.savefig(drawn, format="png", dpi=85)
     plt.close(figure)
     few = Image.open(drawn).convert("RGB").quantize(192, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     few.save(small, format="png", optimize=True)

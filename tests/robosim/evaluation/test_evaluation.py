@@ -322,20 +322,34 @@ class _Page(HTMLParser):
 
 
 def test_the_report_needs_no_other_file(suite, tmp_path):
-    """Pictures are inside, as PNG data; no address; each failure has its picture and its command."""
+    """Pictures are inside, as PNG data; no address; each task has its picture, each episode its command."""
     result = _evaluate(suite, tmp_path)
     text = (tmp_path / "report.html").read_text()
     page = _Page()
     page.feed(text)
     assert page.open == []
     assert "http" not in text.replace("robosim", "")
-    failed = [row for row in result.rows if not row["arrived"]]
-    assert {(row["task"], row["policy"]) for row in failed} >= {(1, "oracle"), (1, "explore")}
-    assert len(page.sources) == 3 + len(failed)
-    for source in page.sources:
+    inside = [source for source in page.sources if not source.startswith("#")]
+    assert [source for source in page.sources if source.startswith("#")] == ["#task-0", "#task-1"]
+    assert len(inside) == 3 + 2
+    for source in inside:
         head, data = source.split(",")
         assert head == "data:image/png;base64"
         assert min(Image.open(io.BytesIO(base64.b64decode(data))).size) > 200
-    assert text.count("robosim episode ") == len(failed)
+    assert text.count("robosim episode ") == len(result.rows)
+    assert "deepest_by_distance_m" not in text and "deepest in a wall, by distance [m]" in text
     kept = json.loads((tmp_path / "summary.json").read_text())["summary"]
     assert kept[0]["policy"] == "oracle"
+
+
+def test_the_report_is_made_from_the_episodes_alone(suite, tmp_path, monkeypatch):
+    """Neither plan nor building is there when it is drawn a second time, and it is the same, byte for byte."""
+    result = _evaluate(suite, tmp_path)
+    first = (tmp_path / "report.html").read_bytes()
+    (tmp_path / "report.html").unlink()
+    for plan in (tmp_path / "plans").iterdir():
+        plan.unlink()
+    for name in ("robosim.evaluation.episodes.make_building", "robosim.evaluation.episodes.read_plan"):
+        monkeypatch.setattr(name, None)
+    results.write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
+    assert (tmp_path / "report.html").read_bytes() == first

@@ -1,0 +1,154 @@
+"""One task as a picture: the ways of two policies on one map, and below them what led them; from their logs alone."""
+
+from collections.abc import Sequence
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+from jaxtyping import Float, UInt8
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, PathPatch
+from matplotlib.path import Path
+
+from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
+from robosim.drawing.plan_marks import explain, heading, wall_keys
+from robosim.evaluation.episode_file import Episode
+from robosim.policies.reason import GoalKind
+from robosim.support.colours import TARGET, WALL
+from robosim.task.tasks import ARRIVAL_M
+from wireless.paths import LinkState
+
+#: Line of the policy that is looked at, and of the other.
+_WAYS = (("#0072B2", "-", 2.0), ("#E69F00", "--", 1.6))
+#: Decisions between the numbers along a way.
+_EVERY = 50
+#: Colour of each kind of goal, after Okabe and Ito (2008).
+GOAL_COLOURS = {
+    GoalKind.KNOWN: "#000000",
+    GoalKind.SEEN: "#D55E00",
+    GoalKind.ARRIVAL: "#009E73",
+    GoalKind.BELIEVED: "#CC79A7",
+    GoalKind.LOOK: "#56B4E9",
+    GoalKind.EXPLORE: "#F0E442",
+    GoalKind.KEPT: "#7F7F7F",
+    GoalKind.OTHER: "#DDDDDD",
+}
+
+
+def ways_figure(episodes: Sequence[Episode]) -> Figure:
+    """One or two episodes of a task on one map, each with its link states and kinds of goals below.
+
+    Args:
+        episodes: The one that is looked at, and perhaps another.
+    """
+    size, (low, high) = _extent(episodes)
+    figure, (plan, below) = plt.subplots(
+        2,
+        1,
+        figsize=size,
+        height_ratios=[size[1] - _BELOW_INCHES, _BELOW_INCHES],
+        layout="constrained",
+    )
+    plan.set_aspect("equal")
+    plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]")
+    plan.set_facecolor("0.85")
+    _draw_building(plan, episodes)
+    for episode, style in zip(episodes, _WAYS, strict=False):
+        _draw_way(plan, episode, style)
+    row = episodes[0].head.row
+    plan.plot(*row["start"][:2], "o", color="k", ms=6, label="start")
+    plan.plot(*row["target"], "*", color=TARGET, ms=14, mec="k", mew=0.5, label="target")
+    plan.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
+    keys = wall_keys(furnished=False) if any(one.rings for one in episodes) else []
+    keys.append(Line2D([], [], marker=".", ls="", color="0.25", label=f"every {_EVERY} decisions"))
+    states, kinds = _draw_ribbons(below, episodes)
+    after = [heading("link state as told:")] if states else []
+    after += [
+        Patch(color="#{:02x}{:02x}{:02x}".format(*STATE_COLOURS[s]), label=STATE_NAMES[s]) for s in states
+    ]
+    after += [heading("goal:"), *(Patch(facecolor=GOAL_COLOURS[kind], label=kind.value) for kind in kinds)]
+    explain(plan, keys, after=after)
+    return figure
+
+
+_BELOW_INCHES = 1.3
+
+
+def _extent(episodes: Sequence[Episode]) -> tuple[tuple[float, float], np.ndarray]:
+    """Size of the figure [inches], and what is shown: low and high corner [m]."""
+    parts = [ring for one in episodes for ring in one.rings] + [one.poses[:, :2] for one in episodes]
+    parts.append(np.array([episodes[0].head.row["target"]], float))
+    points = np.concatenate(parts)
+    low, high = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
+    aspect = (high[1] - low[1]) / (high[0] - low[0])
+    width = 6.5 if aspect < 1.2 else 6.5 / aspect * 1.2
+    height = float(np.clip(width * aspect, 2.5, 9.0))
+    return (max(width, 4.0) + 2.2, height + _BELOW_INCHES + 0.9), np.stack([low, high])
+
+
+def _draw_building(axes: Axes, episodes: Sequence[Episode]) -> None:
+    """Floor and walls; of a log of version 0.1, which has none, the map that its robot had in the end."""
+    rings = next((one.rings for one in episodes if one.rings), [])
+    if rings:
+        closed = [np.vstack([ring, ring[:1]]) for ring in rings]
+        codes = [[Path.MOVETO, *[Path.LINETO] * (len(ring) - 2), Path.CLOSEPOLY] for ring in closed]
+        floor = Path(np.concatenate(closed), np.concatenate(codes))
+        axes.add_patch(PathPatch(floor, facecolor="white", lw=0, zorder=0))
+        axes.add_collection(LineCollection(closed, colors=WALL, linewidths=0.9, zorder=2))
+        return
+    built, (x, y, cell_m) = episodes[0].built, episodes[0].built_frame
+    if built.size:
+        shade = np.array([0.85, 1.0, 0.35])[built]
+        extent = (x, x + built.shape[1] * cell_m, y, y + built.shape[0] * cell_m)
+        axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=0)
+
+
+def _draw_way(axes: Axes, episode: Episode, style: tuple[str, str, float]) -> None:
+    row, (colour, dashes, width) = episode.head.row, style
+    way = episode.poses[:, :2]
+    end = f"arrives at {row['arrived_at_step']}" if row["arrived"] else f"{row['ended']} at {row['steps']}"
+    axes.plot(*way.T, dashes, color=colour, lw=width, zorder=4, label=f"{row['policy']}: {end}")
+    axes.plot(*way[-1], "s", color=colour, mec="k", ms=6, zorder=5)
+    for i in range(_EVERY, len(way), _EVERY):
+        axes.plot(*way[i], ".", color="0.25", ms=5, zorder=6)
+        axes.annotate(
+            str(i), tuple(way[i]), (3, 3), textcoords="offset points", fontsize=6, color=colour, zorder=6
+        )
+
+
+def _draw_ribbons(axes: Axes, episodes: Sequence[Episode]) -> tuple[list[LinkState], list[GoalKind]]:
+    """Told link state and kind of goal over the decisions, and which of them there are."""
+    states: set[LinkState] = set()
+    kinds: set[GoalKind] = set()
+    longest, names = max(len(one.goals) for one in episodes), []
+    for k, episode in enumerate(episodes):
+        policy = episode.head.row["policy"]
+        told = [LinkState(int(state)) for state in episode.links[:, 1]]
+        goals = [reason.kind for reason in episode.reasons]
+        states |= set(told)
+        kinds |= set(goals)
+        rows = (
+            (f"{policy}: link state", np.array([STATE_COLOURS[s] for s in told], np.uint8)),
+            (f"{policy}: goal", _rgb([GOAL_COLOURS[kind] for kind in goals])),
+        )
+        for place, (name, colours) in enumerate(rows):
+            y = -(2.4 * k + place)
+            names.append((y, name))
+            if len(colours):
+                axes.imshow(colours[None], extent=(0, len(colours), y - 0.4, y + 0.4), aspect="auto")
+    axes.set(xlim=(0, max(longest, 1)), ylim=(names[-1][0] - 0.5, 0.5), xlabel="decisions")
+    axes.set_yticks([y for y, _ in names], [name for _, name in names], fontsize=7)
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(left=False)
+    return sorted(states), [kind for kind in GoalKind if kind in kinds]
+
+
+def _rgb(colours: Sequence[str]) -> UInt8[np.ndarray, "n 3"]:
+    found: Float[np.ndarray, "n 3"] = np.array([to_rgb(colour) for colour in colours]).reshape(-1, 3)
+    return np.rint(255 * found).astype(np.uint8)
