@@ -9,10 +9,12 @@ Drawn in flat colours a picture costs a fraction of what it costs with lights, a
   is left, with t(w) the distance to the next surface in direction w. Corners darken, and so do doors' reveals.
   Rays are cast by Embree in cosine-weighted directions of a Fibonacci spiral, the same at each vertex.
 - A tint by the direction that a surface faces, so that two walls that meet differ.
-- Texture: tiles of the floor, panels and a skirting board on the walls, broad patches of paint, and a hue of its
-  own for each piece of furniture. All tones come from positions on the plan, none from chance.
+- Daylight through the windows of `decor`, each of their patches a point with the area A that shines as a diffuse
+  surface does: a vertex in its sight gets the share sum A (n.d)(m.-d) / (pi t^2), d the direction to it, m its normal.
+- Texture: paint, floors, skirting, windows and door frames room by room (`decor`), and a hue of its own for each piece
+  of furniture; all of it by a seed and by positions on the plan.
 
-Left out: lamps, windows, shadows, reflections.
+Left out: lamps, the sun, what surfaces reflect.
 
 Reference: Zhukov, Iones, Kronin, "An ambient light illumination model", Rendering Techniques (1998).
 """
@@ -24,27 +26,28 @@ import numpy as np
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from robosim.building.building import Building
-from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
+from robosim.building.extrusion import FURNITURE
+from robosim.camera.rendering.decor import Decor
 from robosim.camera.rendering.placed import placed_patches
 from robosim.camera.rendering.tessellation import Patches, tessellate
-from robosim.support.checks import check_numbers
+from robosim.support.checks import SEED, check_numbers
 
 _SKIRTING_M = 0.10
 _STAIRS_M = 0.30
-_PAINTS = np.array([(222, 208, 182), (188, 204, 208), (202, 208, 178), (226, 196, 176)], float)
-_SKIRTING = np.array([112, 92, 76], float)
-_FLOOR = np.array([164, 128, 92], float)
-_CEILING = np.array([236, 236, 230], float)
+#: Windows farther off give no light, and nearer ones than this no more than here [m].
+_WINDOW_FAR_M, _WINDOW_NEAR_M = 8.0, 0.7
+#: Share of daylight at which it is as bright as 63 % of the brightest: eyes get used to the dark.
+_USED_TO = 0.06
+#: How bright a surface is by what is left of the ambient light, and by daylight.
+_DARK, _AMBIENT, _DAYLIGHT = 0.30, 0.66, 0.42
 # Golden angle: hues, and directions of a spiral, that never come near an earlier one.
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
-# Multipliers of a hash; large odd numbers without a pattern.
-_ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,9 +60,13 @@ class ShadingConfig:
     """Surfaces farther off than this take no light away [m]."""
     n_rays: int = 64
     """Rays from each vertex."""
+    seed: int = 0
+    """Of paints, floors and windows."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, step_m=(0.05, 100, "m"), range_m=(0.01, 100, "m"), n_rays=(1, 10_000, "rays"))
+        check_numbers(
+            self, step_m=(0.05, 100, "m"), range_m=(0.01, 100, "m"), n_rays=(1, 10_000, "rays"), seed=SEED
+        )
 
 
 @lru_cache(maxsize=1)
@@ -76,15 +83,23 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
     """
     bare = building.bare
     patches = tessellate(bare, step_m=config.step_m, heights_m=(_SKIRTING_M,))
-    facing, albedo = _facing(bare)[patches.source], _albedo(bare, patches)
+    facing, decor = _facing(bare)[patches.source], Decor(bare.plan, patches, config.seed)
+    albedo, windows = decor.albedo(), patches.vertices[decor.windows]
+    glass = np.zeros(len(albedo), bool)
+    glass[decor.windows.ravel()] = True
+    furniture = patches.kind == FURNITURE
+    albedo[furniture] = _hues(bare)[patches.source[furniture]]
     if building.furnishings:
         placed, paint = placed_patches(building.furnishings, step_m=config.step_m)
         patches = Patches.joined([patches, placed])
         facing, albedo = np.vstack([facing, placed.normals]), np.vstack([albedo, paint])
+        glass = np.concatenate([glass, np.zeros(len(paint), bool)])
     light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
     # Four even steps around a room, warmer on the bright side.
     tint = 1.0 + (facing @ (0.75, 0.25, 0.15))[:, None] * np.array([0.25, 0.22, 0.17])
-    colours = albedo * tint * (0.35 + 0.75 * light)[:, None]
+    daylight = 1.0 - np.exp(-window_light(patches, building.mesh, windows) / _USED_TO)
+    colours = albedo * tint * (_DARK + _AMBIENT * light + _DAYLIGHT * daylight)[:, None]
+    colours[glass] = albedo[glass]  # it shines by itself
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)
@@ -117,6 +132,52 @@ def ambient_light(
     ]
     del triangles
     return np.concatenate(light)[which.ravel()]
+
+
+def window_light(
+    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"]
+) -> Float[np.ndarray, " n"]:
+    """Share of daylight that reaches the patches' vertices from windows in their sight, 0 to 1.
+
+    Args:
+        patches: Where the light arrives.
+        mesh: What stands in its way.
+        windows: Corners of each, from the lower left one, as seen from inside [m].
+    """
+    found = np.zeros(len(patches.vertices))
+    if not len(windows):
+        return found
+    across, up = windows[:, 1] - windows[:, 0], windows[:, 3] - windows[:, 0]
+    normal = np.cross(across, up)
+    area_m2 = np.linalg.norm(normal, axis=1)
+    normal /= area_m2[:, None]
+    middle = windows.mean(axis=1) + 0.02 * normal
+    centre = mesh.bounds.mean(axis=0)
+    scene = EmbreeScene()
+    triangles = TriangleMesh(scene, (mesh.triangles - centre).astype(np.float32))
+    places = patches.vertices + 0.01 * patches.inward + 0.002 * patches.normals
+    near = cKDTree(middle).query_ball_point(places, _WINDOW_FAR_M)
+    vertex = np.repeat(np.arange(len(places)), [len(some) for some in near])
+    window = np.concatenate([np.array(some, int) for some in near])
+    way = middle[window] - places[vertex]
+    far = np.linalg.norm(way, axis=1)
+    way /= far[:, None]
+    leaves = -(way * normal[window]).sum(axis=1)
+    arrives = (way * patches.normals[vertex]).sum(axis=1)
+    lit = np.flatnonzero((leaves > 0) & (arrives > 0))
+    for part in np.array_split(lit, 1 + len(lit) // 500_000):
+        hits = scene.run(
+            (places[vertex[part]] - centre).astype(np.float32),
+            way[part].astype(np.float32),
+            (far[part] - 0.01).astype(np.float32),
+            query="OCCLUDED",
+        )
+        free = part[hits < 0]
+        share = area_m2[window[free]] * leaves[free] * arrives[free]
+        share /= np.pi * np.maximum(far[free], _WINDOW_NEAR_M) ** 2
+        np.add.at(found, vertex[free], share)
+    del triangles
+    return np.minimum(found, 1.0)
 
 
 def cosine_directions(n: int) -> Float[np.ndarray, "n 3"]:
@@ -170,43 +231,6 @@ def _facing(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     return facing
 
 
-def _albedo(building: Building, patches: Patches) -> Float[np.ndarray, "n 3"]:
-    """Colours of the surfaces before light falls on them."""
-    on_plan = building.plan.to_cells(patches.vertices[:, :2]) * building.plan.resolution_m
-    colours = np.empty((len(patches.vertices), 3))
-    wall, furniture = patches.kind == WALL, patches.kind == FURNITURE
-    colours[patches.kind == FLOOR] = _FLOOR
-    colours[patches.kind == CEILING] = _CEILING
-    colours[wall] = _paint(on_plan[wall])
-    colours[wall & (patches.row == 0)] = _SKIRTING
-    colours[furniture] = _hues(building)[patches.source[furniture]]
-    swing = np.array([0.025, 0.08, 0.015, 0.06])[patches.kind]
-    return colours * (1.0 + swing * _tone(patches.cell))[:, None]
-
-
-def _tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """A number from -1 to 1 for each square of a grid, with no pattern that one sees."""
-    mixed = (cell.astype(np.uint64) * _ODD).sum(axis=1)
-    mixed ^= mixed >> np.uint64(29)
-    mixed *= np.uint64(0xBF58476D1CE4E5B9)
-    return (mixed >> np.uint64(40)) / 2.0**23 - 1.0
-
-
-def _paint(xy_m: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
-    """Paint of the walls, which changes smoothly over some metres."""
-    place = xy_m / 3.0
-    low = np.floor(place).astype(int)
-    share = place - low
-    share = share * share * (3.0 - 2.0 * share)
-    total = np.zeros(len(xy_m))
-    for corner in np.ndindex(2, 2):
-        weight = np.where(corner, share, 1.0 - share).prod(axis=1)
-        total += weight * _tone(low + corner)
-    along = np.clip((total + 1.0) / 2.0, 0.0, 1.0) * (len(_PAINTS) - 1)
-    numbers = np.arange(len(_PAINTS))
-    return np.column_stack([np.interp(along, numbers, channel) for channel in _PAINTS.T])
-
-
 def _hues(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     """A colour for each face, the same on one piece of furniture and different on the next."""
     mesh = building.mesh
@@ -215,4 +239,4 @@ def _hues(building: Building) -> Float[np.ndarray, "n_faces 3"]:
     links = coo_array((np.ones(len(one)), (one, other)), shape=(len(mesh.vertices), len(mesh.vertices)))
     _, label = connected_components(links, directed=False)
     hue = _GOLDEN * label[mesh.faces[:, 0]]
-    return 142.0 + 56.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))
+    return 138.0 + 28.0 * np.cos(hue[:, None] + np.radians([0.0, 120.0, 240.0]))
