@@ -1,13 +1,19 @@
 """The web server of the page: viser, bound to one address, which serves nothing but its own client.
 
-Other pages of a browser may not speak to it: a connection with an `Origin` other than the page's own is closed. viser's
+Who asks is looked at before an answer, on HTTP and on the socket alike. Other pages of a browser may not speak to it: a
+connection with an `Origin` other than the page's own is refused. Nor may a name that somebody else's server has bent to
+this address (DNS rebinding): the `Host` asked for is a number, `localhost`, or a name that is this machine's. viser's
 offer to share a page through somebody else's server is taken away.
 """
 
 import errno
+import ipaddress
 import logging
 import os
 import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
@@ -93,7 +99,8 @@ def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
         True,
     )  # it prints its address in a frame; ours is told by the command
     try:
-        server: viser.ViserServer = make(host=host, port=port, label=title, verbose=False)
+        with _looked_at(host):
+            server: viser.ViserServer = make(host=host, port=port, label=title, verbose=False)
     finally:
         printer.quiet = quiet
     if port and server.get_port() != port:  # somebody was faster
@@ -126,22 +133,64 @@ def same_page(origin: str | None, host: str | None) -> bool:
     return bool(host) and urlsplit(origin).netloc == host
 
 
+def own_name(asked: str | None, host: str) -> bool:
+    """Whether a server at a host may be asked for under a name; no name that DNS may bend to it is.
+
+    Args:
+        asked: The header `Host`, with or without a port.
+        host: What the server was told to listen at.
+    """
+    try:
+        name = (urlsplit(f"//{asked}").hostname or "") if asked else ""
+    except ValueError:  # brackets that do not close
+        return False
+    try:
+        ipaddress.ip_address(name.partition("%")[0])
+        return True
+    except ValueError:
+        own = {"localhost", host.lower(), socket.gethostname().lower(), socket.getfqdn().lower()}
+        return bool(name) and (name in own or name.endswith(".localhost"))
+
+
+#: Held while a server is made: what is put in place of a function is put back.
+_MAKING = threading.Lock()
+
+
+@contextmanager
+def _looked_at(host: str) -> Iterator[None]:
+    """Have a server that is made meanwhile look at who asks, before it answers.
+
+    viser takes no such function; the library that it serves with does.
+    """
+    from websockets.asyncio import server as sockets
+
+    serve = sockets.serve
+
+    def guarded(*args: Any, process_request: Any = None, **options: Any) -> Any:
+        def look(connection: Any, request: Any) -> Any:
+            asked, origin = request.headers.get("Host"), request.headers.get("Origin")
+            if not own_name(asked, host):
+                logger.warning("Somebody asked for %s, and was refused.", asked)
+                said = "This page does not go by that name. Open it by its number, such as 127.0.0.1, or give --host."
+                return connection.respond(421, said + "\n")
+            if not same_page(origin, asked):
+                logger.warning("A page of %s wanted to speak to this one, and was refused.", origin)
+                return connection.respond(403, "Other pages may not speak to this one.\n")
+            return None if process_request is None else process_request(connection, request)
+
+        return serve(*args, process_request=look, **options)
+
+    with _MAKING:
+        sockets.serve = guarded  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            sockets.serve = serve  # type: ignore[misc]
+
+
 def _stay_at_home(server: "viser.ViserServer") -> None:
-    """Take away what leads out of this machine, and whom the page was not made for."""
+    """Take away what leads out of this machine."""
     from viser import _messages
 
-    web = server._websock_server
     for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        web._incoming_handlers.pop(kind, None)
-
-    async def look(connection: Any) -> None:
-        there = web._live_connections.get(connection.client_id)
-        headers = None if there is None or there.request is None else there.request.headers
-        if headers is not None and not same_page(headers.get("Origin"), headers.get("Host")):
-            logger.warning(
-                "A page of %s wanted to speak to this one, and was refused.", headers.get("Origin")
-            )
-            assert there is not None
-            await there.close(1008, "not of this page")
-
-    web.on_client_connect(look)
+        server._websock_server._incoming_handlers.pop(kind, None)

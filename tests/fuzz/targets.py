@@ -23,8 +23,11 @@ from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.figures.training import confusion_of, read_card, read_epochs
+from robosim.live.own_plan import MOST_BYTES, plan_of
+from robosim.live.results import read_recording, read_searches, recording_of
 from robosim.logs.files import read_log
 from robosim.plans.files import find_plans, read_plan
+from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.published.label_links import Links
@@ -98,6 +101,28 @@ def _only_reading(*names: str) -> Iterator[None]:
 
 def _plan(folder: Path, file: Path) -> None:
     read_plan(file, resolution_m=0.05 if file.suffix in SCALELESS else None)
+
+
+def _upload(folder: Path, file: Path) -> None:
+    """What is dropped onto the page is a name and bytes, however large."""
+    if file.is_file() and file.stat().st_size <= 4 * MOST_BYTES:
+        try:
+            plan_of(file.name, file.read_bytes(), 0.05)
+        except MapError as error:
+            # The page knows the file's name, and no folder.
+            assert str(error).startswith(file.name) and str(file.parent) not in str(error)
+            raise MapError(f"{file}: {error}") from None
+
+
+def _looked_back(folder: Path, file: Path) -> None:
+    """Episodes as the page opens them; a damaged result is passed over, for the log is enough."""
+    recording = read_recording(folder)
+    assert len(recording[0].snapshot.pose) == 3
+
+
+def _looked_back_on_many(folder: Path, file: Path) -> None:
+    for searched in read_searches(folder):
+        recording_of(searched)
 
 
 def _ros(folder: Path, file: Path) -> None:
@@ -316,6 +341,11 @@ TARGETS: dict[str, Target] = {
     "real grid": Target("real-grid", "*", _plan, 0.5),
     "plans of a folder": Target("plans", "*", _found_plans, 0.3),
     "mesh": Target("meshes", "*", _plan, 3),
+    "plan on the page": Target("plans", "*", _upload),
+    "picture on the page": Target("images", "*", _upload),
+    "mesh on the page": Target("meshes", "*", _upload),
+    "episode on the page": Target("decisions", "*", _looked_back),
+    "evaluation on the page": Target("evaluation", "episodes/pair/*", _looked_back_on_many),
     "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf"), names="a.gltf"),
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
     "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from robosim.live.server import check_address, same_page, viser_module
+from robosim.live.server import check_address, own_name, same_page, viser_module
 
 
 def test_a_port_in_use_is_one_line():
@@ -59,10 +59,36 @@ def test_only_the_page_itself_may_speak_to_it(origin, host, same):
     assert same_page(origin, host) is same
 
 
-def get(page, path: str) -> tuple[int, bytes]:
+@pytest.mark.parametrize(
+    ("asked", "own"),
+    [
+        ("127.0.0.1:8080", True),
+        ("192.168.1.7:8080", True),
+        ("[::1]:8080", True),
+        ("[fe80::1%eth0]:8080", True),
+        ("localhost", True),
+        ("LocalHost:9000", True),
+        ("robot.localhost:8080", True),
+        ("lab-pc:8080", True),
+        (socket.gethostname(), True),
+        ("example.org:8080", False),
+        ("localhost.example.org", False),
+        ("127.0.0.1.example.org:8080", False),
+        ("[::1", False),
+        ("", False),
+        (None, False),
+    ],
+)
+def test_only_its_own_names_are_answered(asked, own):
+    """A name that DNS may bend to this machine is none; a number and what was given as --host is."""
+    assert own_name(asked, "lab-pc") is own
+
+
+def get(page, path: str, host: str = "localhost") -> tuple[int, bytes]:
     connection = http.client.HTTPConnection("127.0.0.1", page.server.get_port(), timeout=30)
     try:
-        connection.putrequest("GET", path, skip_accept_encoding=True)
+        connection.putrequest("GET", path, skip_accept_encoding=True, skip_host=True)
+        connection.putheader("Host", host)
         connection.endheaders()
         answer = connection.getresponse()
         return answer.status, answer.read()
@@ -84,22 +110,39 @@ def test_nothing_but_the_page_is_served(page):
 
 
 def test_a_foreign_page_is_refused_and_the_own_one_heard(page):
-    """A connection of another page is closed before it is told anything; one without an origin is served."""
+    """A connection of another page, or under another name, is refused before it is told anything."""
     import viser
-    from websockets.exceptions import ConnectionClosed
+    from websockets.exceptions import InvalidStatus
     from websockets.sync.client import connect
     from websockets.typing import Origin, Subprotocol
 
-    def first_word(origin: str) -> object:
+    def first_word(origin: str, host: str = "127.0.0.1") -> object:
         protocol = [Subprotocol(f"viser-v{viser.__version__}")]
         url = f"ws://127.0.0.1:{page.server.get_port()}"
-        with connect(url, origin=Origin(origin), subprotocols=protocol, max_size=None) as connection:
+        url = url.replace("127.0.0.1", host)
+        with (
+            socket.create_connection(("127.0.0.1", page.server.get_port())) as line,
+            connect(
+                url, sock=line, origin=Origin(origin), subprotocols=protocol, max_size=None
+            ) as connection,
+        ):
             return connection.recv(timeout=30)
 
     assert first_word(f"http://127.0.0.1:{page.server.get_port()}")
-    with pytest.raises(ConnectionClosed) as closed:
+    with pytest.raises(InvalidStatus) as refused:
         first_word("https://example.org")
-    assert closed.value.rcvd.code == 1008
+    assert refused.value.response.status_code == 403
+    bent = f"example.org:{page.server.get_port()}"
+    with pytest.raises(InvalidStatus) as refused:
+        first_word(f"http://{bent}", "example.org")
+    assert refused.value.response.status_code == 421
+
+
+def test_a_name_that_was_bent_to_this_machine_is_refused(page):
+    """DNS rebinding: the browser asks for a foreign name at our address, and gets nothing of the page."""
+    status, content = get(page, "/", "example.org:8080")
+    assert status == 421 and b"<html" not in content and b"127.0.0.1" in content
+    assert get(page, "/", "127.0.0.1:1")[0] == 200, "as through a forwarded port"
 
 
 def test_it_cannot_be_shared_through_other_servers(page):
