@@ -32,7 +32,7 @@ from robosim.parts import (
 )
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
-from robosim.policies.goals import GoalPolicy, PolicyContext, make_policy
+from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
 from robosim.policies.reason import KEPT, UNTOLD, Reason
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.policies.situation import Situation
@@ -87,9 +87,9 @@ class EpisodeConfig:
         CLASSIFIER.check("link_states", self.link_states)
         check_numbers(self, seed=SEED, max_steps=STEPS)
         if self.simulator.camera == "none":
-            if self.goal == "visual":
+            if self.goal in ("visual", "learned"):
                 raise ValueError(
-                    "goal is 'visual', which looks for the target in pictures, but camera is 'none'."
+                    f"goal is {self.goal!r}, which looks through the camera, but camera is 'none'. Give it one."
                 )
             if self.mapper != "classical" and isinstance(self.mapper, str) and ":" not in self.mapper:
                 raise ValueError(
@@ -161,7 +161,7 @@ def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarra
 
 def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
     """What a robot without a radio makes of what it sensed."""
-    return Situation(estimate, target=view.target)
+    return Situation(estimate, target=view.target, view=view)
 
 
 def drive(
@@ -215,7 +215,7 @@ def drive(
             plan = planner.plan(estimate, goal)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
-            action = controller.act(estimate.pose, plan)
+            action = policy.action() if isinstance(policy, Driver) else controller.act(estimate.pose, plan)
         paths = simulator.radio.paths if simulator.radio else None
         # A policy that somebody has written may not say.
         reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
@@ -291,7 +291,7 @@ def run_episode(
         for name, link in simulator.anchors.items():
             anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
             log.add_link(anchors[name], link, name)
-        situation = Situation(estimate, measurement, anchors, known_places, view.target)
+        situation = Situation(estimate, measurement, anchors, known_places, view.target, view)
         if isinstance(navigator.mapper, Listener):
             heard = {"target": measurement, **anchors}
             navigator.mapper.listen(bearings_of(heard, radio.config, known_places))

@@ -41,6 +41,8 @@ GOAL = Kind(
     },
     has=("goal", "seeks_target", "uses_radio", "uses_camera", "belief"),
     made_from="a robosim.policies.goals.PolicyContext",
+    suffixes=(".safetensors",),
+    from_file="robosim.policies.learned:learned_of_file",
 )
 EXPLORER = Kind(
     "explorer",

@@ -48,6 +48,7 @@ COMMANDS = {
     "train pose": "train:pose",
     "train explorer": "train_policies:explorer",
     "train steering": "train_policies:steering",
+    "train search": "train_policies:search",
 }
 #: Commands of two words by their first.
 GROUPS = {

@@ -13,8 +13,9 @@ asked once a decision, and all arrive by one rule.
     los            follows it where the link state is line of sight
     los-or-first   follows it where the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together say that the target is, or will tell most about it
+    learned        a recurrent network, which chooses actions itself, without map and planner
 
-Reference: arXiv 2110.14789 for all but the last.
+Reference: arXiv 2110.14789 for all but the last two.
 """
 
 from dataclasses import dataclass, field
@@ -30,6 +31,7 @@ from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
 from robosim.policies.situation import Situation
 from robosim.support.parts import Part
+from slam.actions import Action
 from slam.exploration.explorer import Explorer
 from slam.poses import to_map
 from wireless.paths import LinkState
@@ -56,6 +58,15 @@ class GoalPolicy(Protocol):
 
     def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
+        ...
+
+
+@runtime_checkable
+class Driver(Protocol):
+    """A goal policy that chooses actions too; then those of the controller are not done."""
+
+    def action(self) -> Action:
+        """What to do now; asked after the goal, in the same decision."""
         ...
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.radio.measurement import Measurement
+from robosim.simulator import Observation
 from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
 
@@ -25,6 +26,8 @@ class Situation:
     """Where those of them stand, in `map` [m], of which that is known."""
     target: Float[np.ndarray, "2"] | None = None
     """Where its camera sees the target now: x ahead, y left [m]; None if it does not."""
+    view: Observation | None = None
+    """What it sensed, for policies that use neither map nor pose."""
     located: Callable[[], Mapping[str, Transmitter]] = dict
     """Where the mapper takes transmitters to stand, by name ("target" is one), if it listens to them. To be asked only
     where it is needed: covariances take milliseconds."""

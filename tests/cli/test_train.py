@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
+from robosim.policies.search_network import load_search
 from robosim.training import explorer as explorer_training
 from robosim.training.link_state import deal
 from slam.control.controller import ControlConfig
@@ -171,3 +172,29 @@ def test_a_local_policy_is_the_same_with_any_number_of_workers_and_after_a_break
     weights = [(tmp_path / name / "steering.safetensors").read_bytes() for name in ("one", "two")]
     assert weights[0] == weights[1]
     assert load_steering(tmp_path / "one" / "steering.safetensors", ControlConfig()).weights
+
+
+def test_a_search_goes_on_after_a_break_and_drives(tmp_path):
+    """One epoch and later another, or both at once: the same weights, byte for byte. An episode is driven by them.
+
+    The second of both runs finds its tables of radio in files, as a run that goes on does.
+    """
+    options = "train search --homes 2 --held-out 2 --seed 3 --smoke"
+    main(f"{options} --epochs 1 --out {tmp_path}/one".split())
+    shutil.copytree(tmp_path / "one" / "tables", tmp_path / "two" / "tables")
+    main(f"{options} --epochs 2 --out {tmp_path}/one".split())
+    main(f"{options} --epochs 2 --out {tmp_path}/two".split())
+    weights = [(tmp_path / name / "search.safetensors").read_bytes() for name in ("one", "two")]
+    assert weights[0] == weights[1]
+    card = json.loads((tmp_path / "one" / "search.json").read_text())
+    assert set(card["scores"]) == {"learned", "learned, most likely actions", "guide", "random"}
+    assert card["data"] == "256 steps in 2 invented homes"
+    curve = json.loads((tmp_path / "one" / "curve.json").read_text())["epochs"]
+    assert [row["epoch"] for row in curve] == [1, 2]
+    path = tmp_path / "one" / "search.safetensors"
+    assert load_search(path).weights
+    main(
+        f"episode cottage --goal {path} --mapper classical --max-steps 12 --no-video --out {tmp_path}/episode".split()
+    )
+    result = json.loads((tmp_path / "episode" / "result.json").read_text())
+    assert result["steps"] == 12

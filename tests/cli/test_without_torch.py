@@ -38,6 +38,7 @@ def test_what_trains_says_what_to_install(tmp_path):
         ["train", "mapper", "--smoke"],
         ["train", "link-state", "--data", str(tmp_path)],
         ["train", "steering"],
+        ["train", "search"],
     ):
         told = run(f"from robosim.cli import main\nmain({[*words, '--out', str(tmp_path / 'out')]!r})")
         assert told.returncode == 2, told.stdout + told.stderr

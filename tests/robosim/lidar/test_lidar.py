@@ -197,7 +197,7 @@ def test_a_robot_without_a_camera_explores(tmp_path):
         ("--camera none --lidar lds-01", "mapper is 'neural', which learned from pictures"),
         (
             "--camera none --lidar lds-01 --mapper classical --goal visual",
-            "which looks for the target in pictures",
+            "goal is 'visual', which looks through the camera",
         ),
         ("--lidar lds-1", "Did you mean 'lds-01'?"),
         ("--lidar lds-01 --laser.height-m 0", "height_m is 0"),

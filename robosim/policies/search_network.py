@@ -1,0 +1,112 @@
+"""A small recurrent network that searches: from what is sensed to the next action, in NumPy.
+
+One layer of rectified units, a gated recurrent unit that remembers, and two readings of its memory: scores of the three
+actions, and what is still to be earned, which only training asks for.
+
+    e  = relu(x We + be)
+    r  = s(e Wr + h Ur + b),  z = s(e Wz + h Uz + b),  n = tanh(e Wn + b + r (h Un + c))
+    h' = (1 - z) n + z h
+
+Reference: Cho et al., Learning phrase representations using RNN encoder-decoder, EMNLP 2014, in the form of PyTorch's
+`GRUCell`, whose weights these are, transposed.
+"""
+
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Float32
+
+from robosim.policies.search_senses import INPUTS
+from slam.actions import Action
+from slam.support.weights import Weights, read_weights
+
+#: Units of the first layer, and of the memory.
+HIDDEN = 128
+
+
+class Answer(NamedTuple):
+    """What the network makes of a step."""
+
+    scores: Float32[np.ndarray, "*batch 3"]
+    """Logarithm of how likely each action is, but for a constant."""
+    value: Float32[np.ndarray, "*batch"]
+    """What is still to be earned, discounted."""
+    memory: Float32[np.ndarray, "*batch hidden"]
+    """For the next step."""
+
+
+def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "..."]]:
+    """Weights that know nothing: all actions are about as likely."""
+
+    def drawn(rows: int, columns: int, gain: float) -> Float32[np.ndarray, "_ _"]:
+        return (rng.standard_normal((rows, columns)) * gain / math.sqrt(rows)).astype(np.float32)
+
+    zeros = np.zeros
+    return {
+        "encoder.weight": drawn(INPUTS, HIDDEN, math.sqrt(2)),
+        "encoder.bias": zeros(HIDDEN, np.float32),
+        "memory.input_weight": drawn(HIDDEN, 3 * HIDDEN, 1.0),
+        "memory.input_bias": zeros(3 * HIDDEN, np.float32),
+        "memory.own_weight": drawn(HIDDEN, 3 * HIDDEN, 1.0),
+        "memory.own_bias": zeros(3 * HIDDEN, np.float32),
+        "action.weight": drawn(HIDDEN, len(Action), 0.01),
+        "action.bias": zeros(len(Action), np.float32),
+        "value.weight": drawn(HIDDEN, 1, 1.0),
+        "value.bias": zeros(1, np.float32),
+    }
+
+
+def no_memory(*batch: int) -> Float32[np.ndarray, "*batch hidden"]:
+    """Memory at the beginning of a search."""
+    return np.zeros((*batch, HIDDEN), np.float32)
+
+
+class SearchNetwork:
+    """The network, ready to be asked."""
+
+    def __init__(self, weights: Weights) -> None:
+        """Take weights by the names of `initial_weights`."""
+        self.weights = weights
+
+    def __call__(
+        self, told: Float32[np.ndarray, "*batch inputs"], memory: Float32[np.ndarray, "*batch hidden"]
+    ) -> Answer:
+        """One step.
+
+        Args:
+            told: Of `SearchSenses`.
+            memory: From the step before; `no_memory` at first.
+        """
+        w, n = self.weights, HIDDEN
+        seen = np.maximum(told @ w["encoder.weight"] + w["encoder.bias"], 0)
+        new = seen @ w["memory.input_weight"] + w["memory.input_bias"]
+        old = memory @ w["memory.own_weight"] + w["memory.own_bias"]
+        gates = 1 / (1 + np.exp(-(new[..., : 2 * n] + old[..., : 2 * n])))
+        reset, keep = gates[..., :n], gates[..., n:]
+        fresh = np.tanh(new[..., 2 * n :] + reset * old[..., 2 * n :])
+        after = (1 - keep) * fresh + keep * memory
+        scores = after @ w["action.weight"] + w["action.bias"]
+        return Answer(scores, (after @ w["value.weight"] + w["value.bias"])[..., 0], after)
+
+
+def likelihood(scores: Float32[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:
+    """Probability of each action."""
+    odds = np.exp(scores.astype(float) - scores.max(axis=-1, keepdims=True))
+    return odds / odds.sum(axis=-1, keepdims=True)
+
+
+def drawn_actions(scores: Float32[np.ndarray, "n 3"], rng: np.random.Generator) -> np.ndarray:
+    """Actions drawn by their probabilities, (n,) int."""
+    below = np.cumsum(likelihood(scores), axis=-1)
+    return np.minimum((below < rng.random((len(scores), 1))).sum(axis=-1), len(Action) - 1)
+
+
+def load_search(path: Path) -> SearchNetwork:
+    """A network from a .safetensors file of `robosim train search`.
+
+    Raises:
+        FileError: If the file is missing, damaged, or of something else.
+    """
+    return SearchNetwork(read_weights(path, initial_weights(np.random.default_rng(0)), "search"))

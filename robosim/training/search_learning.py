@@ -1,0 +1,215 @@
+"""Learning to search from steps that were done: imitation of a guide, and proximal policy optimisation.
+
+Robots walk side by side through segments of some steps. Each segment is learnt from for some passes, a few robots at a
+time, from the memory that they began it with: gradients go back through the whole segment and no further. A search
+that ends within a segment begins another with an empty memory.
+
+The loss of a step is
+
+    advice * cross entropy with the guide's action
+    + clipped surrogate of the policy's advantage     (only where the policy itself drove)
+    + value * squared error of what was still to be earned - entropy * undecidedness
+
+with advantages generalised over steps, cut off at arrivals and not where time ran out.
+
+Reference: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.06347, and Generalized advantage
+estimation, ICLR 2016; Schmitt et al., Kickstarting deep reinforcement learning, arXiv:1803.03835.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Bool, Float, Float32, Int
+from torch import Tensor
+
+from robosim.support.checks import check_numbers
+from slam.support.weights import Weights
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchLearning:
+    """How a segment is learnt from."""
+
+    discount: float = 0.99
+    """Worth of the next step's reward beside that of this one's; 0.99 looks 100 steps ahead."""
+    trace: float = 0.95
+    """Weight of the next step's error in the advantage of this one (lambda)."""
+    clip: float = 0.2
+    """Ratio of probabilities, off 1, beyond which nothing more is gained."""
+    passes: int = 3
+    """Passes over a segment."""
+    groups: int = 2
+    """Groups that the robots are dealt into, learnt from one after the other."""
+    rate: float = 4e-4
+    """Learning rate (Adam)."""
+    entropy: float = 0.003
+    """Worth of undecidedness."""
+    value: float = 0.5
+    """Weight of the squared error of the value."""
+    scale: float = 0.1
+    """Rewards count so much: then values are about 1."""
+
+    def __post_init__(self) -> None:
+        check_numbers(
+            self,
+            discount=(0, 1),
+            trace=(0, 1),
+            clip=(1e-6, 10),
+            passes=(1, 10_000),
+            groups=(1, 65536, "groups"),
+            rate=(1e-8, 1),
+            entropy=(0, 100),
+            value=(0, 100),
+            scale=(1e-6, 1e6),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Segment:
+    """Steps of robots side by side: what was sensed and done, and what came of it."""
+
+    told: Float32[np.ndarray, "steps robots inputs"]
+    """What the network was told."""
+    begins: Bool[np.ndarray, "steps robots"]
+    """Whether a search begins with the step: then the memory is empty."""
+    counts: Bool[np.ndarray, "steps robots"]
+    """Whether the step was one of a search, rather than the pause between two."""
+    advised: Int[np.ndarray, "steps robots"]
+    """What the guide would have done."""
+    taken: Int[np.ndarray, "steps robots"]
+    """What was done."""
+    log_odds: Float[np.ndarray, "steps robots"]
+    """Logarithm of the probability that the policy gave it."""
+    reward: Float[np.ndarray, "steps robots"]
+    """What it earned."""
+    arrived: Bool[np.ndarray, "steps robots"]
+    """Whether it ended the search at the target."""
+    late: Bool[np.ndarray, "steps robots"]
+    """Whether time ran out with it."""
+    value: Float[np.ndarray, "later robots"]
+    """What was expected before each step, and after the last."""
+    memory: Float32[np.ndarray, "robots hidden"]
+    """Of the policy before the first step."""
+
+
+def advantages(
+    segment: Segment, config: SearchLearning
+) -> tuple[Float[np.ndarray, "steps robots"], Float[np.ndarray, "steps robots"]]:
+    """By how much each step was better than expected, and what it was worth."""
+    reward = config.scale * segment.reward
+    found, after = np.zeros_like(reward), np.zeros(reward.shape[1])
+    for t in reversed(range(len(reward))):
+        going_on = ~(segment.arrived[t] | segment.late[t])
+        error = reward[t] + config.discount * segment.value[t + 1] * ~segment.arrived[t] - segment.value[t]
+        # Nothing comes of a pause: the step before it is the last of its search.
+        after = np.where(segment.counts[t], error + config.discount * config.trace * going_on * after, 0.0)
+        found[t] = after
+    return found, found + segment.value[:-1]
+
+
+def as_tensors(weights: Weights) -> dict[str, Tensor]:
+    """Weights to be learnt."""
+    return {name: torch.from_numpy(value.copy()).requires_grad_() for name, value in weights.items()}
+
+
+def forward(
+    weights: Mapping[str, Tensor],
+    told: Float[Tensor, "steps robots inputs"],
+    begins: Bool[Tensor, "steps robots"],
+    memory: Float[Tensor, "robots hidden"],
+) -> tuple[Float[Tensor, "steps robots 3"], Float[Tensor, "steps robots"]]:
+    """`SearchNetwork` over a segment: scores of actions and values."""
+    w = weights
+    seen = torch.relu(told @ w["encoder.weight"] + w["encoder.bias"])
+    kept = []
+    for new, begin in zip(seen @ w["memory.input_weight"] + w["memory.input_bias"], begins, strict=True):
+        memory = memory * ~begin[:, None]
+        old = memory @ w["memory.own_weight"] + w["memory.own_bias"]
+        new_r, new_z, new_n = new.chunk(3, dim=-1)
+        old_r, old_z, old_n = old.chunk(3, dim=-1)
+        keep = torch.sigmoid(new_z + old_z)
+        fresh = torch.tanh(new_n + torch.sigmoid(new_r + old_r) * old_n)
+        memory = (1 - keep) * fresh + keep * memory
+        kept.append(memory)
+    after = torch.stack(kept)
+    scores = after @ w["action.weight"] + w["action.bias"]
+    return scores, (after @ w["value.weight"] + w["value.bias"])[..., 0]
+
+
+def learn(
+    weights: Mapping[str, Tensor],
+    optimiser: torch.optim.Optimizer,
+    segment: Segment,
+    config: SearchLearning,
+    *,
+    advice: float,
+    own: bool,
+    rng: np.random.Generator,
+) -> dict[str, float]:
+    """Improve the weights by one segment.
+
+    Args:
+        weights: Of the policy, which the optimiser was made for.
+        optimiser: Of Adam's kind.
+        segment: The steps.
+        config: How.
+        advice: Weight of the guide's advice.
+        own: Whether the policy itself drove all the way, so that its surrogate may be climbed.
+        rng: Deals the robots into groups.
+
+    Returns:
+        Means over the segment: `advice` (cross entropy), `value` (squared error), `entropy`, `agreed` (share of the
+        guide's actions that are the most likely ones).
+    """
+    gained, worth = advantages(segment, config)
+    counted = gained[segment.counts]
+    gained = (gained - counted.mean()) / (counted.std() + 1e-6)
+    robots, told = segment.told.shape[1], dict[str, list[float]]()
+    for _ in range(config.passes):
+        for group in np.array_split(rng.permutation(robots), min(config.groups, robots)):
+            loss, means = _loss(weights, segment, gained, worth, group, config, advice=advice, own=own)
+            optimiser.zero_grad(set_to_none=True)
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(weights.values(), 0.5)
+            optimiser.step()
+            for name, value in means.items():
+                told.setdefault(name, []).append(value)
+    return {name: float(np.mean(values)) for name, values in told.items()}
+
+
+def _loss(
+    weights: Mapping[str, Tensor],
+    segment: Segment,
+    gained: np.ndarray,
+    worth: np.ndarray,
+    group: np.ndarray,
+    config: SearchLearning,
+    *,
+    advice: float,
+    own: bool,
+) -> tuple[Tensor, dict[str, float]]:
+    """The loss of some robots' steps, and what it is made of."""
+
+    def of(array: np.ndarray, kind: Any = None) -> Tensor:
+        return torch.as_tensor(array[:, group], dtype=kind)
+
+    memory = torch.from_numpy(segment.memory[group])
+    scores, value = forward(weights, of(segment.told), of(segment.begins), memory)
+    counts = of(segment.counts)
+    log_odds = torch.log_softmax(scores, dim=-1)[counts]
+    advised, taken = of(segment.advised)[counts], of(segment.taken)[counts]
+    imitation = -log_odds.gather(1, advised[:, None]).mean()
+    error = (value[counts] - of(worth, torch.float32)[counts]).square().mean()
+    entropy = -(log_odds.exp() * log_odds).sum(dim=-1).mean()
+    loss = advice * imitation + config.value * error - config.entropy * entropy
+    if own:
+        before, gain = of(segment.log_odds, torch.float32)[counts], of(gained, torch.float32)[counts]
+        ratio = torch.exp(log_odds.gather(1, taken[:, None])[:, 0] - before)
+        clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
+        loss = loss - torch.minimum(ratio * gain, clipped * gain).mean()
+    agreed = (log_odds.argmax(dim=-1) == advised).float().mean()
+    means = {"advice": imitation, "value": error, "entropy": entropy, "agreed": agreed}
+    return loss, {name: float(one.detach()) for name, one in means.items()}
