@@ -124,6 +124,7 @@ def steering(
 def search(
     *,
     epochs: int = 600,
+    imitation: int = 30,
     homes: int = 144,
     held_out: int = 32,
     seed: int = 0,
@@ -141,7 +142,8 @@ def search(
     Then:    robosim episode office --goal out/search/search.safetensors
 
     Args:
-        epochs: Epochs in all, the first 30 of them by imitation.
+        epochs: Epochs in all.
+        imitation: Of which so many by imitation.
         homes: Homes to learn in.
         held_out: Searches to choose the best weights by, and twice as many to compare in the end.
         seed: Seed of homes, searches, noise, weights and choices.
@@ -152,7 +154,7 @@ def search(
 
     from robosim.training.search import SearchRecipe, train_search
 
-    recipe = SearchRecipe(epochs=epochs, homes=homes, held_out=held_out, seed=seed)
+    recipe = SearchRecipe(epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed)
     if smoke:
         recipe = replace(
             recipe,
@@ -169,7 +171,10 @@ def search(
             every=1,
         )
     folder = folder_for(out, "train search")
-    told = f"robosim train search --epochs {epochs} --homes {homes} --held-out {held_out} --seed {seed}"
+    told = (
+        f"robosim train search --epochs {epochs} --imitation {imitation} --homes {homes} --held-out {held_out} "
+        f"--seed {seed}"
+    )
     with going_on(folder):
         card = train_search(folder, recipe, console=console, about=told)
     tell(card, folder)

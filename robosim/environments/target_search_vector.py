@@ -16,7 +16,6 @@ from gymnasium.vector.utils import batch_space, iterate
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
-from robosim.environments.places import Place
 from robosim.environments.search import Search, spaces_of
 from robosim.environments.sources import source_of
 from robosim.environments.target_search import TargetSearch, check_render_mode
@@ -128,11 +127,6 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         if self.render_mode is None:
             return None
         return tuple(one.text() if self.render_mode == "ansi" else one.picture() for one in self._searches)
-
-    @property
-    def places(self) -> list[Place]:
-        """The buildings of the present searches, for drivers that know the way."""
-        return [search.place for search in self._searches]
 
     def close_extras(self, **kwargs: Any) -> None:
         """Free the cameras."""

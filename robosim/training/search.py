@@ -73,7 +73,7 @@ class SearchRecipe:
     every: int = 10
     """Epochs after which weights are judged."""
     held_out: int = 32
-    """Searches to judge weights by, and twice as many to compare in the end, each in a home of its own."""
+    """Searches to judge weights by, and twice as many to compare in the end, in as many homes."""
     learning: SearchLearning = field(default_factory=SearchLearning)
     """How segments are learnt from."""
     seed: int = 0

@@ -13,7 +13,7 @@ import numpy as np
 from robosim.camera.model import CameraConfig
 from robosim.environments.guide import way_action
 from robosim.environments.sources import MadeHomes
-from robosim.environments.target_search_vector import TargetSearchVector
+from robosim.environments.target_search import TargetSearch
 from robosim.policies.search_network import SearchNetwork, drawn_actions, likelihood, no_memory
 from robosim.policies.search_senses import INPUTS, SearchSenses
 from robosim.radio.link import RadioLinkConfig
@@ -48,7 +48,7 @@ class Walks:
 
 
 class Robots:
-    """Robots on their searches."""
+    """Robots on their searches; one whose search has ended begins another with its next step."""
 
     def __init__(self, walks: Walks) -> None:
         """Put each at the start of a search."""
@@ -59,62 +59,84 @@ class Robots:
             image=CameraConfig(width=64, height=8),
             radio=RadioLinkConfig(engine="table", tables=walks.tables),
         )
-        self.count = walks.robots
-        self._env = TargetSearchVector(
-            walks.robots,
-            MadeHomes(count=walks.homes, seed=walks.first),
-            config=simulator,
-            max_episode_steps=walks.steps,
-            observe=("depth", "odometry", "radio"),
-            depth="metres",
-            rewards=REWARDS,
-            targets=walks.targets,
-            difficulty=walks.difficulty,
-        )
+        self.count, self._most, self._seed = walks.robots, walks.steps, walks.seed
+        homes = MadeHomes(count=walks.homes, seed=walks.first)
+        self._envs = [
+            TargetSearch(
+                homes,
+                config=simulator,
+                observe=("depth", "odometry", "radio"),
+                depth="metres",
+                rewards=REWARDS,
+                targets=walks.targets,
+                difficulty=walks.difficulty,
+            )
+            for _ in range(walks.robots)
+        ]
         self._senses = [SearchSenses() for _ in range(walks.robots)]
+        self._steps = np.zeros(walks.robots, int)
+        self.over = np.zeros(walks.robots, bool)
+        """Whose search has ended."""
         self.begins = np.ones(walks.robots, bool)
-        self._over = np.zeros(walks.robots, bool)
-        seen, self.info = self._env.reset(seed=walks.seed)
-        self.told = self._telling(seen)
-
-    @property
-    def counts(self) -> np.ndarray:
-        """Whether the next step is one of a search, not the pause that begins another."""
-        return ~self._over
+        """Whose search begins with the next step."""
+        self.told = np.empty((walks.robots, INPUTS), np.float32)
+        """What networks are told."""
+        self.infos: list[dict[str, Any]] = [{}] * walks.robots
+        """What robots must not know."""
+        for i in range(walks.robots):
+            self._begin(i, walks.seed + i)
 
     def advised(self) -> np.ndarray:
         """What a guide that knows the way would do, (robots,) int."""
-        places = self._env.places
-        known = zip(places, self.info["pose"], self.info["target"], strict=True)
-        return np.array([int(way_action(place, pose, target)) for place, pose, target in known])
+        known = zip(self._envs, self.infos, strict=True)
+        return np.array([int(way_action(env.place, info["pose"], info["target"])) for env, info in known])
 
-    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Do one action with each; rewards, arrivals, and whose time ran out."""
-        seen, reward, arrived, late, self.info = self._env.step(actions)
-        self.begins, self._over = self._over, arrived | late
-        self.told = self._telling(seen)
+    def step(self, actions: np.ndarray, *, again: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Do one action with each.
+
+        Args:
+            actions: Of each robot.
+            again: Whether those whose search has ended begin another, instead of resting.
+
+        Returns:
+            Rewards, arrivals, and whose time ran out.
+        """
+        reward = np.zeros(self.count)
+        arrived, late = np.zeros(self.count, bool), np.zeros(self.count, bool)
+        before = self.over.copy()
+        for i, env in enumerate(self._envs):
+            if not before[i]:
+                seen, reward[i], arrived[i], _, self.infos[i] = env.step(actions[i])
+                self._steps[i] += 1
+                late[i] = self._steps[i] >= self._most
+                self.over[i], self.begins[i] = arrived[i] or late[i], False
+                self._tell(i, seen)
+            elif again:
+                self._begin(i, None)
         return reward, arrived, late
 
     def close(self) -> None:
         """Free the cameras."""
-        self._env.close()
+        for env in self._envs:
+            env.close()
 
-    def _telling(self, seen: dict[str, np.ndarray]) -> np.ndarray:
-        """What networks are told, (robots, inputs)."""
-        told = np.empty((self.count, INPUTS), np.float32)
-        for i, begins in enumerate(self.begins):
-            if begins:
-                self._senses[i] = SearchSenses()
-            n = int(seen["path_found"][i].sum())
-            told[i] = self._senses[i].told(
-                seen["depth"][i, ..., 0],
-                seen["odometry"][i],
-                seen["path_direction"][i, :n],
-                seen["path_snr"][i, :n],
-                1e-9 * seen["path_delay"][i, :n],
-                seen["link_state"][i],
-            )
-        return told
+    def _begin(self, i: int, seed: int | None) -> None:
+        """A new search of a robot."""
+        seen, self.infos[i] = self._envs[i].reset(seed=seed)
+        self._senses[i], self._steps[i] = SearchSenses(), 0
+        self.over[i], self.begins[i] = False, True
+        self._tell(i, seen)
+
+    def _tell(self, i: int, seen: dict[str, np.ndarray]) -> None:
+        n = int(seen["path_found"].sum())
+        self.told[i] = self._senses[i].told(
+            seen["depth"][..., 0],
+            seen["odometry"],
+            seen["path_direction"][:n],
+            seen["path_snr"][:n],
+            1e-9 * seen["path_delay"][:n],
+            seen["link_state"],
+        )
 
 
 def walk(
@@ -142,7 +164,12 @@ def walk(
     first = memory
     for _ in range(steps):
         memory = np.where(robots.begins[:, None], np.float32(0), memory)
-        told, begins, counts, advised = robots.told, robots.begins, robots.counts, robots.advised()
+        told, begins, counts, advised = (
+            robots.told.copy(),
+            robots.begins.copy(),
+            ~robots.over,
+            robots.advised(),
+        )
         scores, value, memory = network(told, memory)
         own = drawn_actions(scores, rng)
         taken = np.where(rng.random(robots.count) < guided, advised, own)
@@ -182,27 +209,24 @@ def judge(driver: SearchNetwork | str, walks: Walks, *, most_likely: bool = Fals
         agents, arXiv:1807.06757). `steps`: of those that arrived, their mean; `bumps`: a search.
     """
     robots, rng = Robots(walks), np.random.default_rng([walks.seed, 2])
-    n = robots.count
-    shortest = np.maximum(np.array(robots.info["distance_m"], float), 1e-6)
-    driven, bumps, steps = np.zeros(n), np.zeros(n), np.zeros(n)
-    memory, arrived, going_on = no_memory(n), np.zeros(n, bool), np.ones(n, bool)
-    while going_on.any():
+    n, memory = robots.count, no_memory(robots.count)
+    shortest = np.array([info["distance_m"] for info in robots.infos])
+    driven, bumps, steps, arrived = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n, bool)
+    while not robots.over.all():
+        going_on = ~robots.over
         if isinstance(driver, SearchNetwork):
-            memory = np.where(robots.begins[:, None], np.float32(0), memory)
             scores, _, memory = driver(robots.told, memory)
             actions = scores.argmax(axis=-1) if most_likely else drawn_actions(scores, rng)
         elif driver == "guide":
             actions = robots.advised()
         else:
             actions = rng.choice([Action.FORWARD] * 3 + [Action.LEFT, Action.RIGHT], n)
-        before = robots.info["pose"]
-        _, there, late = robots.step(actions)
-        moved = np.hypot(*(robots.info["pose"] - before)[:, :2].T)
-        driven += going_on * moved
+        before = np.array([info["pose"] for info in robots.infos])
+        arrived |= robots.step(actions, again=False)[1]
+        after = np.array([info["pose"] for info in robots.infos])
+        driven += np.hypot(*(after - before)[:, :2].T)
+        bumps += going_on * np.array([info["collided"] for info in robots.infos])
         steps += going_on
-        bumps += going_on * np.array(robots.info.get("collided", np.zeros(n)), bool)
-        arrived |= going_on & there
-        going_on &= ~(there | late)
     robots.close()
     return {
         "arrived": float(arrived.mean()),
