@@ -161,7 +161,8 @@ class Paths:
 
     def strongest(self, most: int = 1) -> "Paths":
         """At most so many paths of each link."""
-        return self.select(self.rank < most)
+        among = self.rank < most
+        return self if among.all() else self.select(among)
 
     def between(self, tx: int, rx: int) -> "Paths":
         """Paths of one link."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from wireless.antennas.arrays import Platform, uniform_array
 from wireless.antennas.elements import Element
@@ -67,10 +67,15 @@ class Terminal:
         """Field of each beam in directions of the platform's frame; its square is the beam's directivity."""
         signature = self.platform.signature(azimuth_rad, elevation_rad)
         response = np.empty((*azimuth_rad.shape, self.n_beams), complex)
-        for array in range(len(self.platform.face_rad)):
-            mine = self.beam_array == array
-            response[..., mine] = signature[..., array, :] @ self.weight[mine].conj().T
+        for array, (mine, weight) in enumerate(self._of_arrays):
+            response[..., mine] = signature[..., array, :] @ weight
         return response
+
+    @cached_property
+    def _of_arrays(self) -> list[tuple[Bool[np.ndarray, " n_beams"], Complex[np.ndarray, "ports mine"]]]:
+        """Which beams are each array's, and their weights."""
+        of_arrays = (self.beam_array == array for array in range(len(self.platform.face_rad)))
+        return [(mine, self.weight[mine].conj().T) for mine in of_arrays]
 
 
 def gnb(element: str | Element = "patch") -> Terminal:

@@ -9,6 +9,7 @@ Reference: C. A. Balanis, Antenna Theory, 4th ed., 14.2 (the patch as a cavity w
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -51,12 +52,12 @@ class PatchElement:
                 "the cavity model is one of thin substrates."
             )
 
-    @property
+    @cached_property
     def width_wl(self) -> float:
         """Horizontal side in wavelengths, of an efficient radiator (Balanis 14-6)."""
         return 0.5 * float(np.sqrt(2 / (self.permittivity + 1)))
 
-    @property
+    @cached_property
     def length_wl(self) -> float:
         """Distance of the radiating slots in wavelengths: half a wave in the substrate (Balanis 14-1, 14-7)."""
         fringe = 1 / np.sqrt(1 + 12 * self.thickness_wl / self.width_wl)
@@ -65,7 +66,7 @@ class PatchElement:
 
     def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Size of the far field: two slots a patch apart (Balanis 14-40 to 14-45, thin substrate)."""
-        x, y, z = np.moveaxis(direction, -1, 0)
+        x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
         slot = np.sinc(self.width_wl * y)
         pair = np.cos(np.pi * self.length_wl * z)
         return np.where(x > 0, np.abs(slot * pair) * np.sqrt(np.maximum(0, 1 - y**2)), 0.0)
@@ -88,7 +89,7 @@ class SectorElement:
 
     def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Size of the far field, one straight ahead."""
-        x, y, z = np.moveaxis(direction, -1, 0)
+        x, y, z = direction[..., 0], direction[..., 1], direction[..., 2]
         azimuth = np.rad2deg(np.arctan2(y, x))
         elevation = np.rad2deg(np.arcsin(np.clip(z, -1, 1)))
         across = np.minimum(12 * (azimuth / self.width_deg) ** 2, self.floor_db)
@@ -119,11 +120,12 @@ def unit_vector(
     azimuth_rad: Float[np.ndarray, "*batch"], elevation_rad: Float[np.ndarray, "*#batch"]
 ) -> Float[np.ndarray, "*batch 3"]:
     """Direction of an azimuth (counter-clockwise from +x) and an elevation (up from the horizon)."""
-    azimuth_rad, elevation_rad = np.broadcast_arrays(azimuth_rad, elevation_rad)
     level = np.cos(elevation_rad)
-    return np.stack(
-        [level * np.cos(azimuth_rad), level * np.sin(azimuth_rad), np.sin(elevation_rad)], axis=-1
-    )
+    ahead = level * np.cos(azimuth_rad)
+    direction = np.empty((*ahead.shape, 3))
+    direction[..., 0], direction[..., 1] = ahead, level * np.sin(azimuth_rad)
+    direction[..., 2] = np.sin(elevation_rad)
+    return direction
 
 
 def sphere(order: int = 64) -> tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, " n"]]:

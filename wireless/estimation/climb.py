@@ -59,11 +59,15 @@ def place(
         13.5 * u * u - 9 * u + 1,
     )
     first = 3 * (j % n) if round_trip else 3 * j
-    for d in range(table.shape[1]):
-        a, b, c = table[first, d], table[first + 1, d], table[first + 2, d]
-        e = table[(first + 3) % nodes if round_trip else first + 3, d]
-        point[d] = w[0] * a + w[1] * b + w[2] * c + w[3] * e
-        slope[d] = s[0] * a + s[1] * b + s[2] * c + s[3] * e
+    # Real and imaginary parts alike, as plain numbers: processors take several of them at once.
+    last = (first + 3) % nodes if round_trip else first + 3
+    a, b = table[first].view(np.float64), table[first + 1].view(np.float64)
+    c = table[first + 2].view(np.float64)
+    e = table[last].view(np.float64)
+    at, along = point.view(np.float64), slope.view(np.float64)
+    for d in range(len(at)):
+        at[d] = w[0] * a[d] + w[1] * b[d] + w[2] * c[d] + w[3] * e[d]
+        along[d] = s[0] * a[d] + s[1] * b[d] + s[2] * c[d] + s[3] * e[d]
 
 
 @compiled

@@ -83,18 +83,20 @@ def _detect(x: Complex[np.ndarray, "rx window tx"], curves: Curves, at: Float[np
             part = np.ascontiguousarray(seen[:, curves.tx_part[b] : curves.tx_part[b + 1]].T)
             match = np.dot(curves.tx_grid[b], part)
             for j in range(match.shape[0]):
-                for i in range(match.shape[1]):
-                    m = match[j, i]
-                    one = m.real**2 + m.imag**2
-                    two = 0.0
-                    if i % n_late < n_late - 1:
-                        p = m + match[j, i + 1]
-                        two = 0.5 * (p.real**2 + p.imag**2)
-                    if max(one, two) > best:
-                        best = max(one, two)
-                        half = 0.5 if two > one else 0.0
-                        at[0] = curves.late_zero + (i % n_late + half) * curves.late_step
-                        at[1], at[2] = curves.rx_start[a, i // n_late], curves.tx_start[b, j]
+                for k in range(match.shape[1] // n_late):
+                    row = match[j, k * n_late : (k + 1) * n_late]
+                    for i in range(n_late):
+                        m = row[i]
+                        one = m.real**2 + m.imag**2
+                        two = 0.0
+                        if i < n_late - 1:
+                            p = m + row[i + 1]
+                            two = 0.5 * (p.real**2 + p.imag**2)
+                        if max(one, two) > best:
+                            best = max(one, two)
+                            half = 0.5 if two > one else 0.0
+                            at[0] = curves.late_zero + (i + half) * curves.late_step
+                            at[1], at[2] = curves.rx_start[a, k], curves.tx_start[b, j]
 
 
 @compiled
@@ -109,18 +111,22 @@ def _unit(c: Complex[np.ndarray, " dims"]) -> float:
 @compiled
 def _along_late(x: Complex[np.ndarray, "rx window tx"], curves: Curves, s: Scratch) -> np.ndarray:
     """The tensor contracted with arrival and departure: one column for each pair of arrays."""
-    n_tx = len(curves.tx_part) - 1
+    n_late, n_tx = x.shape[1], len(curves.tx_part) - 1
     scale = _unit(s.rx) * _unit(s.tx)
-    v = np.zeros((x.shape[1], (len(curves.rx_part) - 1) * n_tx), np.complex128)
+    flat = x.reshape(x.shape[0], -1)
+    v = np.zeros((n_late, (len(curves.rx_part) - 1) * n_tx), np.complex128)
     for a in range(len(curves.rx_part) - 1):
+        # Arrival first, over all else at once: these long sums of arrays are what processors do side by side.
+        seen = np.zeros(flat.shape[1], np.complex128)
         for r in range(curves.rx_part[a], curves.rx_part[a + 1]):
             weight = np.conj(s.rx[r]) * scale
+            for i in range(flat.shape[1]):
+                seen[i] += weight * flat[r, i]
+        for w in range(n_late):
+            row = seen[w * x.shape[2] : (w + 1) * x.shape[2]]
             for b in range(n_tx):
-                for w in range(x.shape[1]):
-                    total = 0j
-                    for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
-                        total += np.conj(s.tx[t]) * x[r, w, t]
-                    v[w, a * n_tx + b] += weight * total
+                for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
+                    v[w, a * n_tx + b] += np.conj(s.tx[t]) * row[t]
     return v
 
 
@@ -153,9 +159,17 @@ def _contracted(
 
 @compiled
 def _refine(
-    x: Complex[np.ndarray, "rx window tx"], curves: Curves, at: Float[np.ndarray, "3"], look: int, s: Scratch
-) -> None:
-    """Climb along delay, arrival and departure in turn; `look` steps around at first."""
+    x: Complex[np.ndarray, "rx window tx"],
+    curves: Curves,
+    at: Float[np.ndarray, "3"],
+    look: int,
+    s: Scratch,
+    size: Complex[np.ndarray, " pairs"],
+) -> float:
+    """Climb along delay, arrival and departure in turn; `look` steps around at first.
+
+    Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned.
+    """
     v = _along_late(x, curves, s)
     whole = np.array([0, x.shape[1]])
     at[0] = climb(
@@ -172,23 +186,25 @@ def _refine(
         at[2] = climb(
             curves.tx, True, curves.tx_part, v, at[2], 0.25 * curves.tx_step, n_steps, s.tx, s.tx_slope
         )
+    return _sizes(v, curves, s, size)
 
 
 @compiled
 def _sizes(
-    x: Complex[np.ndarray, "rx window tx"], curves: Curves, s: Scratch, size: Complex[np.ndarray, " pairs"]
+    v: Complex[np.ndarray, "tx rx_arrays"], curves: Curves, s: Scratch, size: Complex[np.ndarray, " pairs"]
 ) -> float:
-    """Complex size of the path in each pair of arrays, of one absolute value; its energy is returned."""
-    v = _along_late(x, curves, s)  # at unit norm of arrival and departure
-    norm = _unit(s.late) * _unit(s.rx) * _unit(s.tx)
+    """Sizes and energy of a path, from the tensor contracted with delay and arrival at unit norm."""
+    n_tx = len(curves.tx_part) - 1
+    unit = _unit(s.tx)
     total = 0.0
     for i in range(len(size)):
         q = 0j
-        for w in range(len(s.late)):
-            q += np.conj(s.late[w]) * v[w, i]
-        q *= _unit(s.late)
+        for t in range(curves.tx_part[i % n_tx], curves.tx_part[i % n_tx + 1]):
+            q += np.conj(s.tx[t]) * v[t, i // n_tx]
+        q *= unit
         total += abs(q)
         size[i] = q / abs(q) if abs(q) > 0 else 0j
+    norm = unit * _unit(s.late) * _unit(s.rx)
     for i in range(len(size)):
         size[i] *= total * norm
     return total * total
@@ -204,13 +220,19 @@ def _add(
 ) -> None:
     """Add a path to the tensor, or take it off."""
     n_tx = len(curves.tx_part) - 1
+    flat = x.reshape(x.shape[0], -1)
+    sent = np.empty((x.shape[1], x.shape[2]), np.complex128)
     for a in range(len(curves.rx_part) - 1):
-        for r in range(curves.rx_part[a], curves.rx_part[a + 1]):
+        for b in range(n_tx):
             for w in range(x.shape[1]):
-                for b in range(n_tx):
-                    factor = sign * size[a * n_tx + b] * s.rx[r] * s.late[w]
-                    for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
-                        x[r, w, t] += factor * s.tx[t]
+                factor = sign * size[a * n_tx + b] * s.late[w]
+                for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
+                    sent[w, t] = factor * s.tx[t]
+        row = sent.reshape(-1)
+        for r in range(curves.rx_part[a], curves.rx_part[a + 1]):
+            weight = s.rx[r]
+            for i in range(len(row)):
+                flat[r, i] += weight * row[i]
 
 
 @compiled
@@ -234,8 +256,7 @@ def _round(
     """Refine each path once with the others taken off; x is the residual before and after."""
     for p in range(n):
         _add(x, curves, s[p], size[p], 1.0)
-        _refine(x, curves, at[p], 0, s[p])
-        energy[p] = _sizes(x, curves, s[p], size[p])
+        energy[p] = _refine(x, curves, at[p], 0, s[p], size[p])
         _add(x, curves, s[p], size[p], -1.0)
 
 
@@ -289,6 +310,7 @@ def find_paths(
     wanted: int,
     at: Float[np.ndarray, "links paths 3"],
     energy: Float[np.ndarray, "links paths"],
+    seen: Float[np.ndarray, "links paths"],
     count: Int[np.ndarray, " links"],
 ) -> None:
     """Paths of links, in the order found.
@@ -300,6 +322,7 @@ def find_paths(
         wanted: Paths asked for; of further ones faint ones are not looked for.
         at: Where delay, arrival and departure of paths go, in intervals of their curves.
         energy: Where their energies go.
+        seen: Where the squared norms go of their receive and transmit signatures together.
         count: Where their numbers go.
     """
     most = at.shape[1]
@@ -312,9 +335,8 @@ def find_paths(
         while n < most:
             _detect(x, curves, at[i, n])
             _start(curves, at[i, n], s[n])
-            _refine(x, curves, at[i, n], 2, s[n])
-            _refine(x, curves, at[i, n], 0, s[n])
-            energy[i, n] = _sizes(x, curves, s[n], size[n])
+            _refine(x, curves, at[i, n], 2, s[n], size[n])
+            energy[i, n] = _refine(x, curves, at[i, n], 0, s[n], size[n])
             if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * energy[i, :n].max()):
                 break
             _add(x, curves, s[n], size[n], -1.0)
@@ -322,3 +344,5 @@ def find_paths(
             share = SETTLED_SHARE if n <= wanted else SETTLED_ROUGHLY
             _settle(x, curves, n, at[i], size, energy[i], s, share)
         count[i] = n
+        for p in range(n):
+            seen[i, p] = 1 / (_unit(s[p].rx) * _unit(s[p].tx)) ** 2

@@ -77,12 +77,12 @@ class SageEstimator:
     def estimate(self, tensor: Complex[np.ndarray, "links window kept beams"]) -> PathEstimates:
         """Paths of measurements."""
         most = max(self.n_paths, MOST_PATHS)
-        at, energy, count = self._find(tensor, self.threshold, most)
+        at, energy, seen, count = self._find(tensor, self.threshold, most)
         half, sample_s = self.sounder.config.half_window, self.sounder.config.sample_s
         late = at[..., 0] / SAMPLE_INTERVALS - APRON - half
         found = (np.arange(most) < count[:, None]) & (np.abs(late) <= half + 0.5)
         turn = at[..., 1:] * (2 * np.pi / TURN_INTERVALS)
-        snr_db = self.sounder.snr_db(np.where(found, energy, 0.0), turn[..., 0], turn[..., 1])
+        snr_db = self.sounder.snr_of_seen_db(np.where(found, energy, 0.0), seen)
         order = np.argsort(-snr_db, axis=1, kind="stable")[:, : self.n_paths]
         late, snr_db, found = (np.take_along_axis(c, order, axis=1) for c in (late, snr_db, found))
         turn = np.take_along_axis(turn, order[..., None], axis=1)
@@ -114,16 +114,23 @@ class SageEstimator:
 
     def _find(
         self, tensor: Complex[np.ndarray, "links window kept beams"], threshold: float, most: int
-    ) -> tuple[Float[np.ndarray, "links m 3"], Float[np.ndarray, "links m"], Int[np.ndarray, " links"]]:
-        """Coordinates of paths on their curves, energies and numbers, in the order found."""
+    ) -> tuple[
+        Float[np.ndarray, "links m 3"],
+        Float[np.ndarray, "links m"],
+        Float[np.ndarray, "links m"],
+        Int[np.ndarray, " links"],
+    ]:
+        """Coordinates of paths on their curves, energies, what is seen of them, numbers, in the order found."""
         n = len(tensor)
-        at, energy, count = np.zeros((n, most, 3)), np.zeros((n, most)), np.zeros(n, np.int64)
+        at, energy, seen = np.zeros((n, most, 3)), np.zeros((n, most)), np.ones((n, most))
+        count = np.zeros(n, np.int64)
         basis = self.tx_basis.T.astype(np.complex64)
 
         def run(start: int) -> None:
             links = slice(start, start + BLOCK_LINKS)
             small = np.ascontiguousarray((tensor[links] @ basis).transpose(0, 2, 1, 3))
-            find_paths(small, self.curves, threshold, self.n_paths, at[links], energy[links], count[links])
+            out = at[links], energy[links], seen[links], count[links]
+            find_paths(small, self.curves, threshold, self.n_paths, *out)
 
         starts = range(0, n, BLOCK_LINKS)
         threads = min(available_cores() if self.workers is None else self.workers, len(starts))
@@ -133,7 +140,7 @@ class SageEstimator:
         else:
             with ThreadPoolExecutor(threads) as pool:
                 list(pool.map(run, starts))
-        return at, energy, count
+        return at, energy, seen, count
 
 
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:

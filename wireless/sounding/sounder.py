@@ -230,8 +230,14 @@ class Sounder:
         """
         rx = np.sum(np.abs(self.rx_response(aoa_rad)) ** 2, axis=-1)
         tx = np.sum(np.abs(self.tx_response(aod_rad)) ** 2, axis=-1)
+        return self.snr_of_seen_db(energy, rx * tx)
+
+    def snr_of_seen_db(
+        self, energy: Float[np.ndarray, "*batch"], seen: Float[np.ndarray, "*batch"]
+    ) -> Float[np.ndarray, "*batch"]:
+        """The same, where the squared norm of a path's receive and transmit signatures together is known."""
         with np.errstate(divide="ignore"):
-            gain_db = 10 * np.log10(energy / (rx * tx)) - self.config.snr_per_gain_db
+            gain_db = 10 * np.log10(energy / seen) - self.config.snr_per_gain_db
         return gain_db + self.budget_db
 
     def gain_db(self, paths: PathEstimates) -> Float[np.ndarray, "links paths"]:

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 import trimesh
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.extruded import Extruded
@@ -56,6 +56,9 @@ class PlanScene:
         thin = self.setting.walls[:, 1].real > 0
         self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
         self._region = regions(plan)
+        #: What was found last: a transmitter is asked for again and again, and so is a region.
+        self._around: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+        self._passed: dict[int, tuple[Plan, Setting]] = {}
         logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
 
     def tables(
@@ -70,7 +73,7 @@ class PlanScene:
                     f"{name} has heights from {z.min()} to {z.max()} m, expected {low} to {high} m, between "
                     "floor and ceiling. Trace other points with scene='space'."
                 )
-        around_tx, around_rx = self.locate(tx[:, :2]), self.locate(rx[:, :2])
+        around_tx, around_rx = self._located(tx[:, :2]), self.locate(rx[:, :2])
         plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
         order, through = setting.side_reflections, setting.max_through
 
@@ -96,11 +99,29 @@ class PlanScene:
         Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
         wall between rooms is passed by its two sides.
         """
-        plan, setting = self.plan, self.setting
-        if setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
-            both = (self._region[:, None] == found[0]) & (self._region[plan.tri_next] == found[0])
-            plan = plan._replace(tri_open=plan.tri_open & both)
-        return plan, setting if plan.tri_open.any() else setting._replace(max_through=0)
+        if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
+            region = int(found[0])
+            known = self._passed.get(region)
+            if known is None:
+                both = (self._region[:, None] == region) & (self._region[self.plan.tri_next] == region)
+                known = self._where_open(self.plan.tri_open & both)
+                self._passed = {region: known}
+            return known
+        return self._where_open(self.plan.tri_open)
+
+    def _where_open(self, tri_open: Bool[np.ndarray, "t 3"]) -> tuple[Plan, Setting]:
+        """Plan and setting in which paths pass only some walls, if any."""
+        plan = self.plan._replace(tri_open=tri_open)
+        return plan, self.setting if tri_open.any() else self.setting._replace(max_through=0)
+
+    def _located(self, points: Float[np.ndarray, "n 2"]) -> tuple[np.ndarray, np.ndarray]:
+        """`locate`, which keeps what it found last."""
+        key = points.tobytes()
+        found = self._around.get(key)
+        if found is None:
+            found = self.locate(points)
+            self._around = {key: found}
+        return found
 
 
 class SpaceScene:

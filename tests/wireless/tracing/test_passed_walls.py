@@ -79,3 +79,15 @@ def test_half_spaces_let_nothing_through(with_a_screen):
         paths = tracer.trace(TX, RX)
         passed = paths.interaction == Interaction.TRANSMISSION
         assert passed.any() and np.allclose(paths.point[..., 0][passed], 3.0)
+
+
+def test_what_was_traced_before_changes_no_path(two_rooms):
+    """One tracer asked for links in either room and between them, in turn, as a new one is for each: to the bit."""
+    config = TracerConfig(max_paths=50)
+    kept = Tracer(two_rooms, materials=("partition",), config=config)
+    for tx in (TX, RX[1:2]):
+        for rx in (RX[:1], RX[1:2], RX[2:], RX[1:2]):
+            one = kept.trace(tx, rx)
+            other = Tracer(two_rooms, materials=("partition",), config=config).trace(tx, rx)
+            assert one.link.tolist() == other.link.tolist()
+            np.testing.assert_array_equal(one.gain, other.gain)
