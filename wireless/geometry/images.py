@@ -47,8 +47,12 @@ class Space(NamedTuple):
     """Corners of convex walls."""
     wall_corners: Int[np.ndarray, " w"]
     """Number of corners of each wall."""
+    tree_passes: Bool[np.ndarray, " t"]
+    """Triangles that let paths through, in the tree's order."""
     mirrors: Bool[np.ndarray, " f"]
     """Facets that reflect."""
+    passes: Bool[np.ndarray, " f"]
+    """Facets that let paths through; half-spaces do not."""
     patch_facet: Int[np.ndarray, " p"]
     """Facet of each patch."""
     window: Float[np.ndarray, "p k 3"]
@@ -97,12 +101,13 @@ class Views(NamedTuple):
     """Number of its corners."""
 
 
-def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
+def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool[np.ndarray, " f"]) -> Space:
     """Prepare what does not depend on antennas.
 
     Args:
         surfaces: Facets and edges.
         mirrors: Facets that reflect.
+        passes: Facets that let paths through.
     """
     patches = find_patches(surfaces)
     tree = make_tree(surfaces.triangle)
@@ -123,7 +128,9 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"]) -> Space:
         tree_wall=patches.wall_of[tree.number],
         wall=patches.wall,
         wall_corners=patches.wall_corners,
+        tree_passes=passes[surfaces.triangle_facet[tree.number]],
         mirrors=mirrors,
+        passes=passes,
         patch_facet=patches.facet,
         window=patches.window,
         corners=patches.corners,

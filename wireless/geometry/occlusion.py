@@ -84,53 +84,6 @@ def box_holds(tree: Tree, box: int, p: Float[np.ndarray, "3"], slack_m: float) -
 
 
 @compiled
-def _box_missed(
-    low: Float[np.ndarray, "3"],
-    high: Float[np.ndarray, "3"],
-    p: Float[np.ndarray, "3"],
-    q: Float[np.ndarray, "3"],
-) -> bool:
-    enter, leave = 0.0, 1.0
-    for i in range(3):
-        d = q[i] - p[i]
-        if d == 0:
-            if p[i] < low[i] or p[i] > high[i]:
-                return True
-        else:
-            a, b = (low[i] - p[i]) / d, (high[i] - p[i]) / d
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-            if enter > leave + 1e-12:
-                return True
-    return False
-
-
-@compiled
-def _depth(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> float:
-    """How deep in triangle t the way from p to q meets it, below -NEAR_M if it does not."""
-    dp, dq = 0.0, 0.0
-    for i in range(3):
-        dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
-        dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
-    if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
-        return -np.inf
-    f, least = dp / (dp - dq), np.inf
-    for k in range(3):
-        depth = 0.0
-        for i in range(3):
-            depth += tree.inward[t, k, i] * (p[i] + f * (q[i] - p[i]) - tree.triangle[t, k, i])
-        if depth < -NEAR_M:
-            return -np.inf
-        least = min(least, depth)
-    return least
-
-
-@compiled
-def _hides(tree: Tree, t: int, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
-    """Whether triangle t is between p and q."""
-    return _depth(tree, t, p, q) >= -NEAR_M
-
-
-@compiled
 def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) -> tuple[int, bool]:
     """A triangle that the way over points meets so deep, in the tree's order, or -1; and whether any was met.
 
@@ -283,40 +236,77 @@ def passed(
     tree: Tree,
     p: Float[np.ndarray, "3"],
     q: Float[np.ndarray, "3"],
+    passes: Bool[np.ndarray, " t"],
+    most: int,
     where: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
 ) -> int:
-    """Walls between p and q in order: shares of the way and triangles; their number, -1 if there are more than k.
+    """Walls between p and q in order: shares of the way and triangles.
 
     Triangles that are met in one point, at a side that they share or doubled, are one wall.
+
+    Args:
+        tree: What there is between.
+        p: Where the way begins [m].
+        q: Where it ends.
+        passes: Triangles that let it through, in the tree's order.
+        most: Most walls that are passed.
+        where: Room for the shares.
+        which: Room for the triangles, in the tree's order.
+
+    Returns:
+        Number of walls; -1 if they are too many, or one lets nothing through.
     """
-    stack = np.empty(64, np.int64)
-    length = np.sqrt((q[0] - p[0]) ** 2 + (q[1] - p[1]) ** 2 + (q[2] - p[2]) ** 2)
+    low, high, child = tree.low, tree.high, tree.child
+    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    px, py, pz = p[0], p[1], p[2]
+    dx, dy, dz = q[0] - px, q[1] - py, q[2] - pz
+    ix = 1 / dx if dx != 0 else _STEEP
+    iy = 1 / dy if dy != 0 else _STEEP
+    iz = 1 / dz if dz != 0 else _STEEP
+    length, stack = np.sqrt(dx * dx + dy * dy + dz * dz), np.empty(64, np.int64)
     stack[0], depth, count = 0, 1, 0
     while depth > 0:
         depth -= 1
         box = stack[depth]
-        if _box_missed(tree.low[box], tree.high[box], p, q):
+        a, b = (low[box, 0] - px) * ix, (high[box, 0] - px) * ix
+        enter, leave = max(0.0, min(a, b)), min(1.0, max(a, b))
+        a, b = (low[box, 1] - py) * iy, (high[box, 1] - py) * iy
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+        a, b = (low[box, 2] - pz) * iz, (high[box, 2] - pz) * iz
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+        if enter > leave + 1e-12:
             continue
-        one, other = tree.child[box]
+        one, other = child[box, 0], child[box, 1]
         if one >= 0:
             stack[depth], stack[depth + 1] = one, other
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            if not _hides(tree, t, p, q):
+            x, y, z = px - triangle[t, 0, 0], py - triangle[t, 0, 1], pz - triangle[t, 0, 2]
+            dp = normal[t, 0] * x + normal[t, 1] * y + normal[t, 2] * z
+            dq = normal[t, 0] * (x + dx) + normal[t, 1] * (y + dy) + normal[t, 2] * (z + dz)
+            if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
                 continue
-            dp, dq = 0.0, 0.0
-            for i in range(3):
-                dp += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
-                dq += tree.normal[t, i] * (q[i] - tree.triangle[t, 0, i])
-            f = dp / (dp - dq)
+            f, least = dp / (dp - dq), np.inf
+            x, y, z = px + f * dx, py + f * dy, pz + f * dz
+            for k in range(3):
+                into = (
+                    inward[t, k, 0] * (x - triangle[t, k, 0])
+                    + inward[t, k, 1] * (y - triangle[t, k, 1])
+                    + inward[t, k, 2] * (z - triangle[t, k, 2])
+                )
+                least = min(least, into)
+            if least < -NEAR_M:
+                continue
+            if not passes[t]:
+                return -1
             place, known = count, False
             for j in range(count):
                 known = known or abs(where[j] - f) * length < SAME_M
             if known:
                 continue
-            if count == len(where):
+            if count == most:
                 return -1
             while place > 0 and where[place - 1] > f:
                 where[place], which[place] = where[place - 1], which[place - 1]

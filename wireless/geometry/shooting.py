@@ -2,10 +2,12 @@
 
 Rays leave a point in all directions, are mirrored where they meet a patch that reflects, and note what they met:
 the patches in a row, and over them the edges of the patch that they met next. Rays that an edge bends leave its
-points on Keller's cones and are followed alike. Embree answers a million such rays a second whatever the number of
-triangles, in single precision. That is enough, because nothing but names comes of it: images, reflection points and
-edge points are computed from these names in double precision, and each leg is looked at in the double-precision
-tree. So a chain that rounding made up gives no path, and all that rays can do wrong is to miss a chain.
+points on Keller's cones and are followed alike. A wall that lets paths through mirrors a ray and lets it on, up to as
+many walls as may be passed, which chains do not name. Embree answers a million such rays a second whatever the
+number of triangles, in single precision. That is enough, because nothing but names comes of it: images, reflection
+points and edge points are computed from these names in double precision, and each leg is looked at in the
+double-precision tree. So a chain that rounding made up gives no path, and all that rays can do wrong is to miss a
+chain.
 
 Directions are the first n of one sequence that fills the sphere evenly at any length, without a seed: more rays are
 the same rays and others, and find the same chains and others. Points of an edge and turns about it are of one
@@ -58,15 +60,33 @@ class Bent(NamedTuple):
     """Patches in a row, the first from the edge first."""
 
 
+class _Met(NamedTuple):
+    """What rays meet, a row for each patch of each ray."""
+
+    ray: Int[np.ndarray, " m"]
+    """Which ray."""
+    patch: Int[np.ndarray, " m"]
+    """What it meets."""
+    at: Float[np.ndarray, "m 3"]
+    """Where [m]."""
+    normal: Float[np.ndarray, "m 3"]
+    """The patch's unit normal."""
+    slope: Float[np.ndarray, " m"]
+    """Cosine between ray and normal; 0 for what it only grazes, where it ends."""
+    left: Int[np.ndarray, " m"]
+    """Walls that it may still pass."""
+
+
 class Shooter:
     """A space made ready to shoot rays in.
 
     Args:
         space: Surfaces around an origin of their own.
+        through: Most walls that a ray passes, on each side of an edge.
     """
 
-    def __init__(self, space: Space):
-        self._space = space
+    def __init__(self, space: Space, through: int):
+        self._space, self._through = space, through
         self._scene = EmbreeScene()
         TriangleMesh(self._scene, space.triangle.astype(np.float32))
         self._patch = np.repeat(np.arange(len(space.patch_facet)), np.diff(space.start))
@@ -147,12 +167,7 @@ class Shooter:
             way /= np.maximum(far, NEAR_M)[:, None]
             free = far > 4 * _LIFT_M
             asked = np.flatnonzero(free & seen[sight])
-            hit = self._scene.run(
-                source[sight[asked]].astype(np.float32),
-                way[asked].astype(np.float32),
-                dists=(far[asked] - 2 * _LIFT_M).astype(np.float32),
-            )
-            free[asked] &= hit < 0
+            free[asked] = self._free(source[sight[asked]], way[asked], far[asked] - 2 * _LIFT_M)
             sight, k, at, way = sight[free], k[free], at[free], way[free]
             turns = np.minimum(count[sight] - k * _TURNS, _TURNS)
             of = np.repeat(np.arange(len(sight)), turns)
@@ -187,27 +202,69 @@ class Shooter:
         chain = np.empty((int(owner.max(initial=-1)) + 1, 0), np.int64)
         node, of_node = owner, np.arange(len(chain))
         result = []
+        left = np.full(len(start), self._through)
         for order in range(reflections + 1):
-            triangle = self._scene.run(start.astype(np.float32), way.astype(np.float32))
-            met = triangle >= 0
-            patch = self._patch[triangle[met]]
-            start, way, node = start[met], way[met], node[met]
+            met = self._met(start, way, left)
+            patch, way, node, left = met.patch, way[met.ray], node[met.ray], met.left
             nodes, inverse = np.unique(node * n_patches + patch, return_inverse=True)
             before, new = nodes // n_patches, nodes % n_patches
             of_node, chain = of_node[before], np.column_stack([chain[before], new])
             result.append((of_node, chain))
             if order == reflections:
                 break
-            facet = self._space.patch_facet[patch]
-            normal = self._space.surfaces.facet_normal[facet]
-            slope = np.einsum("ij,ij->i", way, normal)
-            off = np.einsum("ij,ij->i", start - self._space.surfaces.facet_point[facet], normal)
-            good = self._space.mirrors[facet] & (np.abs(slope) > 1e-9)
-            node, way, start = inverse[good], way[good], start[good]
-            normal, slope, off = normal[good], slope[good], off[good]
-            start = start - (off / slope)[:, None] * way - (_LIFT_M * np.sign(slope))[:, None] * normal
+            good = self._space.mirrors[self._space.patch_facet[patch]] & (met.slope != 0)
+            node, way, left = inverse[good], way[good], left[good]
+            normal, slope = met.normal[good], met.slope[good]
+            start = met.at[good] - (_LIFT_M * np.sign(slope))[:, None] * normal
             way = way - 2 * slope[:, None] * normal
         return result
+
+    def _met(
+        self, start: Float[np.ndarray, "n 3"], way: Float[np.ndarray, "n 3"], left: Int[np.ndarray, " n"]
+    ) -> "_Met":
+        """What rays meet, and beyond what they pass, each with so many walls left to pass."""
+        found: list[_Met] = []
+        ray = np.arange(len(start))
+        while len(ray) or not found:
+            triangle = self._scene.run(start.astype(np.float32), way[ray].astype(np.float32))
+            met = triangle >= 0
+            ray, left, patch = ray[met], left[met], self._patch[triangle[met]]
+            facet = self._space.patch_facet[patch]
+            normal = self._space.surfaces.facet_normal[facet]
+            slope = np.einsum("ij,ij->i", way[ray], normal)
+            slope[np.abs(slope) < 1e-9] = 0
+            off = np.einsum("ij,ij->i", start[met] - self._space.surfaces.facet_point[facet], normal)
+            back = np.divide(off, slope, out=np.zeros_like(off), where=slope != 0)
+            at = start[met] - back[:, None] * way[ray]
+            found.append(_Met(ray, patch, at, normal, slope, left))
+            on = self._space.passes[facet] & (left > 0) & (slope != 0)
+            start = at[on] + (_LIFT_M * np.sign(slope[on]))[:, None] * normal[on]
+            ray, left = ray[on], left[on] - 1
+        return found[0] if len(found) == 1 else _Met(*map(np.concatenate, zip(*found, strict=True)))
+
+    def _free(
+        self, start: Float[np.ndarray, "n 3"], way: Float[np.ndarray, "n 3"], far: Float[np.ndarray, " n"]
+    ) -> Bool[np.ndarray, " n"]:
+        """Whether rays come so far [m], through no more walls than may be passed."""
+        free, start, far = np.ones(len(start), bool), start.copy(), far.copy()
+        ray = np.arange(len(start))
+        for passed in range(self._through + 1):
+            triangle = self._scene.run(
+                start[ray].astype(np.float32), way[ray].astype(np.float32), dists=far[ray].astype(np.float32)
+            )
+            ray, triangle = ray[triangle >= 0], triangle[triangle >= 0]
+            facet = self._space.patch_facet[self._patch[triangle]]
+            normal = self._space.surfaces.facet_normal[facet]
+            slope = np.einsum("ij,ij->i", way[ray], normal)
+            on = self._space.passes[facet] & (np.abs(slope) > 1e-9) & (passed < self._through)
+            free[ray[~on]] = False
+            ray, slope = ray[on], slope[on]
+            off = np.einsum("ij,ij->i", start[ray] - self._space.surfaces.facet_point[facet[on]], normal[on])
+            step = -off / slope + _LIFT_M / np.abs(slope)
+            start[ray] += step[:, None] * way[ray]
+            far[ray] -= step
+            ray = ray[far[ray] > 0]
+        return free
 
     def _edges(self, chain: Int[np.ndarray, "v m"]) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, "q l"]]:
         """Edges of the last patch of chains, and the patches before it; without doubles."""

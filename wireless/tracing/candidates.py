@@ -2,9 +2,9 @@
 
 Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
 and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
-the transmitter shoots and that edges bend. What is found depends on nothing but the transmitter's place and the number
-of rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same
-candidates.
+the transmitter shoots and that edges bend. Where paths may pass walls, only what lets nothing through hides. What is
+found depends on nothing but the transmitter's place and the number of rays, so that a receiver costs no search of its
+own: a robot's link is traced again and again with the same candidates.
 """
 
 import threading
@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.images import Space, all_views
+from wireless.geometry.occlusion import make_tree
 from wireless.geometry.shooting import Bent, Shooter
 from wireless.tracing.beams import (
     Beams,
@@ -62,7 +63,8 @@ class Candidates:
     def __init__(self, space: Space, setting: Setting, rays: int):
         self._space, self._setting, self._rays = space, setting, rays
         self._side = setting.side_reflections if len(space.surfaces.edge) else -1
-        self._shooter = Shooter(space)
+        self._shooter = Shooter(space, setting.max_through)
+        self._veiled = hidden_by_opaque(space) if setting.max_through else space
         self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
         self._known: OrderedDict[bytes, Reach] = OrderedDict()
         self._lock = threading.Lock()
@@ -98,7 +100,7 @@ class Candidates:
         rays = self._rays if most > tried[0] or side > tried[1] else 0
         seen = self._shooter.shoot(tx, rays, most, side)
         if self._few:
-            views, n = all_views(space, tx, min(2, most), True)
+            views, n = all_views(self._veiled, tx, min(2, most), True)
             parts = [views.chain[:n][views.order[:n] == k, :k] for k in range(min(2, most) + 1)]
         else:
             parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: most + 1]
@@ -116,8 +118,8 @@ class Candidates:
         """Edges that a transmitter sees, of which rays found some over patches."""
         space, side = self._space, self._side
         if self._few:
-            views, n = all_views(space, tx, min(1, side), True)
-            pair, _ = lit_edges(space, views, n, True)
+            views, n = all_views(self._veiled, tx, min(1, side), True)
+            pair, _ = lit_edges(self._veiled, views, n, True)
             pair = pair[np.lexsort((pair[:, 0], pair[:, 1]))]
             first, before = pair[:, 0], views.chain[pair[:, 1]]
             before = np.where(np.arange(before.shape[1]) < views.order[pair[:, 1], None], before, -1)
@@ -158,6 +160,17 @@ class Candidates:
         patch = np.sort(self._space.patch_boxes.number)
         low, high = self._space.panes.low[patch], self._space.panes.high[patch]
         return patch, np.column_stack([(low + high) / 2, np.linalg.norm(high - low, axis=1) / 2])
+
+
+def hidden_by_opaque(space: Space) -> Space:
+    """The same space, in which what lets paths through hides nothing."""
+    opaque = np.flatnonzero(~space.tree_passes)
+    tree = make_tree(space.tree.triangle[opaque])
+    return space._replace(
+        tree=tree._replace(number=space.tree.number[opaque[tree.number]]),
+        tree_wall=space.tree_wall[opaque[tree.number]],
+        tree_passes=np.zeros(len(opaque), bool),
+    )
 
 
 def _padded(parts: list[Int[np.ndarray, "_ _"]], most: int) -> Int[np.ndarray, "c m"]:

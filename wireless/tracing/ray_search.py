@@ -4,9 +4,7 @@ For each transmitter there is a table of what it may reach, over patches and edg
 One sweep over it leaves few rows for each receiver (`wireless.tracing.sweep`). Those are laid out and looked at as in
 exhaustive search (`wireless.tracing.laying`, `wireless.tracing.space_paths`), so that each path is one that exhaustive
 search finds; what is not in the table is missed. Of bends what may be strongest comes first, so that a full list
-spares the rest.
-
-Left out: walls that are passed, as rays end there.
+spares the rest. Rows say nothing of walls: those that a path may pass are found on its legs.
 """
 
 from typing import NamedTuple
@@ -22,7 +20,7 @@ from wireless.support.compiled import compiled
 from wireless.tracing.beams import Beams, Bends
 from wireless.tracing.laying import edge_sight, ground_of, is_open, lay, mirror_over, on_large
 from wireless.tracing.space_engine import Room, make_room, write_lists
-from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, weigh_path
+from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, try_path, weigh_path
 from wireless.tracing.sweep import beams_at, bends_at
 from wireless.tracing.table import Setting, Table, make_table, most_interactions
 
@@ -103,6 +101,29 @@ def _enter(
             most = bound[h] * left_by_mirrors(facet_normal, setting, m, scratch)
             if most < rank[keep - 1, 0]:
                 continue
+        who[0], who[1], who[2] = edge[h], before, after
+        for i in range(before):
+            who[3 + i] = near[h, i]
+        for i in range(after):
+            who[3 + before + i] = far[h, i]
+        if setting.max_through > 0:
+            if not large or on_large(space, near[h], before, edge[h], far[h], after, scratch.point):
+                count = try_path(
+                    space,
+                    setting,
+                    tx,
+                    rx,
+                    room.points,
+                    m,
+                    who,
+                    scratch,
+                    room.where,
+                    room.which,
+                    rank,
+                    best,
+                    count,
+                )
+            continue
         # To look takes as long as to weigh; of a full list most are too weak.
         length, power, full = -1.0, 0.0, count == keep
         if full:
@@ -118,11 +139,6 @@ def _enter(
                 continue
         if large and not on_large(space, near[h], before, edge[h], far[h], after, scratch.point):
             continue
-        who[0], who[1], who[2] = edge[h], before, after
-        for i in range(before):
-            who[3 + i] = near[h, i]
-        for i in range(after):
-            who[3 + before + i] = far[h, i]
         if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, room.points):
             continue
         count = list_path(scratch.point, m, who, length, power, rank, best, count)

@@ -5,6 +5,7 @@ Each has the place that its coordinates count from (`origin`), and `tables` of t
 
 import logging
 from collections.abc import Callable, Iterator
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -12,6 +13,7 @@ import trimesh
 from jaxtyping import Bool, Complex, Float, Int
 
 from wireless.geometry.boxes import make_boxes
+from wireless.geometry.closed import Sides
 from wireless.geometry.extruded import Extruded
 from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
 from wireless.geometry.images import make_space
@@ -24,8 +26,9 @@ from wireless.tracing.table import Setting, Table
 
 logger = logging.getLogger(__name__)
 
-#: From so many facets on, chains of them are found by rays.
-MANY_FACETS = 500
+#: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
+#: its first links take by exhaustive search.
+MANY_FACETS = 150
 
 
 class PlanScene:
@@ -154,17 +157,21 @@ class SpaceScene:
             ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
         mirrors = ~slabs | floor_ceiling
-        self.space = make_space(surfaces, mirrors)
         walls = face_wall[surfaces.facet_face]
+        passes = walls[:, 1].real > 0
+        self.space = make_space(surfaces, mirrors, passes)
         self._setting = setting(walls)
-        if not (walls[:, 1].real > 0).any():
+        if not passes.any():
             self._setting = self._setting._replace(max_through=0)
-        self._closed = moved if trimesh.Trimesh(moved.vertices, moved.faces).is_watertight else None
+        self._sides = None
+        if self._setting.max_through == 1:
+            sides = Sides(moved)
+            self._sides = sides if sides.closed[face_wall[:, 1].real > 0].all() else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
-        self._candidates: Candidates | None = None
-        self._told = False
-        if search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS):
-            self._candidates = Candidates(self.space, self._setting._replace(max_through=0), rays)
+        self._by_rays = search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS)
+        self._candidates = cache(
+            lambda through: Candidates(self.space, self._setting._replace(max_through=through), rays)
+        )
 
     def tables(
         self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], workers: int | None
@@ -178,25 +185,15 @@ class SpaceScene:
             for one in tx[txs]:
                 yield trace_space(self.space, setting, one, some, boxes)
 
-        if self._candidates is None:
+        if not self._by_rays:
             return trace_blocks(len(tx), len(rx), trace, workers)
-        if setting.max_through and not self._told:
-            self._told = True
-            logger.warning(
-                "Paths through walls are left out: among so many facets paths are found by rays, which end at walls. "
-                "search='exhaustive' finds them; max_transmissions=0 says that they are not wanted."
-            )
-        candidates = self._candidates
+        candidates = self._candidates(setting.max_through)
         return trace_blocks(len(tx), len(rx), lambda txs, rxs: candidates.trace(tx[txs], rx[rxs]), workers)
 
     def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
         """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
-        setting = self._setting
-        if setting.max_through == 1 and self._closed is not None:
-            inside = self._closed.contains(points)
-            if inside.all() or not inside.any():
-                return setting._replace(max_through=0)
-        return setting
+        leads_on = self._sides is None or not self._sides.alike(points)
+        return self._setting if leads_on else self._setting._replace(max_through=0)
 
 
 def by_triangle(

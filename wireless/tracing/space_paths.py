@@ -118,7 +118,7 @@ def pass_walls(
                 return -1
             leg += 1
             continue
-        n = passed(space.tree, p, q, where[:left], which[:left])
+        n = passed(space.tree, p, q, space.tree_passes, left, where, which)
         if n < 0:
             return -1
         for j in range(end + 1, leg, -1):
