@@ -37,11 +37,15 @@ class Moment:
     """Of the strongest estimated path [dB]; NaN if there is none."""
     believed_state: LinkState | None = None
     """The link state that the robot takes to be most probable."""
+    seeks_target: bool = True
+    """Whether the target is looked for."""
 
     @classmethod
     def of(cls, snapshot: Snapshot, **more: Any) -> "Moment":
-        """A decision with what its snapshot tells of the radio."""
+        """A decision with what its snapshot tells of radio and coverage."""
         arrivals = snapshot.arrivals
+        more.setdefault("true_state", snapshot.true_state)
+        more.setdefault("coverage", None if math.isnan(snapshot.coverage) else snapshot.coverage)
         if arrivals is not None:
             more["believed_state"] = arrivals.state
             if len(arrivals.snr_db):

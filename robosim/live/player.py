@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
+from robosim.drawing.snapshot import Snapshot
 from robosim.live.colours import css
 from robosim.live.export import exported
 from robosim.live.moments import Moment, Recording
@@ -351,8 +352,9 @@ def _numbers(recording: Recording, moment: Moment, i: int, stroke: str) -> str:
         pairs.append(("link state, true", STATE_NAMES[true]))
     if not math.isnan(moment.snr_db):
         pairs.append(("SNR of the strongest path", f"{moment.snr_db:.1f} dB"))
-    gap = float(np.hypot(*(moment.snapshot.pose[:2] - recording.target)))
-    pairs.append(("distance to the target", f"{gap:.1f} m"))
+    if moment.seeks_target:
+        gap = float(np.hypot(*(moment.snapshot.pose[:2] - recording.target)))
+        pairs.append(("distance to the target", f"{gap:.1f} m"))
     pairs.append(("pose error", f"{100 * moment.position_error_m:.0f} cm, {moment.heading_error_deg:.1f}°"))
     if moment.coverage is not None:
         pairs.append(("floor seen", f"{100 * moment.coverage:.0f} %"))
@@ -360,7 +362,17 @@ def _numbers(recording: Recording, moment: Moment, i: int, stroke: str) -> str:
         pairs.append(("ended", recording.ended))
     bars = "" if moment.probability is None else _probabilities(moment.probability)
     key = f'<span class="key" style="background:{stroke}"></span>' if stroke else ""
-    return block(f"{key}<b>{escape(recording.title)}</b>{bars}") + lines(pairs)
+    return block(f"{key}<b>{escape(recording.title)}</b>{bars}") + lines(pairs) + _why(moment.snapshot)
+
+
+def _why(snapshot: Snapshot) -> str:
+    """What the goal is, and what was weighed when it was taken."""
+    reason = snapshot.reason
+    if reason is None or not reason.because:
+        return ""
+    far = "" if math.isnan(snapshot.decisions) else f", {snapshot.decisions:.0f} decisions away"
+    sure = "" if math.isnan(reason.mass) else f" Belief within 0.5 m of its peak: {100 * reason.mass:.0f} %."
+    return block(f"<b>Goal</b>: {escape(reason.kind.value)}{far}.<br>Why: {escape(reason.because)}.{sure}")
 
 
 def _probabilities(probability: Float[np.ndarray, "4"]) -> str:

@@ -64,7 +64,7 @@ def read_recording(folder: Path) -> Recording:
 
 def _moments(log: DecisionLog) -> Iterator[Moment]:
     for snapshot in log.snapshots():
-        yield Moment.of(snapshot)
+        yield Moment.of(snapshot, seeks_target=log.seeks_target)
 
 
 def _result(folder: Path) -> Mapping[str, Any]:
@@ -175,6 +175,7 @@ def _moment(episode: Episode, i: int, built: Layer) -> Moment:
         decisions=float(episode.decisions[i]),
     )
     more: dict[str, Any] = {"coverage": float(episode.coverage[i])}
+    more["seeks_target"] = episode.head.row["policy"] != "explore"
     if i < len(episode.links):
         true, believed, snr_db, _ = episode.links[i]
         more |= {"true_state": LinkState(int(true)), "believed_state": LinkState(int(believed))}

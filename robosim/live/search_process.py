@@ -29,7 +29,6 @@ from robosim.support.processes import end_with_parent
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import Action
-from wireless.paths import LinkState
 
 #: How often a search that waits looks whether it may go on [s].
 _LOOK_S = 0.02
@@ -206,6 +205,5 @@ def moment_of(log: EpisodeLog, decision: Decision) -> Moment:
         replace(snapshot, text=f"step {log.steps}: {snapshot.text}"),
         paths=decision.paths,
         probability=None if measurement is None else measurement.probability,
-        true_state=LinkState(log.links[-1].state) if log.links else None,
-        coverage=log.coverage[-1],
+        seeks_target=log.seeks_target,
     )

@@ -89,7 +89,7 @@ class SearchView:
         self.scenery.cut_walls(WALLS_M)
         self._nodes = Nodes(server.scene, root)
         x, y = recording.target
-        self._scene.add_icosphere(
+        self._target = self._scene.add_icosphere(
             f"{root}/target", radius=0.2, color=TARGET_RED, position=(x, y, _RADIO_M), cast_shadow=False
         )
         self._scene.add_label(f"{root}/target/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
@@ -133,6 +133,8 @@ class SearchView:
             self._show_maps(snapshot.built, snapshot.belief)
             self._show_ways(i + 1, snapshot.path, snapshot.goal)
             self._show_radio(moment, rays)
+            if self._target.visible != moment.seeks_target:
+                self._target.visible = moment.seeks_target
         return moment
 
     def _place(self, name: str, pose: Float[np.ndarray, "3"] | None) -> None:

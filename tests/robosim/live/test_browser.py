@@ -110,7 +110,7 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
     tab = window(explored.url)
     choose(tab, "show", "Search")
     press(tab, "Start")
-    tab.get_by_text("distance to the target").wait_for()
+    tab.get_by_text("floor seen").wait_for()
     tab.close()
     wait_for(lambda: not any(one.alive for one in searches.searches), "the end of the search")
     recording = searches.searches[0].recording
@@ -123,7 +123,7 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     """Its last decision is asked for by the slider's number; the file that is saved plays without a network."""
     page.look_back(recorded)
     tab = window(page.url)
-    tab.get_by_text("distance to the target").wait_for()
+    tab.get_by_text("floor seen").wait_for()
     number = tab.locator(
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
