@@ -34,6 +34,8 @@ class Mode:
     """Shows or hides its part of the space."""
     sceneries: Callable[[], list[Scenery]]
     """Buildings in its part of the space."""
+    on_chosen: Callable[[bool], None] = lambda chosen: None
+    """Is told whether this one was chosen, though another's building may be shown as long as it has none."""
 
 
 #: From where one looks over the robot's shoulder: behind it, and above the floor [m].
@@ -109,7 +111,9 @@ class Page:
                 self.server, self.radio, config, building, on_view=lambda: self.show("Search")
             )
         self._closers.append(searches.close)
-        self._modes["Search"] = Mode(folder, searches.player.show, lambda: searches.player.sceneries)
+        self._modes["Search"] = Mode(
+            folder, searches.player.show, lambda: searches.player.sceneries, searches.picker.show
+        )
         self._offer_modes()
         self.show("Radio")
         return searches
@@ -139,6 +143,7 @@ class Page:
         for other, mode in self._modes.items():
             mode.folder.visible = other == name
             mode.show(other == seen)
+            mode.on_chosen(other == name)
         if self._choice is not None and self._choice.value != name:
             self._choice.value = name
         if seen in self._modes:

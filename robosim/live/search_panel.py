@@ -13,6 +13,7 @@ from robosim.evaluation.ablations import POLICY, configured
 from robosim.live.player import Player
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.search_process import BY_HAND, GO, WAIT, SearchJob, SearchProcess
+from robosim.live.task_picker import TaskPicker
 from slam.actions import Action
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ START, END = "Start", "End it"
 NOBODY, BY_HAND_NAME = "nothing", "yourself, by arrow keys"
 #: Where a task comes from.
 FROM_SEED, FROM_HANDLES = "drawn from the seed", "robot to transmitter, as in Radio"
+FROM_CLICKS = "as clicked; the rest from the seed"
 #: The page turns its view by arrow keys too; the letters drive and leave it as it is.
 _KEYS: tuple[tuple[Any, Action, str], ...] = (
     ("arrowup", Action.FORWARD, "forward"),
@@ -92,7 +94,15 @@ class SearchPanel:
             names = tuple(dict.fromkeys((str(self._config.goal), *POLICY.names)))
             self._policy = gui.add_dropdown("policy", (*names, BY_HAND_NAME), initial_value=names[0])
             self._other = gui.add_dropdown("beside it", (NOBODY, *names, BY_HAND_NAME), initial_value=NOBODY)
-            self._task = gui.add_dropdown("task", (FROM_SEED, FROM_HANDLES), initial_value=FROM_SEED)
+            tasks = (FROM_SEED, FROM_HANDLES, FROM_CLICKS)
+            self._task = gui.add_dropdown("task", tasks, initial_value=FROM_SEED)
+            self.picker = TaskPicker(
+                self._server,
+                nearest_free=lambda at: self._radio.model.nearest_free(at),
+                sceneries=lambda: self.player.sceneries or [self._radio.scenery],
+                say=lambda text: self.player.say(text),
+                on_change=self._picked,
+            )
             self._seed = gui.add_number("seed", self._config.seed, min=0, max=2**31 - 1, step=1)
             noise = self._config.simulator.noise.level
             self._noise = gui.add_slider("noise [times published]", 0.0, max(3.0, noise), 0.25, noise)
@@ -103,6 +113,10 @@ class SearchPanel:
                 f"Drive {word}", description="when you drive yourself", hotkey=key, modifier=None
             )
             command.on_trigger(self._presser(action))
+
+    def _picked(self) -> None:
+        """A place was set by a click, or both were forgotten."""
+        self._task.value = FROM_CLICKS if self.picker.places else FROM_SEED
 
     def _presser(self, action: Action) -> Callable[[Any], None]:
         def press(event: Any) -> None:
@@ -134,12 +148,7 @@ class SearchPanel:
                 ),
             ),
         )
-        start = target = None
-        if self._task.value == FROM_HANDLES:
-            places = self._radio.places
-            way = places["transmitter"] - places["robot"]
-            start = np.array([*places["robot"], math.atan2(way[1], way[0])])
-            target = places["transmitter"]
+        start, target = self._given()
         chosen = [self._policy.value] + ([self._other.value] if self._other.value != NOBODY else [])
         jobs = []
         for name in chosen:
@@ -154,6 +163,20 @@ class SearchPanel:
                 )
             )
         return jobs
+
+    def _given(self) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Pose of the robot at first, and place of the target, where they are set by hand; it looks to the target."""
+        at = target = None
+        if self._task.value == FROM_HANDLES:
+            at, target = (self._radio.places[who] for who in ("robot", "transmitter"))
+        elif self._task.value == FROM_CLICKS:
+            # Where there is a wall now, if another plan was opened since.
+            set_to = {what: self._radio.model.nearest_free(at) for what, at in self.picker.places.items()}
+            at, target = (set_to.get(what) for what in ("start", "target"))
+        if at is None:
+            return None, target
+        x, y = (1.0, 0.0) if target is None else target - at
+        return np.array([*at, math.atan2(y, x)]), target
 
     def _told(self, search: SearchProcess) -> None:
         """A search has begun, decided something, or ended."""
