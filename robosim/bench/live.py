@@ -39,7 +39,7 @@ _EVERY_S, _RADIUS_M = 0.05, 1.0
 _SETTLE_S = 120.0
 #: Moves that are timed one by one in a browser, and the rest between them [s].
 _ALONE, _REST_S = 40, 0.4
-_SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 #: Tells when the pointer last moved, and when the text of the page changed after it.
 _TIMER = """() => {
   window.moved = 0; window.changed = 0;
@@ -187,7 +187,7 @@ def _in_browser(page: Page, settle: Callable[[float], bool]) -> list[tuple[str, 
     if found is None:
         return []
     with sync_playwright() as driver:
-        browser = driver.chromium.launch(executable_path=found, args=list(_SOFTWARE))
+        browser = driver.chromium.launch(executable_path=found, args=list(SOFTWARE))
         tab = browser.new_page(viewport={"width": 1280, "height": 720})
         tab.goto(page.url)
         tab.get_by_text("the strongest first").wait_for()

@@ -82,6 +82,11 @@ class Player:
         return (len(times) - 1) / (times[-1] - times[0]) if len(times) > 1 else 0.0
 
     @property
+    def shown(self) -> int:
+        """Number of the decision that is drawn; -1 before the first."""
+        return self._shown
+
+    @property
     def scenery(self) -> Scenery | None:
         """Of the first search."""
         with self._lock:

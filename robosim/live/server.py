@@ -88,7 +88,7 @@ def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
     Raises:
         ValueError: If viser is not installed, or the address cannot be had.
     """
-    make = viser_module().ViserServer
+    make = _local(viser_module().ViserServer)
     check_address(host, port)
     os.environ.pop("_VISER_PORT_OVERRIDE", None)  # what was asked for holds
     for talkative in ("websockets.server", "websockets"):
@@ -107,7 +107,6 @@ def open_server(host: str, port: int, title: str) -> "viser.ViserServer":
         close_server(server)
         raise ValueError(f"port {port} at {host} is in use by another program. Give another with --port.")
     server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-    _stay_at_home(server)
     return server
 
 
@@ -188,9 +187,10 @@ def _looked_at(host: str) -> Iterator[None]:
             sockets.serve = serve  # type: ignore[misc]
 
 
-def _stay_at_home(server: "viser.ViserServer") -> None:
-    """Take away what leads out of this machine."""
-    from viser import _messages
+def _local(make: type["viser.ViserServer"]) -> type["viser.ViserServer"]:
+    """The same server, which leads nobody out of this machine."""
 
-    for kind in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
-        server._websock_server._incoming_handlers.pop(kind, None)
+    def request_share_url(self: "viser.ViserServer", verbose: bool = True) -> None:
+        """No page is shared through somebody else's server, whoever asks."""
+
+    return type("LocalServer", (make,), {"request_share_url": request_share_url})

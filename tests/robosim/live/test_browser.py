@@ -118,7 +118,9 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
     press(tab, "Start")
     tab.get_by_text("floor seen").wait_for()
     tab.close()
-    wait_for(lambda: not any(one.alive for one in searches.searches), "the end of the search")
+    wait_for(
+        lambda: searches.searches and not any(one.alive for one in searches.searches), "the end of the search"
+    )
     recording = searches.searches[0].recording
     assert searches.searches[0].trouble == "" and len(recording) == 12
     again = window(explored.url)
@@ -139,7 +141,9 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
         wait_for(lambda what=what: what in searches.picker.places, f"the {what}")
         assert searches.picker.places[what] == pytest.approx(place, abs=0.05)
     press(tab, "Start")
-    wait_for(lambda: not any(one.alive for one in searches.searches), "the end of the search")
+    wait_for(
+        lambda: searches.searches and not any(one.alive for one in searches.searches), "the end of the search"
+    )
     recording = searches.searches[0].recording
     assert searches.searches[0].trouble == ""
     assert recording.target == pytest.approx(searches.picker.places["target"])

@@ -145,7 +145,9 @@ def test_a_name_that_was_bent_to_this_machine_is_refused(page):
     assert get(page, "/", "127.0.0.1:1")[0] == 200, "as through a forwarded port"
 
 
-def test_it_cannot_be_shared_through_other_servers(page):
-    from viser import _messages
-
-    assert _messages.ShareUrlRequest not in page.server._websock_server._incoming_handlers
+def test_it_cannot_be_shared_through_other_servers(page, monkeypatch):
+    """Asked for, as a window would, nothing is opened to anywhere."""
+    opened = []
+    monkeypatch.setattr("viser._tunnel.ViserTunnel.__init__", lambda self, *given: opened.append(given))
+    assert page.server.request_share_url() is None and page.server.request_share_url(verbose=False) is None
+    assert opened == []

@@ -1,0 +1,182 @@
+"""Records the clip of the README from the page itself: a transmitter dragged through a flat, and a search that arrives.
+
+    python scripts/live_clip.py --out assets/live.webp
+
+Playwright drives Debian's Chromium over the real page of `robosim live`; each frame is a picture of the window, taken
+once all that was asked for is drawn, so that the clip does not depend on how fast this machine draws. Needs
+robosim[live], Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
+"""
+
+import argparse
+import io
+import math
+import shutil
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+from playwright.sync_api import Page as Tab
+from playwright.sync_api import sync_playwright
+
+from robosim.bench.live import BROWSERS, SOFTWARE, pixel_of
+from robosim.building.building import BuildingConfig
+from robosim.episode import EpisodeConfig
+from robosim.live.link_model import LinkSettings
+from robosim.live.page import Page
+from robosim.plans.files import read_plan
+from robosim.support.files import whole_file
+
+PLAN, SEED, POLICY = "flat", 4, "fused"
+WIDTH, HEIGHT = 1120, 630
+#: Corners of the way of the transmitter, and where the robot listens [m].
+WAY, ROBOT = np.array([[7.0, 7.0], [9.6, 7.2], [11.0, 9.2], [9.4, 9.6], [7.4, 8.2]]), np.array([11.0, 6.6])
+#: Frames of the drag and of the search; how long they are shown, and the last of each part [ms].
+DRAG, SEARCH, SHOWN_MS, LAST_MS = 40, 60, 100, 1800
+#: A browser without a graphics card, on a machine with other work, takes its time [ms].
+LONG_MS = 300_000
+LONG_S = LONG_MS / 1000
+#: Pictures have no pointer in them: a ring stands for it.
+POINTER = """() => { const ring = document.createElement('div');
+  ring.style.cssText = 'position:fixed;width:22px;height:22px;margin:-13px;border:3px solid #222;border-radius:50%;' +
+    'pointer-events:none;z-index:9999;left:-99px';
+  document.body.append(ring);
+  window.addEventListener('pointermove', e => { ring.style.left = e.clientX + 'px'; ring.style.top = e.clientY + 'px' },
+    true); }"""
+
+
+@dataclass
+class Film:
+    """Frames, and how long each is shown."""
+
+    tab: Tab
+    frames: list[Image.Image] = field(default_factory=list)
+    shown_ms: list[int] = field(default_factory=list)
+
+    def take(self, shown_ms: int = SHOWN_MS) -> None:
+        """Take a picture of the window."""
+        content = self.tab.screenshot(timeout=LONG_MS)
+        self.frames.append(Image.open(io.BytesIO(content)).convert("RGB"))
+        self.shown_ms.append(shown_ms)
+
+    def save(self, path: Path, width: int, quality: int) -> None:
+        """Write an animated WebP, which goes round and round."""
+        size = width, round(width * HEIGHT / WIDTH)
+        first, *rest = [frame.resize(size, Image.Resampling.LANCZOS) for frame in self.frames]
+        with whole_file(path) as partial:
+            first.save(
+                partial, "WEBP", save_all=True, append_images=rest, duration=self.shown_ms, loop=0, quality=quality,
+                method=6, minimize_size=True,
+            )  # fmt: skip
+
+
+def drag(page: Page, film: Film) -> None:
+    """Drag the transmitter through the flat by the pointer; then have its power coloured over the floor."""
+    radio, tab = page.radio, film.tab
+    assert radio is not None
+    height = radio.model.settings.height_m
+    camera = list(page.server.get_clients().values())[-1].camera
+    radio.move("robot", ROBOT)
+    radio.move("transmitter", WAY[0])
+    assert radio.settle(LONG_S)
+    wait(lambda: camera.position[2] > 4, "the camera")
+    tab.mouse.move(*pixel_of(camera, np.array([*WAY[0], height])))
+    time.sleep(3.0)
+    film.take(600)
+    tab.mouse.down()
+    share = np.linspace(0, len(WAY) - 1, DRAG)
+    for x, y in zip(*(np.interp(share, np.arange(len(WAY)), WAY[:, k]) for k in (0, 1)), strict=True):
+        tab.mouse.move(*pixel_of(camera, np.array([x, y, height])))
+        wait(lambda x=x, y=y: math.dist(radio.places["transmitter"], (x, y)) < 0.25, "the drag")
+        assert radio.settle(LONG_S)
+        drawn(tab)
+        film.take()
+    tab.mouse.up()
+    tab.mouse.move(20, HEIGHT - 20)
+    radio.show_floor("received power")
+    assert radio.settle(LONG_S)
+    drawn(tab)
+    film.take(LAST_MS)
+    radio.show_floor("off")
+
+
+def search(page: Page, film: Film, config: EpisodeConfig) -> None:
+    """Let a search run, and go through its decisions one after another."""
+    tab, searches = film.tab, page.search(config, BuildingConfig())
+    choose(tab, "show", "Search")
+    tab.get_by_role("button", name="Start", exact=True).first.click()
+    wait(lambda: bool(searches.searches) and not any(one.alive for one in searches.searches), "the search")
+    recording = searches.searches[0].recording
+    assert recording is not None and recording.ended.startswith("arrived"), searches.searches[0].trouble
+    number = tab.locator(
+        "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
+    ).first
+    last = len(recording) - 1
+    for i in np.unique(np.linspace(0, last, SEARCH).round().astype(int)).tolist():
+        number.fill(str(i))
+        number.press("Enter")
+        wait(lambda i=i: searches.player.shown == i, f"decision {i}")
+        drawn(tab)
+        film.take(LAST_MS if i == last else SHOWN_MS)
+
+
+def choose(tab: Tab, label: str, option: str) -> None:
+    """Take an option of a list."""
+    tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]").first.click()
+    tab.get_by_role("option", name=option, exact=True).first.click()
+
+
+def wait(condition: Any, what: str) -> None:
+    """Wait until something is so."""
+    end = time.monotonic() + LONG_S
+    while not condition():
+        if time.monotonic() > end:
+            raise TimeoutError(f"waited in vain for {what}")
+        time.sleep(0.02)
+
+
+def drawn(tab: Tab) -> None:
+    """Wait until the window has drawn what it was sent: some frames, and then some."""
+    tab.evaluate(
+        "() => new Promise(done => { let left = 4; const next = () => --left ? requestAnimationFrame(next) : done(); "
+        "requestAnimationFrame(next); })"
+    )
+    time.sleep(0.15)
+
+
+def main() -> None:
+    """Record the clip."""
+    parser = argparse.ArgumentParser(description="Record the clip of the README from the live page.")
+    parser.add_argument("--out", type=Path, default=Path("assets/live.webp"))
+    parser.add_argument("--width", type=int, default=960, help="of the clip [pixels]")
+    parser.add_argument("--quality", type=int, default=62, help="of its frames, 0 to 100")
+    parser.add_argument("--picture", type=Path, help="where to write one frame of the drag as a PNG")
+    options = parser.parse_args()
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        raise SystemExit("Chromium is not installed: apt-get install chromium")
+    config = replace(EpisodeConfig(), goal=POLICY, seed=SEED, max_steps=400)
+    with Page("127.0.0.1", 0, "robosim live") as page, sync_playwright() as driver:
+        page.explore(read_plan(PLAN), BuildingConfig(), LinkSettings()).settle(LONG_S)
+        chromium = driver.chromium.launch(executable_path=browser, args=list(SOFTWARE))
+        tab = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
+        tab.set_default_timeout(LONG_MS)
+        tab.goto(page.url)
+        tab.get_by_text("of the strongest estimated path").wait_for()
+        tab.evaluate(POINTER)
+        time.sleep(5.0)  # all that is sent at first
+        film = Film(tab)
+        drag(page, film)
+        if options.picture:
+            film.frames[DRAG // 2].save(options.picture, optimize=True)
+        search(page, film, config)
+        film.save(options.out, options.width, options.quality)
+        chromium.close()
+    size = options.out.stat().st_size / 1e6
+    print(f"Wrote {len(film.frames)} frames, {size:.2f} MB, to {options.out}")
+
+
+if __name__ == "__main__":
+    main()
