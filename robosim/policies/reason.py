@@ -1,8 +1,8 @@
 """Why a policy wants to go where it wants to go: what is kept of each decision, and shown beside it."""
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -32,8 +32,7 @@ class GoalKind(StrEnum):
     """The policy does not say."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reason:
+class Reason(NamedTuple):
     """Why the present goal was taken, or kept when it was last looked at."""
 
     kind: GoalKind
