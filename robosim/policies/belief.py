@@ -16,7 +16,8 @@ from jaxtyping import Bool, Float, Float32
 
 from robosim.policies.leads import filled, share_of
 from robosim.policies.likelihood import Likelihood, normal
-from robosim.policies.sightlines import in_sight, knowledge
+from robosim.policies.sightlines import in_sight
+from robosim.policies.survey import Survey
 from robosim.radio.measurement import Measurement, free_path_m
 from robosim.support.checks import FREQUENCY_HZ, check_numbers
 from slam.graph.landmarks import Transmitter
@@ -119,6 +120,7 @@ class TargetBelief:
         #: Of the cells, x, y [m].
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
+        self._survey: Survey | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
         """Of each cell to hold the target; they add up to 1."""
@@ -146,16 +148,14 @@ class TargetBelief:
             return False
         self._last = place.copy()
         self._make_room(_ends(measurement, c))
-        known = knowledge(estimate, beside_m=0.2)
-        surely, _ = in_sight(known, place, self.frame, c.half_side_m)
+        survey = self.survey(estimate)
+        surely, _ = in_sight(survey.known, place, self.frame, c.half_side_m)
         self._look(measurement.pose, surely)
         self._prior = self._before(estimate)
         prior = normal(np.exp(self._prior))
         likelihood = Likelihood(
             measurement,
-            estimate,
-            known,
-            self.frame,
+            survey,
             self.centres,
             frequency_hz=c.frequency_hz,
             departures=c.departures,
@@ -177,6 +177,13 @@ class TargetBelief:
         # Nothing is ruled out for good.
         np.maximum(self._log, self._log.max() - np.float32(15.0), out=self._log)
         return True
+
+    def survey(self, estimate: MapEstimate) -> Survey:
+        """A map over the belief's cells: whoever asks in the same decision gets what is worked out already."""
+        kept = self._survey
+        if kept is None or kept.estimate is not estimate or kept.frame is not self.frame:
+            self._survey = kept = Survey(estimate, self.frame)
+        return kept
 
     def _look(self, pose: Float[np.ndarray, "3"], surely: Bool[np.ndarray, "ny nx"]) -> None:
         """The robot is here, and its camera sees no target ahead."""

@@ -16,10 +16,9 @@ from jaxtyping import Float
 
 from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.policies.belief import BeliefConfig, TargetBelief
-from robosim.policies.leads import leads
 from robosim.policies.prospects import prospects
 from robosim.policies.reason import GoalKind, Reason
-from robosim.policies.sightlines import in_sight, knowledge
+from robosim.policies.sightlines import in_sight
 from robosim.policies.situation import Situation
 from robosim.support.checks import check_numbers
 from slam.exploration.explorer import Explorer
@@ -172,15 +171,15 @@ class Fused:
         way = ways_from_robot(box, self.config.cost)
         given_up = np.array(self._given_up).reshape(-1, 2)
         frontiers = find_frontiers(box, way, min_cells=3, piece_m=1.6, given_up=given_up)
-        known, p, pose = knowledge(estimate, beside_m=0.2), belief.probability(), estimate.pose
-        to_all = leads(estimate, pose[:2], belief.frame)
+        survey, p, pose = belief.survey(estimate), belief.probability(), estimate.pose
+        to_all = survey.leads(pose[:2])
         rated = []
         for one in prospects(
             frontiers, to_all, p, belief.frame, pose, head_start=c.head_start, most=c.candidates
         ):
             if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
                 continue
-            _, possibly = in_sight(known, one.near_xy, belief.frame, self.config.view_m)
+            _, possibly = in_sight(survey.known, one.near_xy, belief.frame, self.config.view_m)
             share = float(p[possibly].sum())
             value = one.width * (share / (one.decisions + c.head_start) + one.behind)
             if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:

@@ -10,7 +10,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Int32
+from jaxtyping import Bool, Float, Float32, Int, Int32
 
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.marching import march
@@ -86,11 +86,24 @@ def share_of(
     holds: Bool[np.ndarray, "my mx"], estimate: MapEstimate, part: GridFrame
 ) -> Float32[np.ndarray, "ny nx"]:
     """Part of each cell of a coarser grid in which something holds of the map's cells."""
-    row, column = part.index(estimate.frame.centres(holds))
-    inside = part.inside(row, column)
-    count = np.bincount(row[inside] * part.shape[1] + column[inside], minlength=part.shape[0] * part.shape[1])
+    ny, nx = estimate.frame.shape
+    # Both grids have the same axes: rows fall into rows, columns into columns.
+    along = np.arange(max(ny, nx)) + 0.5
+    of_row, of_column = part.index(estimate.frame.to_points(np.column_stack([along, along])))
+    rows, columns = _inside(of_row[:ny], part.shape[0]), _inside(of_column[:nx], part.shape[1])
+    count = np.zeros(part.shape, np.int64)
+    if rows.stop > rows.start and columns.stop > columns.start:
+        row, first_row = np.unique(of_row[rows], return_index=True)
+        column, first_column = np.unique(of_column[columns], return_index=True)
+        seen = np.add.reduceat(holds[rows, columns], first_row, axis=0, dtype=np.int32)
+        count[np.ix_(row, column)] = np.add.reduceat(seen, first_column, axis=1)
     share = (estimate.frame.resolution_m / part.resolution_m) ** 2
-    return (share * count.reshape(part.shape)).astype(np.float32)
+    return (share * count).astype(np.float32)
+
+
+def _inside(index: Int[np.ndarray, " n"], size: int) -> slice:
+    """Which of rising numbers are 0 or more and less than a size."""
+    return slice(*np.searchsorted(index, [0, size]).tolist())
 
 
 @compiled

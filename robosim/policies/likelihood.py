@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32
 from scipy.special import i0e
 
-from robosim.policies.leads import Leads, leads
-from robosim.policies.sightlines import Knowledge, bent, in_sight
+from robosim.policies.leads import Leads
+from robosim.policies.sightlines import bent, in_sight
+from robosim.policies.survey import Survey
 from robosim.radio.measurement import Measurement, free_path_m
-from slam.grid import GridFrame, MapEstimate
 from wireless.paths import LinkState
 
 #: States of lesser probability are left out.
@@ -46,9 +46,7 @@ class Likelihood:
     def __init__(
         self,
         measurement: Measurement,
-        estimate: MapEstimate,
-        known: Knowledge,
-        frame: GridFrame,
+        survey: Survey,
         centres: Float[np.ndarray, "ny nx 2"],
         *,
         frequency_hz: float,
@@ -59,16 +57,14 @@ class Likelihood:
 
         Args:
             measurement: What was measured.
-            estimate: The map as known then.
-            known: The same, as rays need it.
-            frame: Of the grid.
-            centres: Of its cells, x, y [m].
+            survey: The map as known then, over the grid.
+            centres: Of the grid's cells, x, y [m].
             frequency_hz: Carrier frequency.
             departures: Whether directions of departure are known.
             ways: Whether arrivals that come round corners tell by the ways that lead there.
         """
-        self._m, self._estimate, self._known = measurement, estimate, known
-        self._frame, self._departures, self._ways = frame, departures, ways
+        self._m, self._survey, self._known = measurement, survey, survey.known
+        self._frame, self._departures, self._ways = survey.frame, departures, ways
         self._place = measurement.pose[:2]
         self._off = centres - self._place
         self._distance = np.hypot(self._off[..., 0], self._off[..., 1]).astype(np.float32)
@@ -105,7 +101,7 @@ class Likelihood:
             total = total + probability[LinkState.LOS] * normal(prior * straight)
         way = None
         if self._ways and probability[LinkState.FIRST_ORDER] + probability[LinkState.HIGHER_ORDER] > _LEAST:
-            way = leads(self._estimate, self._place, self._frame)
+            way = self._survey.leads(self._place)
         if probability[LinkState.FIRST_ORDER] > _LEAST:
             led = hidden * self._led(way, LinkState.FIRST_ORDER)
             aod = float(self._m.aod_rad[0]) if self._departures else None

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from robosim.policies.leads import filled, leads
+from robosim.policies import survey as survey_module
+from robosim.policies.belief import TargetBelief
+from robosim.policies.leads import filled, leads, share_of
 from slam.grid import GridFrame, MapEstimate
 
 ONTO = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
@@ -81,3 +83,49 @@ def test_cells_are_filled_by_what_stands_in_them():
     map_ = hall(anticipated=box(2.0, 2.1, -2.0, 2.0))
     unsure = MapEstimate(**{**vars(map_), "anticipated_probability": map_.anticipated_probability * 0.9})
     assert not filled(unsure, ONTO).any()
+
+
+def test_shares_are_what_counting_cell_by_cell_gives():
+    """Grids of many sizes and places, larger and smaller cells, partly or wholly beside each other: to the bit."""
+    rng = np.random.default_rng(0)
+    for k in range(60):
+        fine = GridFrame(
+            origin_xy=tuple(rng.uniform(-10, 10, 2)),
+            resolution_m=float(rng.choice([0.05, 0.1, 0.2])),
+            shape=tuple(int(n) for n in rng.integers(1, 200, 2)),
+        )
+        part = GridFrame(
+            origin_xy=tuple(rng.uniform(-15, 15, 2)) if k % 2 else fine.origin_xy,
+            resolution_m=float(rng.choice([0.05, 0.2, 0.25])),
+            shape=tuple(int(n) for n in rng.integers(1, 150, 2)),
+        )
+        holds = rng.random(fine.shape) < 0.3
+        map_ = MapEstimate(
+            frame=fine,
+            obstacle_probability=np.zeros(fine.shape, np.float32),
+            explored=holds,
+            blocked=holds,
+            pose=np.zeros(3),
+        )
+        row, column = part.index(fine.centres(holds))
+        inside = part.inside(row, column)
+        count = np.zeros(part.shape, int)
+        np.add.at(count, (row[inside], column[inside]), 1)
+        expected = ((fine.resolution_m / part.resolution_m) ** 2 * count).astype(np.float32)
+        assert share_of(holds, map_, part).tolist() == expected.tolist()
+
+
+def test_a_decision_surveys_its_map_once(monkeypatch):
+    """What the belief has worked out of a map is there for the goals; of another map, or grid, it is done anew."""
+    map_, belief = hall(), TargetBelief(np.zeros(2))
+    asked = []
+    monkeypatch.setattr(survey_module, "leads", lambda *a: asked.append(a) or leads(*a))
+    first = belief.survey(map_)
+    way = first.leads(np.zeros(2))
+    assert belief.survey(map_) is first and belief.survey(map_).leads(np.zeros(2)) is way
+    assert len(asked) == 1
+    first.leads(np.array([1.0, 0.0]))
+    other = belief.survey(hall())
+    assert other is not first and len(asked) == 2
+    belief._make_room(np.array([[100.0, 0.0]]))
+    assert belief.survey(other.estimate) is not other
