@@ -150,13 +150,16 @@ class TargetBelief:
         self._make_room(_ends(measurement, c))
         survey = self.survey(estimate)
         surely, _ = in_sight(survey.known, place, self.frame, c.half_side_m)
-        self._look(measurement.pose, surely)
+        off = self.centres - place
+        distance = np.hypot(off[..., 0], off[..., 1])
+        self._look(float(measurement.pose[2]), surely, off, distance)
         self._prior = self._before(estimate)
         prior = normal(np.exp(self._prior))
         likelihood = Likelihood(
             measurement,
             survey,
-            self.centres,
+            off,
+            distance,
             frequency_hz=c.frequency_hz,
             departures=c.departures,
             ways=c.ways,
@@ -185,16 +188,21 @@ class TargetBelief:
             self._survey = kept = Survey(estimate, self.frame)
         return kept
 
-    def _look(self, pose: Float[np.ndarray, "3"], surely: Bool[np.ndarray, "ny nx"]) -> None:
-        """The robot is here, and its camera sees no target ahead."""
-        c, off = self.config, self.centres - pose[:2]
-        distance = np.hypot(off[..., 0], off[..., 1])
+    def _look(
+        self,
+        yaw: float,
+        surely: Bool[np.ndarray, "ny nx"],
+        off: Float[np.ndarray, "ny nx 2"],
+        distance: Float[np.ndarray, "ny nx"],
+    ) -> None:
+        """The robot is where cells are so far off, and its camera sees no target ahead."""
+        c = self.config
         if not c.remembers:
             self._empty[:] = False
         self._empty |= distance <= _BEEN_M
         if c.look_m > 0:
             near = surely & (distance <= c.look_m)
-            aside = np.abs(wrap(np.arctan2(off[near, 1], off[near, 0]) - pose[2]))
+            aside = np.abs(wrap(np.arctan2(off[near, 1], off[near, 0]) - yaw))
             self._empty[near] |= aside <= math.radians(c.look_deg) / 2
 
     def _before(self, estimate: MapEstimate) -> Float32[np.ndarray, "ny nx"]:

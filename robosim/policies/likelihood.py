@@ -47,7 +47,8 @@ class Likelihood:
         self,
         measurement: Measurement,
         survey: Survey,
-        centres: Float[np.ndarray, "ny nx 2"],
+        off: Float[np.ndarray, "ny nx 2"],
+        distance: Float[np.ndarray, "ny nx"],
         *,
         frequency_hz: float,
         departures: bool,
@@ -58,7 +59,8 @@ class Likelihood:
         Args:
             measurement: What was measured.
             survey: The map as known then, over the grid.
-            centres: Of the grid's cells, x, y [m].
+            off: From where it was measured to the centres of the grid's cells, x, y [m].
+            distance: The same's length [m].
             frequency_hz: Carrier frequency.
             departures: Whether directions of departure are known.
             ways: Whether arrivals that come round corners tell by the ways that lead there.
@@ -66,8 +68,7 @@ class Likelihood:
         self._m, self._survey, self._known = measurement, survey, survey.known
         self._frame, self._departures, self._ways = survey.frame, departures, ways
         self._place = measurement.pose[:2]
-        self._off = centres - self._place
-        self._distance = np.hypot(self._off[..., 0], self._off[..., 1]).astype(np.float32)
+        self._off, self._distance = off, distance.astype(np.float32)
         self._free_m = 0.0
         if len(measurement.gain_db):
             self._free_m = float(np.clip(free_path_m(float(measurement.gain_db[0]), frequency_hz), 0.1, 1e3))

@@ -66,6 +66,7 @@ class World:
         """
         self.building = building
         self.robot = robot or RobotConfig()
+        self._stall_slip_mps = self.robot.stall_slip_mps  # asked for thirty times a motion
         self.config = config or PhysicsConfig()
         xmin, ymin, xmax, ymax = building.free.bounds
         self._origin = np.array([(xmin + xmax) / 2, (ymin + ymax) / 2])
@@ -152,7 +153,7 @@ class World:
         steps = round(duration_s / self.config.timestep_s)
         wanted = self.robot.within_reach(v_mps, w_radps)
         while self._steps < steps:
-            self._tell(*self._towards(*wanted))
+            self._tell(*self._towards(*wanted), self._pose()[2])
             self._advance(min(self.config.control_steps, steps - self._steps))
         return self._motion(self._touched)
 
@@ -199,7 +200,11 @@ class World:
         period_s = self.config.control_steps * self.config.timestep_s
         lead_s = time_s + SERVO_LAG_S + self.config.timestep_s / 2
         now, ahead, then = plan.at(time_s), plan.at(lead_s), plan.at(lead_s + period_s)
-        vx, vy, w = ((b - a) / period_s for a, b in zip(ahead, then, strict=True))
+        vx, vy, w = (
+            (then[0] - ahead[0]) / period_s,
+            (then[1] - ahead[1]) / period_s,
+            (then[2] - ahead[2]) / period_s,
+        )
         gain = FEEDBACK_PER_S if closing else 0.0
         ex, ey = gain * (now[0] - pose[0]), gain * (now[1] - pose[1])
         c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -209,15 +214,15 @@ class World:
             slip = max(-SCRAPE_MPS, min(SCRAPE_MPS, slip))
         else:
             slip += max(-DRIFT_MPS, min(DRIFT_MPS, c * ey - s * ex))
-        self._tell(v, w, slip)
+        self._tell(v, w, pose[2], slip)
 
-    def _tell(self, v_mps: float, w_radps: float, sideways_mps: float = 0.0) -> None:
-        """Set the speeds of the wheels, and slide the floor to the left of the robot.
+    def _tell(self, v_mps: float, w_radps: float, yaw: float, sideways_mps: float = 0.0) -> None:
+        """Set the speeds of the wheels, and slide the floor to the left of the robot, which looks along `yaw`.
 
         Where the robot pushes against a wall, half of the motors' torque is kept for turning, and the tyres
         give way sideways: their grip would hold it, where real robots scrape along.
         """
-        robot, yaw = self.robot, self._pose()[2]
+        robot = self.robot
         c, s = math.cos(yaw), math.sin(yaw)
         vx, vy, _, _, _, w_now = self._rates.tolist()
         v_now, half_track = c * vx + s * vy, robot.track_m / 2
@@ -227,7 +232,8 @@ class World:
             sideways_mps = max(-pace, min(pace, aside + sideways_mps))
         top = robot.max_speed_mps
         rim = max(-top, min(top, w_radps * half_track))
-        spare = max(robot.stall_slip_mps - abs(rim - w_now * half_track), robot.stall_slip_mps / 2)
+        stall_mps = self._stall_slip_mps
+        spare = max(stall_mps - abs(rim - w_now * half_track), stall_mps / 2)
         v = max(-top + abs(rim), min(0.0, v_now) - spare, min(top - abs(rim), max(0.0, v_now) + spare, v_mps))
         self._told = v, rim / half_track
         self.data.ctrl[0] = (v - rim) / robot.wheel_radius_m
@@ -246,7 +252,7 @@ class World:
     def _halt(self) -> None:
         """Stop the wheels, and wait for the robot to come to rest."""
         while self._told != (0.0, 0.0):
-            self._tell(*self._towards(0.0, 0.0))
+            self._tell(*self._towards(0.0, 0.0), self._pose()[2])
             self._advance(self.config.control_steps)
         self._slide[:] = 0.0
         last = self._steps + round(REST_S / self.config.timestep_s)
