@@ -1,4 +1,4 @@
-"""A small recurrent network that searches: from what is sensed to the next action, in NumPy.
+"""A small recurrent network that searches: from what is sensed to the next action, in ONNX Runtime.
 
 One layer of rectified units, a gated recurrent unit that remembers, and two readings of its memory: scores of the three
 actions, and what is still to be earned, which only training asks for.
@@ -20,6 +20,8 @@ from jaxtyping import Float, Float32
 
 from robosim.policies.search_senses import INPUTS
 from slam.actions import Action
+from slam.networks.onnx_graph import OnnxGraph
+from slam.networks.runtime import OnnxRunner
 from slam.support.weights import Weights, read_weights
 
 #: Units of the first layer, and of the memory.
@@ -69,6 +71,7 @@ class SearchNetwork:
     def __init__(self, weights: Weights) -> None:
         """Take weights by the names of `initial_weights`."""
         self.weights = weights
+        self._run = OnnxRunner(_model(weights))
 
     def __call__(
         self, told: Float32[np.ndarray, "*batch inputs"], memory: Float32[np.ndarray, "*batch hidden"]
@@ -79,16 +82,33 @@ class SearchNetwork:
             told: Of `SearchSenses`.
             memory: From the step before; `no_memory` at first.
         """
-        w, n = self.weights, HIDDEN
-        seen = np.maximum(told @ w["encoder.weight"] + w["encoder.bias"], 0)
-        new = seen @ w["memory.input_weight"] + w["memory.input_bias"]
-        old = memory @ w["memory.own_weight"] + w["memory.own_bias"]
-        gates = 1 / (1 + np.exp(-(new[..., : 2 * n] + old[..., : 2 * n])))
-        reset, keep = gates[..., :n], gates[..., n:]
-        fresh = np.tanh(new[..., 2 * n :] + reset * old[..., 2 * n :])
-        after = (1 - keep) * fresh + keep * memory
-        scores = after @ w["action.weight"] + w["action.bias"]
-        return Answer(scores, (after @ w["value.weight"] + w["value.bias"])[..., 0], after)
+        batch = told.shape[:-1]
+        found = self._run(told=told.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
+        scores, value, after = np.split(found.reshape(*batch, -1), [len(Action), len(Action) + 1], axis=-1)
+        return Answer(scores, value[..., 0], after)
+
+
+def _model(weights: Weights) -> bytes:
+    """An ONNX model that gives scores, value and memory side by side."""
+    graph = OnnxGraph()
+
+    def layer(seen: str, name: str, gate: int | None = None, kind: str = "") -> str:
+        """Weights times what is seen, plus a bias; of one of three gates, which lie side by side."""
+        part = slice(None) if gate is None else slice(gate * HIDDEN, (gate + 1) * HIDDEN)
+        weight = graph.weight(weights[f"{name}.{kind}weight"][:, part])
+        bias = graph.weight(weights[f"{name}.{kind}bias"][part])
+        return graph.node("Add", graph.node("MatMul", seen, weight), bias)
+
+    seen = graph.node("Relu", layer("told", "encoder"))
+    new = [layer(seen, "memory", gate, "input_") for gate in range(3)]
+    old = [layer("memory", "memory", gate, "own_") for gate in range(3)]
+    reset, keep = (graph.node("Sigmoid", graph.node("Add", new[k], old[k])) for k in range(2))
+    fresh = graph.node("Tanh", graph.node("Add", new[2], graph.node("Mul", reset, old[2])))
+    # (1 - z) n + z h
+    kept = graph.node("Mul", keep, graph.node("Sub", "memory", fresh))
+    after = graph.node("Add", fresh, kept)
+    out = graph.node("Concat", layer(after, "action"), layer(after, "value"), after, axis=1)
+    return graph.model({"told": ("robots", INPUTS), "memory": ("robots", HIDDEN)}, out)
 
 
 def likelihood(scores: Float32[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch 3"]:

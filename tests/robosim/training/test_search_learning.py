@@ -45,7 +45,7 @@ def test_advantages_by_hand():
 
 
 def test_learning_and_driving_use_one_network():
-    """PyTorch over a segment against NumPy step by step, memories emptied at a beginning; measured 5e-7."""
+    """PyTorch over a segment against ONNX Runtime step by step, memories emptied at a beginning; measured 5e-7."""
     begins = segment_of().begins
     begins[3, 1] = True
     segment = segment_of(begins=begins)
