@@ -16,6 +16,7 @@ import numpy as np
 import torch
 import trimesh
 from PIL import Image
+from safetensors.numpy import save
 
 from robosim.building.building import make_building
 from robosim.building.export import export_mesh
@@ -32,6 +33,7 @@ from robosim.plans.formats.pgm import encode_pgm
 from robosim.plans.formats.plan_image import GREY
 from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
+from robosim.policies.search_network import initial_weights as search_weights
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import COLUMNS as MEASURED
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
@@ -44,6 +46,8 @@ from robosim.support.run_folder import SETTINGS
 from robosim.task.record import EpisodeLog, Link
 from robosim.task.tasks import Task
 from robosim.training.explorer import ExplorerRecipe
+from robosim.training.search import SearchRecipe
+from robosim.training.search import Training as SearchTraining
 from slam.actions import Action
 from slam.control.learned import INPUTS
 from slam.exploration.choosing import initial_weights
@@ -173,6 +177,8 @@ def weights(folder: Path) -> None:
         home = _into(folder, f"weights-{name}")
         for suffix in (".safetensors", ".json"):
             shutil.copyfile(shipped_network(name).with_suffix(suffix), home / f"a{suffix}")
+    search = save(search_weights(np.random.default_rng(0)))
+    (_into(folder, "weights-search") / "a.safetensors").write_bytes(search)
     for suffix in (".safetensors", ".json"):
         source = assets_dir() / "weights" / f"link-state-generated{suffix}"
         shutil.copyfile(source, _into(folder, "weights-link-state") / f"a{suffix}")
@@ -340,6 +346,7 @@ def training(folder: Path) -> None:
 
 
 MAPPER_RECIPE = MapperRecipe(network=NetworkConfig(widths=(4, 8)), steps=4, batch=2, every=2)
+SEARCH_RECIPE = SearchRecipe(epochs=2)
 EXPLORER_RECIPE = ExplorerRecipe(rounds=2, homes=1, decisions=4, held_out=1)
 LINK_RECIPE = LinkStateRecipe(inputs=("aoa", "aod", "snr"), epochs=2, batch=8, width=4)
 
@@ -388,6 +395,9 @@ def checkpoints(folder: Path) -> None:
     best = {name: value.detach() for name, value in tensors.items()}
     state = {"round": 1, "curve": [{"round": 0}, {"round": 1, "coverage": 0.5}], "best": best, "score": 0.4}
     Checkpoint(home / "explorer.pt").save({"weights": best, "optimiser": adam.state_dict(), "state": state})
+    training = SearchTraining(SEARCH_RECIPE, home)
+    training.epoch, training.curve = 1, [{"epoch": 1.0, "arrived": 0.5}]
+    Checkpoint(home / "search.pt").save(training.state())
 
 
 def arrays(folder: Path) -> None:

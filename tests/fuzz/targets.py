@@ -30,6 +30,7 @@ from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import read_furnishings
 from robosim.plans.storeys_file import read_storeys
+from robosim.policies.search_network import load_search
 from robosim.published.label_links import Links
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
@@ -43,12 +44,13 @@ from robosim.training.explorer import resume
 from robosim.training.made_links import read_homes
 from robosim.training.mapper import read_frames
 from robosim.training.pose import read_pairs
+from robosim.training.search import Training as SearchTraining
 from robosim.training.steering import read_round
 from slam.control.controller import ControlConfig
 from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
-from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, teach_classifier, teach_mapper
+from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav import read_tx_positions
@@ -216,6 +218,11 @@ def _explorer_checkpoint(folder: Path, file: Path) -> None:
     optimiser.step()
 
 
+def _search_checkpoint(folder: Path, file: Path) -> None:
+    training = SearchTraining(SEARCH_RECIPE, folder)
+    Checkpoint(file).restore(training.restore)
+
+
 def _homes(folder: Path, file: Path) -> None:
     read_homes(1, folder)
 
@@ -351,6 +358,7 @@ TARGETS: dict[str, Target] = {
     "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
     "explorer": Target("weights-explorer", "*.s*", lambda folder, file: load_chooser(file), 0.5),
     "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
+    "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
     "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
     "log": Target("decisions", "*", _log, 3),
     "suite": Target("evaluation", "suite.*", _suite, 2),
@@ -368,6 +376,7 @@ TARGETS: dict[str, Target] = {
     "checkpoint of a mapper": Target("checkpoints", "mapper.pt", _mapper_checkpoint, 0.7),
     "checkpoint of an explorer": Target("checkpoints", "explorer.pt", _explorer_checkpoint, 0.7),
     "checkpoint of a classifier": Target("checkpoints", "link-state.pt", _link_checkpoint, 0.7),
+    "checkpoint of a search": Target("checkpoints", "search.pt", _search_checkpoint, 0.7),
     "labels": Target("arrays", "labels.npz", lambda folder, file: Links.load(file), 0.3),
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
