@@ -12,7 +12,7 @@ ball around the patch must meet what it sees (the zone between the Keller cones 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.cones import MAX_CORNERS
 from wireless.geometry.images import Space, cone_of, new_views, opens, windows_of
@@ -189,49 +189,43 @@ def _part_in(ends: Float[np.ndarray, "2 3"], plane: Float[np.ndarray, "p 4"]) ->
 
 
 @compiled
-def patches_behind(
+def may_bend(
     surfaces: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
-    edge: Int[np.ndarray, " q"],
-    place: Float[np.ndarray, "q 3"],
-    part: Float[np.ndarray, "q 2"],
-    patch: Int[np.ndarray, " p"],
+    sights: tuple[Int[np.ndarray, " q"], Float[np.ndarray, "q 3"], Float[np.ndarray, "q 2"]],
+    pairs: Int[np.ndarray, "b 2"],
     ball: Float[np.ndarray, "p 4"],
-) -> tuple[Int[np.ndarray, " b"], Int[np.ndarray, " b"]]:
-    """Pairs of a sight and a patch that its edge may bend rays to; more rather than fewer.
+) -> Bool[np.ndarray, " b"]:
+    """Whether the edges of sights may bend rays to patches; rather yes than no.
 
     Args:
         surfaces: Ends, wedges and open angles of all edges.
-        edge: Edges of sights.
-        place: Where their images are.
-        part: What they see of the edges.
-        patch: Patches that are asked about.
-        ball: Centre and radius of a ball around each of these [m].
+        sights: Edges, where their images are, and what these see of the edges.
+        pairs: A sight and a patch each; those of one sight in a row.
+        ball: Centre and radius of a ball around each patch [m].
     """
     ends, wedge, gap = surfaces
-    sight, which, count = np.empty(1024, np.int64), np.empty(1024, np.int64), 0
-    for j in range(len(edge)):
-        e, z0, r0, low, high = edge[j], place[j, 0], place[j, 1], part[j, 0], part[j, 1]
-        begin, end = np.hypot(z0 - low, r0), np.hypot(z0 - high, r0)
-        c, s = np.cos(gap[e]), np.sin(gap[e])
-        while count + len(patch) > len(sight):
-            sight, which = np.concatenate((sight, sight)), np.concatenate((which, which))
-        for p in range(len(patch)):
-            x, y, z, radius = 0.0, 0.0, 0.0, ball[p, 3] + WIDER_M
-            for i in range(3):
-                d = ball[p, i] - ends[e, 0, i]
-                z += d * wedge[e, 0, i]
-                x += d * wedge[e, 1, i]
-                y += d * wedge[e, 2, i]
-            if y < -radius and c * y - s * x > radius:  # inside of the wedge
-                continue
-            distance = np.sqrt(x * x + y * y)
-            if r0 * (z - low) + (z0 - low) * distance < -radius * begin:
-                continue
-            if r0 * (z - high) + (z0 - high) * distance > radius * end:
-                continue
-            sight[count], which[count] = j, patch[p]
-            count += 1
-    return sight[:count].copy(), which[:count].copy()
+    edge, place, part = sights
+    can, last, e = np.zeros(len(pairs), np.bool_), -1, 0
+    z0, r0, low, high, begin, end, c, s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for b in range(len(pairs)):
+        j, p = pairs[b, 0], pairs[b, 1]
+        if j != last:
+            last, e, z0, r0, low, high = j, edge[j], place[j, 0], place[j, 1], part[j, 0], part[j, 1]
+            begin, end = np.hypot(z0 - low, r0), np.hypot(z0 - high, r0)
+            c, s = np.cos(gap[e]), np.sin(gap[e])
+        x, y, z, radius = 0.0, 0.0, 0.0, ball[p, 3] + WIDER_M
+        for i in range(3):
+            d = ball[p, i] - ends[e, 0, i]
+            z += d * wedge[e, 0, i]
+            x += d * wedge[e, 1, i]
+            y += d * wedge[e, 2, i]
+        if y < -radius and c * y - s * x > radius:  # inside of the wedge
+            continue
+        distance = np.sqrt(x * x + y * y)
+        if r0 * (z - low) + (z0 - low) * distance < -radius * begin:
+            continue
+        can[b] = r0 * (z - high) + (z0 - high) * distance <= radius * end
+    return can
 
 
 def make_bends(space: Space, sights: Sights, behind: list[Bent]) -> Bends:

@@ -2,20 +2,22 @@
 
 Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
 and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
-the transmitter shoots and that edges bend. Where paths may pass walls, only what lets nothing through hides. What is
-found depends on nothing but the transmitter's place and the number of rays, so that a receiver costs no search of its
-own: a robot's link is traced again and again with the same candidates.
+the transmitter shoots and that edges bend; and what is beside the pairs that they find. Where paths may pass walls,
+only what lets nothing through hides. What is found depends on nothing but the transmitter's place and the number of
+rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
 """
 
 import threading
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.images import Space, all_views
+from wireless.geometry.neighbours import Neighbours, edge_neighbours, patch_neighbours, with_neighbours
 from wireless.geometry.occlusion import make_tree
 from wireless.geometry.shooting import Bent, Shooter
 from wireless.tracing.beams import (
@@ -24,7 +26,7 @@ from wireless.tracing.beams import (
     Sights,
     aim,
     make_bends,
-    patches_behind,
+    may_bend,
     place_edges,
 )
 from wireless.tracing.ray_search import bend, make_lists, reflect, tabled
@@ -35,6 +37,8 @@ from wireless.tracing.table import Setting, Table
 RAYS_A_PATCH = 64
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
+#: Tells which of some pairs can be.
+Possible = Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]]
 
 
 class Reach(NamedTuple):
@@ -66,6 +70,7 @@ class Candidates:
         self._shooter = Shooter(space, setting.max_through)
         self._veiled = hidden_by_opaque(space) if setting.max_through else space
         self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
+        self._patches, self._edges = patch_neighbours(space), edge_neighbours(space)
         self._known: OrderedDict[bytes, Reach] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -105,8 +110,10 @@ class Candidates:
         else:
             parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: most + 1]
         parts = [part[np.lexsort(part.T[::-1])] if part.size else part for part in parts]
-        parts += seen.chains[len(parts) - 2 :] if most > 1 else []
-        beams = aim(space, tx, _padded(parts, most))
+        chains = list(seen.chains[len(parts) - 2 :]) if most > 1 else []
+        if chains and not self._few:
+            chains[0] = self._beside(chains[0], (self._patches, self._patches), partial(self._pairs, tx))
+        beams = aim(space, tx, _padded(parts + chains, most))
         if side < 0:
             return Reach(beams, None)
         sights = self._sights(tx, seen.edge, seen.over)
@@ -126,6 +133,12 @@ class Candidates:
             more = over[:, 1] >= 0 if over.shape[1] > 1 else np.zeros(len(edge), bool)
             edge, over = edge[more], over[more]
         else:
+            pairs = np.column_stack([edge, over[:, 0]])[(over[:, 1:] < 0).all(axis=1)]
+            pairs = self._beside(pairs, (self._edges, self._patches), partial(self._seen, tx))
+            pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
+            longer = (over[:, 1:] >= 0).any(axis=1)
+            edge = np.concatenate([pairs[:, 0], edge[longer]])
+            over = np.concatenate([_padded([pairs[:, 1:]], over.shape[1]), over[longer]])
             first = np.arange(len(space.surfaces.edge))
             before = np.empty((len(first), 0), np.int64)
         return place_edges(
@@ -143,23 +156,63 @@ class Candidates:
             which = np.flatnonzero(sights.order == order)
             most = min(bent - order, side)
             if self._few and most > 0:
-                asked = sights.edge[which], sights.place[which], sights.part[which]
-                surfaces = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
-                sight, patch = patches_behind(surfaces, *asked, *self._balls())
-                found.append(Bent(which[sight], patch[:, None]))
+                patch = np.sort(space.patch_boxes.number)
+                pairs = np.column_stack([np.repeat(which, len(patch)), np.tile(patch, len(which))])
+                pairs = self._bent(sights, pairs)
+                found.append(Bent(pairs[:, 0], pairs[:, 1:]))
             if most > (1 if self._few else 0):
                 source = _images(self._space.panes.plane, tx, sights.over[which, :order])
                 rays = self._shooter.bend(
                     source, sights.edge[which], np.full(len(which), order == 0), self._rays, most
                 )
-                found += [Bent(which[b.sight], b.chain) for b in rays[1 if self._few else 0 :]]
+                behind = [Bent(which[b.sight], b.chain) for b in rays]
+                if order == 0 and not self._few and behind:
+                    behind[0] = self._bent_beside(sights, which, behind[0])
+                found += behind[1 if self._few else 0 :]
         return found
 
-    def _balls(self) -> tuple[Int[np.ndarray, " p"], Float[np.ndarray, "p 4"]]:
-        """Patches that reflect, and a ball around each."""
-        patch = np.sort(self._space.patch_boxes.number)
-        low, high = self._space.panes.low[patch], self._space.panes.high[patch]
-        return patch, np.column_stack([(low + high) / 2, np.linalg.norm(high - low, axis=1) / 2])
+    def _bent_beside(self, sights: Sights, which: Int[np.ndarray, " w"], bent: Bent) -> Bent:
+        """Patches behind edges that the transmitter itself sees, and what is beside these."""
+        sight_of = np.full(len(self._space.surfaces.edge), -1)
+        sight_of[sights.edge[which]] = which
+
+        def possible(pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+            sight = sight_of[pairs[:, 0]]
+            able = self._bent(sights, np.column_stack([sight, pairs[:, 1]])[sight >= 0])
+            return np.column_stack([sights.edge[able[:, 0]], able[:, 1]])
+
+        pairs = np.column_stack([sights.edge[bent.sight], bent.chain[:, 0]])
+        pairs = self._beside(pairs, (self._edges, self._patches), possible)
+        return Bent(sight_of[pairs[:, 0]], pairs[:, 1:])
+
+    def _beside(
+        self, pairs: Int[np.ndarray, "n 2"], near: tuple[Neighbours, Neighbours], possible: Possible
+    ) -> Int[np.ndarray, "m 2"]:
+        """Pairs, and those beside them, of patches that reflect."""
+        mirrors = self._space.mirrors[self._space.patch_facet]
+        return with_neighbours(pairs, near, lambda some: possible(some[mirrors[some[:, 1]]]))
+
+    def _pairs(self, tx: Float[np.ndarray, "3"], some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+        """Pairs of patches, the second of which the transmitter's image over the first may see."""
+        return aim(self._space, tx, some).chain
+
+    def _seen(self, tx: Float[np.ndarray, "3"], some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+        """Pairs of an edge and a patch, over which the transmitter may see it."""
+        some = some[np.argsort(some[:, 1], kind="stable")]
+        seen = place_edges(self._space, tx, some[:, 0], some[:, 1:])
+        return np.column_stack([seen.edge, seen.over[:, 0]])
+
+    def _bent(self, sights: Sights, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+        """Pairs of a sight and a patch that its edge may bend rays to."""
+        space, panes = self._space.surfaces, self._space.panes
+        radius = np.linalg.norm(panes.high - panes.low, axis=1) / 2
+        can = may_bend(
+            (space.edge, space.edge_wedge, space.edge_gap_rad),
+            (sights.edge, sights.place, sights.part),
+            some,
+            np.column_stack([(panes.low + panes.high) / 2, radius]),
+        )
+        return some[can]
 
 
 def hidden_by_opaque(space: Space) -> Space:
