@@ -97,22 +97,23 @@ def matches(
         predicted: x [m], y [m], yaw [rad].
         covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
         config: How far scans are trusted.
-        loosened: How many times the covariance the fits may depart by; it says how wide to search as it is.
+        loosened: How many times the covariance a fit may depart by, where the prediction is so sure that there is no
+            other to be taken for it.
 
     Returns:
         One, or several where the lattice was searched.
     """
-    deviation, held = np.sqrt(np.diag(covariance)), loosened * covariance
+    deviation = np.sqrt(np.diag(covariance))
     arm_m = ARM_M
     if len(scan.points):
         arm_m = max(ARM_M, float(np.median(np.hypot(*(scan.points - scan.points.mean(axis=0)).T))))
     off_m = _SIGMAS * math.hypot(deviation[0], deviation[1], arm_m * deviation[2])
     if off_m < _FINE_M:
-        return [match_scan(levels.fine, scan, predicted, held, config)]
+        return [match_scan(levels.fine, scan, predicted, loosened * covariance, config)]
     starts = [predicted]
     if off_m > _COARSER * _FINE_M and len(scan.points):
         starts += _lattice(scan.points, levels, predicted, _SIGMAS * deviation, arm_m)
-    near = [match_scan(levels.coarse, scan, predicted, held, config, start) for start in starts]
+    near = [match_scan(levels.coarse, scan, predicted, covariance, config, start) for start in starts]
     near.sort(key=lambda match: -int(match.paired.sum()))
     kept: list[Match] = []
     for match in near:
@@ -120,7 +121,7 @@ def matches(
             kept.append(match)
         if len(kept) == _FITTED:
             break
-    return [match_scan(levels.fine, scan, predicted, held, config, match.pose) for match in kept]
+    return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in kept]
 
 
 def difference(
