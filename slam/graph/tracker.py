@@ -211,7 +211,12 @@ class Tracker:
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
         if self.config.radio:
-            self.landmarks.see(self.graph, self._here, self._spread, bearings)
+            self.landmarks.see(self.graph, self._here, self._spread + self._drift(), bearings)
+
+    def _drift(self) -> Float[np.ndarray, "3 3"]:
+        """How far poses have drifted since the submap was begun, beyond what matches tell: a covariance."""
+        c = self.config
+        return max(self._way_m, 0.5) * np.diag([c.drift_m**2, c.drift_m**2, c.drift_rad**2])
 
     def transmitters(self) -> dict[str, Transmitter]:
         """Where sources stand that were seen in line of sight."""
@@ -314,8 +319,7 @@ class Tracker:
         """Close the submap, and begin the next where the robot is; whether poses of the past were moved."""
         last = len(self.submaps) - 1
         node = self.graph.add(self.pose)
-        config, way_m = self.config, max(self._way_m, 0.5)
-        drift = way_m * np.diag([config.drift_m**2, config.drift_m**2, config.drift_rad**2])
+        drift = self._drift()
         # Odometry alone tells this much; what matching told beyond it drifts.
         least = 1e-12 * np.eye(3)
         blind = np.linalg.inv(self._blind + least)
