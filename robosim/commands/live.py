@@ -7,7 +7,7 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
 from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, read
+from robosim.commands.terminal import NO_OPTIONS, PlanOptions, read_place
 
 
 def live(
@@ -29,8 +29,8 @@ def live(
     Example: robosim live office
 
     Args:
-        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; or the
-            folder of an episode or an evaluation.
+        plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; a .yaml
+            of a building of several storeys; or the folder of an episode or an evaluation.
         host: Address to serve at; 0.0.0.0 for all of this machine's, for whoever can reach it.
         port: Port to serve at; 0 for any that is free.
         browser: Whether to open a browser, if there is one.
@@ -54,11 +54,12 @@ def live(
         _export(Path(plan), export)
         return
     folder = Path(plan) if Path(plan).is_dir() else None
-    floor_plan = None if folder else read(plan, reading)
+    floor_plan = None if folder else read_place(plan, reading)
     from robosim.episode import EpisodeConfig
     from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
     from robosim.live.results import check_results
+    from robosim.plans.storeys import StoreysPlan
 
     if folder is not None:
         check_results(folder)
@@ -66,6 +67,8 @@ def live(
     with Page(host, port, f"robosim live: {name}") as page:
         if folder is not None:
             page.look_back(folder)
+        elif isinstance(floor_plan, StoreysPlan):
+            page.explore_storeys(floor_plan, config.building, LinkSettings.of(config))
         elif floor_plan is not None:
             page.explore(floor_plan, config.building, LinkSettings.of(config))
             page.search(EpisodeConfig(), config.building)

@@ -18,7 +18,10 @@ from robosim.live.results_panel import ResultsPanel
 from robosim.live.scenery import FIELD_DEG, Scenery, view_from_above
 from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
+from robosim.live.storeys_model import StoreysModel
+from robosim.live.storeys_panel import StoreysPanel
 from robosim.plans.floorplan import FloorPlan
+from robosim.plans.storeys import StoreysPlan
 
 if TYPE_CHECKING:
     import viser
@@ -97,6 +100,25 @@ class Page:
         self._modes["Radio"] = Mode(folder, radio.show, lambda: [radio.scenery])
         self.show("Radio")
         return radio
+
+    def explore_storeys(
+        self, plan: StoreysPlan, building: BuildingConfig, settings: LinkSettings
+    ) -> StoreysPanel:
+        """Add the tab `Radio` for a building of several storeys.
+
+        Raises:
+            MapError: If a plan has no free area.
+            ValueError: If a setting does not fit.
+        """
+        model = StoreysModel(plan, building, settings)
+        with self._folder("Radio") as folder:
+            panel = StoreysPanel(self.server, model, building)
+            above = self.server.gui.add_button("See it from above")
+        above.on_click(lambda event: self._welcome(event.client) if event.client else None)
+        self._closers.append(panel.close)
+        self._modes["Radio"] = Mode(folder, panel.show, lambda: panel.sceneries)
+        self.show("Radio")
+        return panel
 
     def search(self, config: EpisodeConfig, building: BuildingConfig) -> SearchPanel:
         """Add the tab `Search` in the building that is explored.

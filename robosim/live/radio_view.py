@@ -48,6 +48,7 @@ class RadioView:
         """
         self._server, self._scene, self._root = server, server.scene, root
         self.height_m = height_m
+        self._levels_m: dict[Who, float] = {"transmitter": height_m, "robot": height_m}
         self._scene.add_frame(root, show_axes=False)
         self._nodes = Nodes(server.scene, root)
         self.handles = {
@@ -78,15 +79,22 @@ class RadioView:
         # On the page's own loop, so that the last place is the last one told.
         async def drag(event: Any) -> None:
             eye = np.array(event.client.camera.position)
-            at = on_level(eye, np.array(event.end_position), self.height_m)
+            at = on_level(eye, np.array(event.end_position), self._levels_m[who])
             if at is not None:
                 moved(who, at, event.phase == "end")
 
         handle.on_drag(drag)
 
-    def place(self, who: Who, at: Float[np.ndarray, "2"]) -> None:
-        """Put a handle at a place [m]."""
-        self.handles[who].position = (float(at[0]), float(at[1]), self.height_m)
+    def place(self, who: Who, at: Float[np.ndarray, "2"], level_m: float | None = None) -> None:
+        """Put a handle at a place [m].
+
+        Args:
+            who: Whose.
+            at: Where [m].
+            level_m: Height above the lowest floor [m], as on an upper storey; that of the antennas if not given.
+        """
+        self._levels_m[who] = self.height_m if level_m is None else level_m
+        self.handles[who].position = (float(at[0]), float(at[1]), self._levels_m[who])
 
     def show_heading(self, yaw_rad: float) -> None:
         """Show where the robot looks."""

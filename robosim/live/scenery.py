@@ -34,6 +34,10 @@ class Scenery:
         height_m: float,
         offset: tuple[float, float] = (0.0, 0.0),
         around: Sequence[Float[np.ndarray, "2"]] = (),
+        *,
+        floor_m: float = 0.0,
+        has_scale: bool = True,
+        floor_opacity: float | None = None,
     ) -> None:
         """Draw them.
 
@@ -44,15 +48,19 @@ class Scenery:
             height_m: Of the walls.
             offset: Where the frame stands [m].
             around: Places that are to be seen too [m].
+            floor_m: Height of the floor [m].
+            has_scale: Whether a scale bar and north stand beside it.
+            floor_opacity: How much of what is below the floor it hides, 0 to 1; None for all.
         """
         self.root, self.height_m, self.offset = root, height_m, np.array(offset)
         rings = facing_free(rings)
         seen = [*rings, *(np.reshape(place, (1, 2)) for place in around)]
         corners = np.concatenate(seen) if seen else np.zeros((1, 2))
         self.low, self.high = corners.min(axis=0), corners.max(axis=0)
-        self._frame = scene.add_frame(root, show_axes=False, position=(*offset, 0.0))
-        self._draw_walls(scene, rings)
-        self._draw_scale(scene)
+        self._frame = scene.add_frame(root, show_axes=False, position=(*offset, floor_m))
+        self._draw_walls(scene, rings, floor_opacity)
+        if has_scale:
+            self._draw_scale(scene)
 
     @property
     def middle(self) -> Float[np.ndarray, "2"]:
@@ -78,12 +86,14 @@ class Scenery:
         """Take it away, and whatever was drawn below the same frame."""
         self._frame.remove()
 
-    def _draw_walls(self, scene: "viser.SceneApi", rings: list[np.ndarray]) -> None:
+    def _draw_walls(
+        self, scene: "viser.SceneApi", rings: list[np.ndarray], floor_opacity: float | None
+    ) -> None:
         vertices, faces = floor_mesh(rings)
         if len(faces):
             scene.add_mesh_simple(
                 f"{self.root}/floor", vertices, faces, color=FLOOR, flat_shading=True, cast_shadow=False,
-                receive_shadow=False, side="double",
+                receive_shadow=False, side="double", opacity=floor_opacity,
             )  # fmt: skip
         vertices, faces = wall_mesh(rings, self.height_m)
         self._upright: list[Any] = [

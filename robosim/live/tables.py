@@ -129,13 +129,18 @@ def arrival_errors_deg(measurement: Measurement, paths: Paths, i: int) -> tuple[
     return float(arrival[nearest]), float(departure)
 
 
-def radio_legend(coloured_by: str) -> str:
-    """What is what while a building is explored."""
+def radio_legend(coloured_by: str, *, estimates: bool = True) -> str:
+    """What is what while a building is explored.
+
+    Args:
+        coloured_by: What rays are coloured by, power or kind.
+        estimates: Whether estimated arrivals are drawn.
+    """
     items = [
         _item(_dot(TX_COLOUR), "transmitter (drag it)"),
         _item(_dot(ROBOT_COLOUR), "robot (drag it)"),
         _item(_line(TRUE_ARRIVAL), "true arrival"),
-        _item(_line(ESTIMATED_ARRIVAL), "estimated arrival"),
+        *([_item(_line(ESTIMATED_ARRIVAL), "estimated arrival")] if estimates else []),
     ]
     if coloured_by == "power":
         rays = _scale("ray: received power [dBm]", "viridis_r", [f"{v:g}" for v in POWER_DBM])

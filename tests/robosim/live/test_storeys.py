@@ -1,0 +1,62 @@
+"""Several storeys on the page: handles on storeys of their own, and paths between them."""
+
+import numpy as np
+import pytest
+
+from robosim.building.building import BuildingConfig
+from robosim.live.link_model import LinkSettings
+from robosim.live.storeys_model import StoreysModel
+from robosim.plans.storeys import StoreyPlan, StoreysPlan
+from tests.plans import room
+
+pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+STAIRS = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))
+
+
+@pytest.fixture(scope="module")
+def plan() -> StoreysPlan:
+    """Two rooms of 6 m by 4 m over each other; an opening of 2 m by 2 m in the slab of 0.25 m between them."""
+    lower = StoreyPlan(plan=room(6.0, 4.0), openings=(STAIRS,), height_m=2.6, slab_m=0.25)
+    return StoreysPlan(name="house", storeys=(lower, StoreyPlan(plan=room(6.0, 4.0), height_m=3.0)))
+
+
+def test_places_are_on_their_storeys(plan):
+    model = StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+    assert len(model) == 2
+    assert [model.level_m(k) for k in (0, 1)] == [1.5, 4.35]
+    assert np.all((model.first_place(0) > 0.9) & (model.first_place(0) < 3.1)), "below the opening"
+    x, y = model.nearest_free(np.array([9.0, 2.0]), 1)
+    assert (x, y) == pytest.approx((5.95, 2.0))
+
+
+def test_what_goes_through_the_opening_is_direct(plan):
+    """From below the opening to above it the direct path is as long as the points are apart."""
+    model = StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+    tx, rx = np.array([2.0, 2.0, 1.5]), np.array([2.4, 2.2, 4.35])
+    paths = model.paths(tx, rx)
+    assert paths.order[0] == 0
+    assert paths.delay_s[0] * 299_792_458 == pytest.approx(np.linalg.norm(rx - tx), rel=1e-9)
+
+
+def test_antennas_that_do_not_fit_are_refused(plan):
+    with pytest.raises(
+        ValueError, match=r"expected antennas between floor and ceiling of each storey, 0 to 2.6 m"
+    ):
+        StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=2.8))
+
+
+def test_handles_go_from_storey_to_storey(page, plan):
+    """The list of paths and the handle follow; hidden storeys are."""
+    panel = page.explore_storeys(plan, BuildingConfig(), LinkSettings())
+    assert panel.settle(60)
+    assert panel.storey == {"transmitter": 0, "robot": 1}
+    before = panel._paths.content
+    assert "dBm" in before
+    panel.move("robot", np.array([2.2, 2.1]), 0)
+    assert panel.settle(60)
+    assert panel._paths.content != before
+    assert panel._view.handles["robot"].position == pytest.approx((2.2, 2.1, 1.5))
+    panel.move("transmitter", np.array([2.0, 2.0]), 1)
+    assert panel.settle(60)
+    assert panel.places["transmitter"] == pytest.approx([2.0, 2.0, 4.35])
+    assert [one.height_m for one in panel.sceneries] == [2.6, 3.0]
