@@ -30,11 +30,11 @@ from robosim.plans.files import read_plan
 from robosim.support.files import whole_file
 
 PLAN, SEED, POLICY = "flat", 4, "fused"
-WIDTH, HEIGHT = 1120, 630
+WIDTH, HEIGHT = 1040, 585
 #: Corners of the way of the transmitter, and where the robot listens [m].
 WAY, ROBOT = np.array([[7.0, 7.0], [9.6, 7.2], [11.0, 9.2], [9.4, 9.6], [7.4, 8.2]]), np.array([11.0, 6.6])
-#: Frames of the drag and of the search; how long they are shown, and the last of each part [ms].
-DRAG, SEARCH, SHOWN_MS, LAST_MS = 40, 60, 100, 1800
+#: How long the drag and the search are shown, and the last frame of each [ms].
+DRAG_MS, SEARCH_MS, LAST_MS = 4000, 6000, 1800
 #: A browser without a graphics card, on a machine with other work, takes its time [ms].
 LONG_MS = 300_000
 LONG_S = LONG_MS / 1000
@@ -55,11 +55,12 @@ class Film:
     frames: list[Image.Image] = field(default_factory=list)
     shown_ms: list[int] = field(default_factory=list)
 
-    def take(self, shown_ms: int = SHOWN_MS) -> None:
+    def take(self, shown_ms: int) -> None:
         """Take a picture of the window."""
         content = self.tab.screenshot(timeout=LONG_MS)
         self.frames.append(Image.open(io.BytesIO(content)).convert("RGB"))
         self.shown_ms.append(shown_ms)
+        print(f"frame {len(self.frames)}", end="\r", flush=True)
 
     def save(self, path: Path, width: int, quality: int) -> None:
         """Write an animated WebP, which goes round and round."""
@@ -72,7 +73,7 @@ class Film:
             )  # fmt: skip
 
 
-def drag(page: Page, film: Film) -> None:
+def drag(page: Page, film: Film, count: int) -> None:
     """Drag the transmitter through the flat by the pointer; then have its power coloured over the floor."""
     radio, tab = page.radio, film.tab
     assert radio is not None
@@ -82,17 +83,17 @@ def drag(page: Page, film: Film) -> None:
     radio.move("transmitter", WAY[0])
     assert radio.settle(LONG_S)
     wait(lambda: camera.position[2] > 4, "the camera")
-    tab.mouse.move(*pixel_of(camera, np.array([*WAY[0], height])))
-    time.sleep(3.0)
+    drawn(tab)
+    grip(page, tab)
     film.take(600)
-    tab.mouse.down()
-    share = np.linspace(0, len(WAY) - 1, DRAG)
+    share = np.linspace(0, len(WAY) - 1, count)
     for x, y in zip(*(np.interp(share, np.arange(len(WAY)), WAY[:, k]) for k in (0, 1)), strict=True):
         tab.mouse.move(*pixel_of(camera, np.array([x, y, height])))
-        wait(lambda x=x, y=y: math.dist(radio.places["transmitter"], (x, y)) < 0.25, "the drag")
+        free = radio.model.nearest_free(np.array([x, y]))
+        wait(lambda free=free: math.dist(radio.places["transmitter"], free) < 0.3, "the drag")
         assert radio.settle(LONG_S)
         drawn(tab)
-        film.take()
+        film.take(DRAG_MS // count)
     tab.mouse.up()
     tab.mouse.move(20, HEIGHT - 20)
     radio.show_floor("received power")
@@ -102,7 +103,28 @@ def drag(page: Page, film: Film) -> None:
     radio.show_floor("off")
 
 
-def search(page: Page, film: Film, config: EpisodeConfig) -> None:
+def grip(page: Page, tab: Tab) -> None:
+    """Take hold of the transmitter: if nothing moves, the window had not drawn it there yet."""
+    radio = page.radio
+    assert radio is not None
+    camera, height = list(page.server.get_clients().values())[-1].camera, radio.model.settings.height_m
+    for rest_s in (1.0, 2.0, 4.0, 8.0, 16.0):
+        before = radio.places["transmitter"]
+        x, y = pixel_of(camera, np.array([*before, height]))
+        tab.mouse.move(x, y)
+        time.sleep(rest_s)
+        tab.mouse.down()
+        tab.mouse.move(x + 6, y)
+        time.sleep(rest_s)
+        if not np.array_equal(radio.places["transmitter"], before):
+            return
+        tab.mouse.up()
+        tab.get_by_role("button", name="See it from above", exact=True).click()
+        drawn(tab)
+    raise TimeoutError("the page takes no notice of the pointer")
+
+
+def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
     """Let a search run, and go through its decisions one after another."""
     tab, searches = film.tab, page.search(config, BuildingConfig())
     choose(tab, "show", "Search")
@@ -114,12 +136,12 @@ def search(page: Page, film: Film, config: EpisodeConfig) -> None:
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
     last = len(recording) - 1
-    for i in np.unique(np.linspace(0, last, SEARCH).round().astype(int)).tolist():
+    for i in np.unique(np.linspace(0, last, count).round().astype(int)).tolist():
         number.fill(str(i))
         number.press("Enter")
         wait(lambda i=i: searches.player.shown == i, f"decision {i}")
         drawn(tab)
-        film.take(LAST_MS if i == last else SHOWN_MS)
+        film.take(LAST_MS if i == last else SEARCH_MS // count)
 
 
 def choose(tab: Tab, label: str, option: str) -> None:
@@ -140,7 +162,7 @@ def wait(condition: Any, what: str) -> None:
 def drawn(tab: Tab) -> None:
     """Wait until the window has drawn what it was sent: some frames, and then some."""
     tab.evaluate(
-        "() => new Promise(done => { let left = 4; const next = () => --left ? requestAnimationFrame(next) : done(); "
+        "() => new Promise(done => { let left = 3; const next = () => --left ? requestAnimationFrame(next) : done(); "
         "requestAnimationFrame(next); })"
     )
     time.sleep(0.15)
@@ -152,6 +174,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("assets/live.webp"))
     parser.add_argument("--width", type=int, default=960, help="of the clip [pixels]")
     parser.add_argument("--quality", type=int, default=62, help="of its frames, 0 to 100")
+    parser.add_argument("--drag", type=int, default=40, help="frames of the drag")
+    parser.add_argument("--search", type=int, default=60, help="frames of the search")
     parser.add_argument("--picture", type=Path, help="where to write one frame of the drag as a PNG")
     options = parser.parse_args()
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
@@ -167,11 +191,15 @@ def main() -> None:
         tab.get_by_text("of the strongest estimated path").wait_for()
         tab.evaluate(POINTER)
         time.sleep(5.0)  # all that is sent at first
+        for told in tab.locator(".mantine-Notification-closeButton").all():
+            told.click()  # that there is no graphics card
+        time.sleep(2.0)
         film = Film(tab)
-        drag(page, film)
+        drag(page, film, options.drag)
         if options.picture:
-            film.frames[DRAG // 2].save(options.picture, optimize=True)
-        search(page, film, config)
+            film.frames[options.drag // 2].save(options.picture, optimize=True)
+        film.save(options.out, options.width, options.quality)
+        search(page, film, config, options.search)
         film.save(options.out, options.width, options.quality)
         chromium.close()
     size = options.out.stat().st_size / 1e6

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from robosim.live.moments import Recording
-from robosim.live.scenery import FIELD_DEG, view_from_above
+from robosim.live.scenery import FIELD_DEG, light, view_from_above
 from robosim.live.search_view import SearchView
 from robosim.live.server import HOST, close_server, open_server
 from robosim.live.tables import search_legend
@@ -74,7 +74,7 @@ def export(recordings: Sequence[Recording], path: Path) -> None:
 
 
 def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most: int, per_s: float) -> str:
-    server.scene.configure_default_lights(cast_shadow=False)
+    light(server.scene)
     views, pictures, offset = [], [], 0.0
     for k, recording in enumerate(recordings):
         view = SearchView(server, f"/{k}", recording, (offset, 0.0), len(recordings) > 1)

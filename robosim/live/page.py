@@ -15,7 +15,7 @@ from robosim.episode import EpisodeConfig
 from robosim.live.link_model import LinkModel, LinkSettings
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
-from robosim.live.scenery import FIELD_DEG, Scenery, view_from_above
+from robosim.live.scenery import FIELD_DEG, Scenery, light, view_from_above
 from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
 from robosim.live.storeys_model import StoreysModel
@@ -64,7 +64,7 @@ class Page:
         self._sceneries: list[Scenery] = []
         self.radio: RadioPanel | None = None
         self.server.gui.main_panel.dock_right()
-        self.server.scene.configure_default_lights(cast_shadow=False)
+        light(self.server.scene)
         self._modes: dict[str, Mode] = {}
         self._choice: Any = None
         self.server.on_client_connect(self._welcome)

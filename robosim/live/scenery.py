@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Lines on the floor lie so high over each other [m], that none hides the next.
 STEP_M = 0.01
+#: Strength of the light that comes from all sides.
+_AMBIENT = 1.4
 #: What is to be seen over all of them is so high.
 OVER_MAPS_M = 0.12
 
@@ -140,6 +142,13 @@ class Scenery:
             f"{self.root}/scale/north", "N (+y)", position=(north + 2 * tick, y, z), anchor="center-left",
             font_screen_scale=0.9,
         )  # fmt: skip
+
+
+def light(scene: "viser.SceneApi") -> None:
+    """Light a space evenly, without what takes long where there is no graphics card: shadows, and a sky to mirror."""
+    scene.configure_default_lights(cast_shadow=False)
+    scene.configure_environment_map(hdri=None)
+    scene.add_light_ambient("/light", intensity=_AMBIENT)
 
 
 def view_from_above(low: np.ndarray, high: np.ndarray, aspect: float = 1.3) -> tuple[np.ndarray, np.ndarray]:
