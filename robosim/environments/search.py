@@ -246,8 +246,8 @@ class Search:
 
     def _probability(self, view: Observation) -> Float[np.ndarray, "4"]:
         """Of the link's states, as the robot takes them to be."""
-        assert self._interpreter is not None
-        return self._interpreter.interpret(view.paths, np.zeros(3)).probability
+        assert self._interpreter is not None and view.paths is not None
+        return self._interpreter.probability(view.paths)
 
     def _info(self, pose: Float[np.ndarray, "3"], collided: bool, arrived: bool) -> dict[str, Any]:
         return {

@@ -96,14 +96,7 @@ class Interpreter:
             raise ValueError("There is no measurement to understand: the simulator was made without a radio.")
         n = int(paths.count[0])
         turned = paths.turned(rx_heading_rad=float(pose[2]))
-        if isinstance(self._classifier, TrueStates):
-            probability = np.eye(len(LinkState))[radio.state]
-        elif radio.config.engine == "table":
-            probability = radio.believed(self._classifier)
-        else:
-            probability = self._classifier.predict(
-                turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
-            )[0]
+        probability = self._states(turned, radio)
         return Measurement(
             pose=np.array(pose),
             aoa_rad=turned.aoa_rad[0, :n],
@@ -113,3 +106,18 @@ class Interpreter:
             delay_s=turned.delay_s[0, :n],
             probability=probability,
         )
+
+    def probability(self, paths: PathEstimates) -> Float[np.ndarray, "4"]:
+        """Of each link state alone, for who has no pose: as of a robot that looks along the map's x axis."""
+        if isinstance(self._classifier, TrueStates) or self._radio.config.engine == "table":
+            return self._states(paths, self._radio)
+        return self._states(paths.turned(rx_heading_rad=0.0), self._radio)
+
+    def _states(self, turned: PathEstimates, radio: RadioLink) -> Float[np.ndarray, "4"]:
+        if isinstance(self._classifier, TrueStates):
+            return np.eye(len(LinkState))[radio.state]
+        if radio.config.engine == "table":
+            return radio.believed(self._classifier)
+        return self._classifier.predict(
+            turned.aoa_rad, turned.snr_db, aod_rad=turned.aod_rad, delay_s=turned.delay_s
+        )[0]

@@ -81,16 +81,17 @@ class RadioTable:
         node, weight = found
         ref, level = _common(self._first, self._key, self._level, node, weight)
         rx = np.array([[xy[0], xy[1], self.paths.tx_position[0, 2]]])
-        paths = self.paths.select(ref)
         toward = self._source[ref] - rx
         gap = np.linalg.norm(toward, axis=1)
         length = np.maximum(gap + self._rest[ref], 1e-3)
+        power = np.exp(level) / length**2
+        order = np.argsort(-power, kind="stable")
+        ref, toward, gap, length, power = ref[order], toward[order], gap[order], length[order], power[order]
+        paths = self.paths.select(ref)
         unit = toward / np.maximum(gap, 1e-9)[:, None]
         depart = -np.einsum("nij,nj->ni", self._mirror[ref], unit)
         fixed = self._bent[ref]
-        power = np.exp(level) / length**2
-        order = np.argsort(-power, kind="stable")
-        moved = replace(
+        return replace(
             paths,
             rx_position=rx,
             rx=np.zeros(len(ref), paths.rx.dtype),
@@ -102,12 +103,21 @@ class RadioTable:
             aod_az=np.where(fixed, paths.aod_az, np.arctan2(depart[:, 1], depart[:, 0])),
             aod_el=np.where(fixed, paths.aod_el, np.arcsin(np.clip(depart[:, 2], -1, 1))),
         )
-        return moved.select(order)
 
     def nodes_around(
         self, xy: Float[np.ndarray, "2"]
     ) -> tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None:
         """The four nodes around a place, -1 for one that is not or is out of sight, and their weights, of sum 1."""
+        # Paths and link states are asked for at the same place, one after the other.
+        key = np.asarray(xy, float).tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._nodes_around(xy)
+        return self._last[key]
+
+    def _nodes_around(
+        self, xy: Float[np.ndarray, "2"]
+    ) -> tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None:
         plan = self.building.plan
         column, row = plan.to_cells(np.asarray(xy, float)) * (plan.resolution_m / self.step_m) - 0.5
         node, weight = _around(
@@ -147,6 +157,11 @@ class RadioTable:
             if step is None:
                 raise FileError("its metadata lack step_m")
             return cls(building=building, paths=Paths.from_table(table), step_m=float(step))
+
+    @cached_property
+    def _last(self) -> dict[bytes, tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None]:
+        """Nodes around the place that was asked for last."""
+        return {}
 
     @cached_property
     def _walls(self) -> WallTiles:
