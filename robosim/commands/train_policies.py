@@ -123,7 +123,7 @@ def steering(
 
 def search(
     *,
-    epochs: int = 600,
+    epochs: int = 400,
     imitation: int = 30,
     homes: int = 144,
     held_out: int = 32,
@@ -134,12 +134,14 @@ def search(
     """Train a search end to end: a recurrent network that drives from depth, radio and odometry alone.
 
     In invented homes; first by imitation of a guide that knows the way (DAgger), then on its own arrivals (PPO).
-    Writes search.safetensors with its card, and curve.json after each epoch of 32768 steps, which takes half a minute
-    of one core. Radio is traced once for each target and kept in the folder. An interrupted run goes on when the same
-    command is given again, and so does one that has ended, if more epochs are asked for. One process, one thread.
+    Writes search.safetensors with its card, and curve.json after each epoch of 32768 steps, which takes a minute of one
+    core that is shared with other work. Radio is traced once for each target and kept in the folder. An interrupted run
+    goes on when the same command is given again, and so does one that has ended, if more epochs are asked for. One
+    process, one thread.
 
     Example: robosim train search --out out/search
-    Then:    robosim episode office --goal out/search/search.safetensors
+
+    What it learned drives by robosim episode office --goal out/search/search.safetensors
 
     Args:
         epochs: Epochs in all.

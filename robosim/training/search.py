@@ -46,7 +46,7 @@ _HARDER, _EASIER, _STEP = 0.6, 0.2, 0.1
 class SearchRecipe:
     """How the learned search is trained."""
 
-    epochs: int = 600
+    epochs: int = 400
     """Epochs in all."""
     imitation: int = 30
     """Of which in so many the guide's advice is all that is learnt."""
