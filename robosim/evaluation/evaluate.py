@@ -129,7 +129,7 @@ def evaluate(
         "oracle",
         *(name for name in dict.fromkeys(policies) if name != "oracle"),
     )
-    made_by = code_digest()
+    made_by = code_digest(everyone)
     jobs = make_jobs(suite, config, everyone, repeats, made_by)
     with run_folder(out, "evaluate", settings_of(suite, config), grows=("plans", "tasks")):
         write_suite(suite, out / "suite.yaml")

@@ -57,9 +57,16 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
     }
 
 
-def code_digest() -> str:
-    """A text that changes with the code of the three packages, their weights, and what they stand on."""
+def code_digest(policies: Iterable[str] = ()) -> str:
+    """A text that changes with the code of the three packages, their weights, and what they stand on.
+
+    Args:
+        policies: Goal policies; the weights of those that are files count too.
+    """
     digest = hashlib.sha256(json.dumps(versions()).encode())
+    for policy in policies:
+        if policy.endswith(".safetensors"):
+            digest.update(policy.encode() + read_bytes(policy, "weights of a goal policy"))
     for file in sorted((assets_dir() / "weights").glob("*")):
         digest.update(file.name.encode() + file.read_bytes())
     for package in _OURS:

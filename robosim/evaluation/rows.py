@@ -15,8 +15,12 @@ _LARGEST = 1e15
 
 
 def name_of(row: Mapping[str, Any]) -> str:
-    """What an episode's file is called, unique in an evaluation: PLAN/TASK-POLICY-REPEAT."""
-    return f"{row['plan']}/{row['task']:03d}-{row['policy']}-{row['repeat']}"
+    """What an episode's file is called, unique in an evaluation: PLAN/TASK-POLICY-REPEAT.
+
+    A policy that is a file lies in folders of its own, which are no folders of the evaluation.
+    """
+    policy = str(row["policy"]).replace("/", "_").replace("\\", "_")
+    return f"{row['plan']}/{row['task']:03d}-{policy}-{row['repeat']}"
 
 
 def check_row(row: Mapping[str, Any]) -> None:

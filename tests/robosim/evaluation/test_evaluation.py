@@ -18,8 +18,9 @@ from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
 from robosim.evaluation import episodes, results, sweep
 from robosim.evaluation.evaluate import evaluate
-from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.results import replay_command
+from robosim.evaluation.rows import name_of
 from robosim.evaluation.scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
 from robosim.plans.files import write_ros
@@ -353,3 +354,16 @@ def test_the_report_is_made_from_the_episodes_alone(suite, tmp_path, monkeypatch
         monkeypatch.setattr(name, None)
     results.write_results(result, tmp_path, config=CONFIG, options="", workers=1, console=QUIET)
     assert (tmp_path / "report.html").read_bytes() == first
+
+
+def test_policies_that_are_files_have_names_of_their_own(tmp_path):
+    """An episode's file lies in the folder of its plan, whatever folder the policy's weights are in; weights count."""
+    path = tmp_path / "search.safetensors"
+    row = {"plan": "flat", "task": 3, "policy": str(path), "repeat": 0}
+    assert name_of(row).count("/") == 1 and name_of(row).startswith("flat/003-")
+    assert name_of(row) != name_of(row | {"policy": str(tmp_path / "other" / "search.safetensors")})
+    digests = set()
+    for content in (b"one", b"other"):
+        path.write_bytes(content)
+        digests.add(code_digest(["snr", str(path)]))
+    assert len(digests | {code_digest(["snr"]), code_digest()}) == 3
