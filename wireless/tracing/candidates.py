@@ -33,8 +33,9 @@ from wireless.tracing.ray_search import bend, make_lists, reflect, tabled
 from wireless.tracing.space_engine import lit_edges
 from wireless.tracing.table import Setting, Table
 
-#: All is tried where a patch takes no longer than so many rays.
-RAYS_A_PATCH = 64
+#: All is tried where a patch takes no longer than so many rays; else what is beside the pairs that rays find, where it
+#: takes no longer than so many: among 100,000 patches that is a million of pairs, which few receivers need.
+RAYS_A_PATCH, RAYS_BESIDE = 64, 16
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
 #: Tells which of some pairs can be.
@@ -70,7 +71,9 @@ class Candidates:
         self._shooter = Shooter(space, setting.max_through)
         self._veiled = hidden_by_opaque(space) if setting.max_through else space
         self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
-        self._patches, self._edges = patch_neighbours(space), edge_neighbours(space)
+        self._near: tuple[Neighbours, Neighbours] | None = None
+        if not self._few and RAYS_BESIDE * len(space.patch_boxes.number) <= rays:
+            self._near = edge_neighbours(space), patch_neighbours(space)
         self._known: OrderedDict[bytes, Reach] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -111,8 +114,9 @@ class Candidates:
             parts = [np.empty((1, 0), np.int64), space.patch_boxes.number[:, None]][: most + 1]
         parts = [part[np.lexsort(part.T[::-1])] if part.size else part for part in parts]
         chains = list(seen.chains[len(parts) - 2 :]) if most > 1 else []
-        if chains and not self._few:
-            chains[0] = self._beside(chains[0], (self._patches, self._patches), partial(self._pairs, tx))
+        if chains and self._near is not None:
+            _, patches = self._near
+            chains[0] = self._beside(chains[0], (patches, patches), partial(self._pairs, tx))
         beams = aim(space, tx, _padded(parts + chains, most))
         if side < 0:
             return Reach(beams, None)
@@ -133,12 +137,13 @@ class Candidates:
             more = over[:, 1] >= 0 if over.shape[1] > 1 else np.zeros(len(edge), bool)
             edge, over = edge[more], over[more]
         else:
-            pairs = np.column_stack([edge, over[:, 0]])[(over[:, 1:] < 0).all(axis=1)]
-            pairs = self._beside(pairs, (self._edges, self._patches), partial(self._seen, tx))
-            pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
-            longer = (over[:, 1:] >= 0).any(axis=1)
-            edge = np.concatenate([pairs[:, 0], edge[longer]])
-            over = np.concatenate([_padded([pairs[:, 1:]], over.shape[1]), over[longer]])
+            if self._near is not None:
+                longer = (over[:, 1:] >= 0).any(axis=1)
+                pairs = np.column_stack([edge, over[:, 0]])[~longer]
+                pairs = self._beside(pairs, self._near, partial(self._seen, tx))
+                pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
+                edge = np.concatenate([pairs[:, 0], edge[longer]])
+                over = np.concatenate([_padded([pairs[:, 1:]], over.shape[1]), over[longer]])
             first = np.arange(len(space.surfaces.edge))
             before = np.empty((len(first), 0), np.int64)
         return place_edges(
@@ -166,12 +171,14 @@ class Candidates:
                     source, sights.edge[which], np.full(len(which), order == 0), self._rays, most
                 )
                 behind = [Bent(which[b.sight], b.chain) for b in rays]
-                if order == 0 and not self._few and behind:
-                    behind[0] = self._bent_beside(sights, which, behind[0])
+                if order == 0 and self._near is not None and behind:
+                    behind[0] = self._bent_beside(sights, which, behind[0], self._near)
                 found += behind[1 if self._few else 0 :]
         return found
 
-    def _bent_beside(self, sights: Sights, which: Int[np.ndarray, " w"], bent: Bent) -> Bent:
+    def _bent_beside(
+        self, sights: Sights, which: Int[np.ndarray, " w"], bent: Bent, near: tuple[Neighbours, Neighbours]
+    ) -> Bent:
         """Patches behind edges that the transmitter itself sees, and what is beside these."""
         sight_of = np.full(len(self._space.surfaces.edge), -1)
         sight_of[sights.edge[which]] = which
@@ -182,7 +189,7 @@ class Candidates:
             return np.column_stack([sights.edge[able[:, 0]], able[:, 1]])
 
         pairs = np.column_stack([sights.edge[bent.sight], bent.chain[:, 0]])
-        pairs = self._beside(pairs, (self._edges, self._patches), possible)
+        pairs = self._beside(pairs, near, possible)
         return Bent(sight_of[pairs[:, 0]], pairs[:, 1:])
 
     def _beside(
