@@ -1,9 +1,10 @@
 """Which side of closed surfaces points are on.
 
 Triangles that share edges are one surface, and closed if each of its edges has an even number of them: also where two
-blocks meet in an edge, which has four. A way between two points meets a closed surface an even number of times if
-both are on one side of it, or else an odd one. So a way that meets but one wall leads nowhere among points that are
-on the same sides of all closed surfaces, as in rooms between walls that have two sides.
+blocks meet in an edge, which has four. A sheet whose faces are doubled, back to back, is not. A way between two points
+meets a closed surface an even number of times if both are on one side of it, or else an odd one. So a way that meets
+but one wall leads nowhere among points that are on the same sides of all closed surfaces, as in rooms between walls
+that have two sides.
 
 What side a point is on is counted along one direction that no building has a wall in (the parity of what a ray meets,
 M. Shimrat, Algorithm 112, Commun. ACM 5 (1962) 434), for all surfaces at once: each has a number of 64 random bits, and
@@ -50,13 +51,17 @@ class Sides:
 
 def surfaces_of(mesh: trimesh.Trimesh) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " s"]]:
     """The surface of each face, and which surfaces are closed."""
-    corner = trimesh.Trimesh(mesh.vertices, mesh.faces).faces
+    corner = np.sort(trimesh.Trimesh(mesh.vertices, mesh.faces).faces, axis=1)
     n = len(corner)
-    ends = np.sort(np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    _, edge, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    ends = corner[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
+    kinds, edge = np.unique(ends, axis=0, return_inverse=True)
     edge, face = edge.ravel(), np.repeat(np.arange(n), 3)
-    pairs = coo_array((np.ones(3 * n), (face, n + edge)), shape=(n + len(count), n + len(count)))
+    size = n + len(kinds)
+    pairs = coo_array((np.ones(3 * n), (face, n + edge)), shape=(size, size))
     parts, part = connected_components(pairs, directed=False)
+    # Faces back to back are met in one point, as one wall: they count once.
+    _, once = np.unique(corner, axis=0, return_index=True)
+    count = np.bincount(edge.reshape(n, 3)[once].ravel(), minlength=len(kinds))
     closed = np.ones(parts, bool)
     closed[part[n + np.flatnonzero(count % 2)]] = False
     return part[:n].astype(np.int64), closed

@@ -38,6 +38,8 @@ from wireless.tracing.table import Setting, Table
 RAYS_A_PATCH, RAYS_BESIDE = 64, 16
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
+#: Pairs of a sight and a patch that are asked about at once: some 40 bytes each.
+_PAIRS = 1_000_000
 #: Tells which of some pairs can be.
 Possible = Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]]
 
@@ -162,9 +164,12 @@ class Candidates:
             most = min(bent - order, side)
             if self._few and most > 0:
                 patch = np.sort(space.patch_boxes.number)
-                pairs = np.column_stack([np.repeat(which, len(patch)), np.tile(patch, len(which))])
-                pairs = self._bent(sights, pairs)
-                found.append(Bent(pairs[:, 0], pairs[:, 1:]))
+                at_once = max(1, _PAIRS // max(len(patch), 1))
+                for first in range(0, len(which), at_once):
+                    some = which[first : first + at_once]
+                    pairs = np.column_stack([np.repeat(some, len(patch)), np.tile(patch, len(some))])
+                    pairs = self._bent(sights, pairs)
+                    found.append(Bent(pairs[:, 0], pairs[:, 1:]))
             if most > (1 if self._few else 0):
                 source = _images(self._space.panes.plane, tx, sights.over[which, :order])
                 rays = self._shooter.bend(

@@ -63,6 +63,14 @@ def test_a_point_on_a_surface_is_on_no_side(at):
     assert sides.alike(np.array([at]) + 0.5 * np.sign(np.array(at) - 0.5 + 1e-3))
 
 
+def test_a_sheet_with_two_faces_is_open():
+    """Each of its triangles stands twice, back to back, as scans have them: one passes it as one wall."""
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    sheet = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3), (2, 1, 0), (3, 2, 0)], process=False)
+    surface, closed = surfaces_of(joined(sheet, box((3, 3, 3), (4, 4, 4))))
+    assert not closed[surface[:4]].any() and closed[surface[4:]].all()
+
+
 def test_a_mesh_without_closed_surfaces_has_all_points_on_one_side():
     """A sheet alone; nothing to count."""
     sheet = trimesh.Trimesh(
