@@ -1,10 +1,12 @@
 """Radio, camera and map used jointly: a belief over the target's place decides where to go.
 
 A target seen by the camera is gone to at once. In line of sight the robot follows the arrival: its direction is known
-to a degree, where the belief knows the distance to a third only. Else, where the belief has gathered, it goes there;
-what the mapper's graph makes of all directions in line of sight, a place with a covariance, is part of the belief;
-and where it has not, it goes where it will learn most in the least time: of all frontiers, to the one from which most
-of the belief may come in sight, and behind which most of it lies, for each decision that the way takes.
+to a degree, where the belief knows the distance to a third only. So it does at first where a strong arrival is of first
+order: as long as hardly any wall is known, the belief cannot tell round which of them it came. Else, where the belief
+has gathered, it goes there; what the mapper's graph makes of all directions in line of sight, a place with a
+covariance, is part of the belief; and where it has not, it goes where it will learn most in the least time: of all
+frontiers, to the one from which most of the belief may come in sight, and behind which most of it lies, for each
+decision that the way takes.
 """
 
 import math
@@ -44,6 +46,10 @@ class FusedConfig:
     """What a metre costs."""
     in_sight: FollowConfig = field(default_factory=lambda: FollowConfig(every=5))
     """How the arrival is followed in line of sight."""
+    at_first: int = 30
+    """Decisions from the start in which strong arrivals of first order are followed, until the belief is sure."""
+    first_snr_db: float = 25.0
+    """How strong they have to be."""
     sure: float = 0.3
     """Probability within half a metre of a place from which on the robot goes there."""
     view_m: float = 5.0
@@ -64,6 +70,8 @@ class FusedConfig:
     def __post_init__(self) -> None:
         check_numbers(
             self,
+            at_first=(0, 1_000_000, "decisions"),
+            first_snr_db=(-200, 200, "dB"),
             sure=(0, 1),
             view_m=(0.1, 100, "m"),
             head_start=(0, 1e6, "decisions"),
@@ -98,6 +106,9 @@ class Fused:
         self.uses_camera = self.config.uses_camera
         self._explorer = explorer
         self._in_sight = FollowArrival((LinkState.LOS,), self.config.in_sight)
+        strong = FollowConfig(min_snr_db=self.config.first_snr_db)
+        self._at_first = FollowArrival((LinkState.FIRST_ORDER,), strong)
+        self._decisions = 0
         self.belief: TargetBelief | None = None
         self.reason: Reason | None = None
         self._mass = math.nan
@@ -124,6 +135,13 @@ class Fused:
             self._tell(GoalKind.ARRIVAL, "the strongest path comes in line of sight")
             self._goal = None
             return straight
+        self._decisions += 1
+        if self._decisions <= self.config.at_first and self.belief.peak()[1] < self.config.sure:
+            onward = self._at_first.goal(situation.measured(), estimate.pose)
+            if onward is not None:
+                self._tell(GoalKind.ARRIVAL, "a strong path of first order, and the belief is not sure yet")
+                self._goal = None
+                return onward
         self._age += 1
         if self._dwelling.at(here):
             self._give_up()
