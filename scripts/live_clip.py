@@ -57,7 +57,7 @@ class Film:
 
     def take(self, shown_ms: int) -> None:
         """Take a picture of the window."""
-        content = self.tab.screenshot(timeout=LONG_MS)
+        content = self.tab.screenshot(timeout=LONG_MS, type="jpeg", quality=95)
         self.frames.append(Image.open(io.BytesIO(content)).convert("RGB"))
         self.shown_ms.append(shown_ms)
         print(f"frame {len(self.frames)}", end="\r", flush=True)
@@ -77,7 +77,6 @@ def drag(page: Page, film: Film, count: int) -> None:
     """Drag the transmitter through the flat by the pointer; then have its power coloured over the floor."""
     radio, tab = page.radio, film.tab
     assert radio is not None
-    height = radio.model.settings.height_m
     camera = list(page.server.get_clients().values())[-1].camera
     radio.move("robot", ROBOT)
     radio.move("transmitter", WAY[0])
@@ -88,9 +87,7 @@ def drag(page: Page, film: Film, count: int) -> None:
     film.take(600)
     share = np.linspace(0, len(WAY) - 1, count)
     for x, y in zip(*(np.interp(share, np.arange(len(WAY)), WAY[:, k]) for k in (0, 1)), strict=True):
-        tab.mouse.move(*pixel_of(camera, np.array([x, y, height])))
-        free = radio.model.nearest_free(np.array([x, y]))
-        wait(lambda free=free: math.dist(radio.places["transmitter"], free) < 0.3, "the drag")
+        follow(page, tab, np.array([x, y]))
         assert radio.settle(LONG_S)
         drawn(tab)
         film.take(DRAG_MS // count)
@@ -122,6 +119,21 @@ def grip(page: Page, tab: Tab) -> None:
         tab.get_by_role("button", name="See it from above", exact=True).click()
         drawn(tab)
     raise TimeoutError("the page takes no notice of the pointer")
+
+
+def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
+    """Move the pointer to a place until the transmitter is there: a window that is busy may pass over one move."""
+    radio = page.radio
+    assert radio is not None
+    camera, free = list(page.server.get_clients().values())[-1].camera, radio.model.nearest_free(at)
+    x, y = pixel_of(camera, np.array([*at, radio.model.settings.height_m]))
+    end = time.monotonic() + LONG_S
+    while math.dist(radio.places["transmitter"], free) > 0.3:
+        for shift in (0.0, 2.0):
+            tab.mouse.move(x + shift, y)
+            time.sleep(0.4)
+        if time.monotonic() > end:
+            raise TimeoutError(f"waited in vain for the drag to {at}")
 
 
 def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
