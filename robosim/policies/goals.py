@@ -13,9 +13,11 @@ asked once a decision, and all arrive by one rule.
     los            follows it where the link state is line of sight
     los-or-first   follows it where the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together say that the target is, or will tell most about it
-    learned        a recurrent network, which chooses actions itself, without map and planner
 
-Reference: arXiv 2110.14789 for all but the last two.
+A `.safetensors` file of `robosim train search` is one too: a recurrent network that chooses actions itself, without map
+and planner; none is shipped.
+
+Reference: arXiv 2110.14789 for all but `shortest` and `fused`.
 """
 
 from dataclasses import dataclass, field

@@ -15,7 +15,6 @@ from robosim.policies.goals import PolicyContext
 from robosim.policies.search_network import SearchNetwork, drawn_actions, load_search, no_memory
 from robosim.policies.search_senses import SearchSenses
 from robosim.policies.situation import Situation
-from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
 from slam.poses import to_map
 
@@ -53,8 +52,8 @@ class Learned:
         told = self._senses.told(
             view.depth,
             view.odometry,
-            heard.aoa_rad
-            - heard.pose[2],  # in the robot's frame again, so without the map's error of heading
+            # In the robot's frame again, so without the map's error of heading.
+            heard.aoa_rad - heard.pose[2],
             heard.snr_db,
             heard.delay_s,
             heard.probability,
@@ -69,11 +68,6 @@ class Learned:
         return self._action
 
 
-def learned(context: PolicyContext) -> Learned:
-    """Chooses actions by the shipped network."""
-    return learned_of_file(shipped_network("search"), context)
-
-
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
-    """The same with a network of its own."""
+    """Chooses actions by the network of a file."""
     return Learned(load_search(path))
