@@ -26,6 +26,7 @@ from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor
 
 from robosim.support.checks import check_numbers
+from slam.learning.ppo import descend, surrogate
 from slam.support.weights import Weights
 
 
@@ -171,10 +172,7 @@ def learn(
     for _ in range(config.passes):
         for group in np.array_split(rng.permutation(robots), min(config.groups, robots)):
             loss, means = _loss(weights, segment, gained, worth, group, config, advice=advice, own=own)
-            optimiser.zero_grad(set_to_none=True)
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(weights.values(), 0.5)
-            optimiser.step()
+            descend(loss, weights, optimiser)
             for name, value in means.items():
                 told.setdefault(name, []).append(value)
     return {name: float(np.mean(values)) for name, values in told.items()}
@@ -208,8 +206,7 @@ def _loss(
     if own:
         before, gain = of(segment.log_odds, torch.float32)[counts], of(gained, torch.float32)[counts]
         ratio = torch.exp(log_odds.gather(1, taken[:, None])[:, 0] - before)
-        clipped = ratio.clamp(1 - config.clip, 1 + config.clip)
-        loss = loss - torch.minimum(ratio * gain, clipped * gain).mean()
+        loss = loss - surrogate(ratio, gain, config.clip)
     agreed = (log_odds.argmax(dim=-1) == advised).float().mean()
     means = {"advice": imitation, "value": error, "entropy": entropy, "agreed": agreed}
     return loss, {name: float(one.detach()) for name, one in means.items()}

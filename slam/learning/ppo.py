@@ -9,7 +9,7 @@ Reference: Schulman et al., Proximal policy optimization algorithms, arXiv:1707.
 estimation, ICLR 2016; Sutton, Precup and Singh, Between MDPs and semi-MDPs, Artificial Intelligence 112, 1999.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,6 +20,9 @@ from torch import Tensor
 
 from slam.exploration.choosing import FEATURES, evaluate
 from slam.support.checks import check_numbers
+
+#: Length to which gradients are cut.
+LONGEST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,12 +127,23 @@ def improve(
         told = []
         for part in np.array_split(rng.permutation(n), max(1, round(n / config.batch))):
             loss, numbers = _loss(weights, {key: value[part] for key, value in data.items()}, config)
-            optimiser.zero_grad()
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(list(weights.values()), 0.5)
-            optimiser.step()
+            descend(loss, weights, optimiser)
             told.append(numbers)
     return dict(zip(("entropy", "clipped", "value_error"), np.mean(told, axis=0).tolist(), strict=True))
+
+
+def surrogate(ratio: Float[Tensor, " n"], advantage: Float[Tensor, " n"], clip: float) -> Tensor:
+    """The clipped surrogate, more is better: mean advantage of what was done, by how much likelier it has become."""
+    within = ratio.clamp(1 - clip, 1 + clip)
+    return torch.minimum(ratio * advantage, within * advantage).mean()
+
+
+def descend(loss: Tensor, weights: Mapping[str, Tensor], optimiser: torch.optim.Optimizer) -> None:
+    """One step of an optimiser down a loss, its gradient no longer than `LONGEST`."""
+    optimiser.zero_grad()
+    loss.backward()
+    torch.nn.utils.clip_grad_norm_(list(weights.values()), LONGEST)
+    optimiser.step()
 
 
 def _together(walks: Sequence[Walk], config: PpoConfig) -> dict[str, Tensor]:
@@ -162,8 +176,7 @@ def _loss(
     log_all = torch.log_softmax(logits, dim=-1)
     log_taken = log_all.gather(-1, data["taken"][:, None])[:, 0]
     ratio = torch.exp(log_taken - data["log_odds"])
-    within = ratio.clamp(1 - config.clip, 1 + config.clip)
-    gain = torch.minimum(ratio * data["advantage"], within * data["advantage"]).mean()
+    gain = surrogate(ratio, data["advantage"], config.clip)
     entropy = -(log_all.exp() * log_all).sum(-1).mean()
     error = ((value - data["worth"]) ** 2).mean()
     loss = config.value * error - gain - config.entropy * entropy
