@@ -27,6 +27,8 @@ from wireless.paths import LinkState
 #: Standard deviation of directions: of a path alone, and of one beside others. Not by the link state: a path that
 #: appears from its landmark's place, and as strong as from there, is as exact whatever it is taken for.
 _SIGMA_RAD = np.radians([0.1, 0.5])
+#: Of what they have in common for metres.
+_SHARED_RAD = np.radians([0.0, 1.0])
 #: The same of the logarithm of distances.
 _LOG_RANGE = np.array([0.06, 0.3])
 #: Of how much farther a path came than the strongest [m].
@@ -69,6 +71,7 @@ def _first(
         source=name,
         bearing_rad=wrap(float(measurement.aoa_rad[0] - measurement.pose[2])),
         sigma_rad=float(_SIGMA_RAD[beside]),
+        shared_rad=float(_SHARED_RAD[beside]),
         range_m=_lossless_m(measurement, radio),
         sigma_log_range=float(_LOG_RANGE[beside]),
         direct=direct,

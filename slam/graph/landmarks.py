@@ -10,8 +10,9 @@ with a depth that is no more open than its strength. An arrival that only looks 
 wall or off something far down a corridor, tells no such place: its strength says another depth than its directions,
 or they say none. All that was seen before holds then as well.
 
-Bearings are taken again only once the robot has moved: from one place, they err alike. What the pose has gathered in
-error since its node of the graph counts as an error of the bearing.
+Bearings are taken again only once the robot has moved: from one place, they err alike. Paths that can hardly be told
+apart err alike for metres, as long as they come from the same direction: that error is one for all of them. What the
+pose has gathered in error since its node of the graph counts as an error of the bearing.
 References: Gentner et al., Multipath assisted positioning with simultaneous localization and mapping, IEEE Trans.
 Wireless Communications 15 (2016), whose virtual transmitters these are; Stansfield, Statistical theory of D.F. fixing,
 Journal of the IEE 94 (1947), on the place that directions tell.
@@ -35,6 +36,8 @@ _APART_M, _APART_RAD = 0.25, math.radians(15.0)
 #: A place is told by so many sightings, if its depth is open by so much of it, and if the root mean square of what
 #: directions are off is so many standard deviations, at most.
 _ENOUGH, _DEPTH, _OFF = 6, 0.1, 1.5
+#: Bearings of a landmark err alike until it appears in a direction that is off by more [rad].
+_ALIKE_RAD = math.radians(5.0)
 #: How far headings along such a way may be off, beside bearings [rad].
 _HEADING_RAD = math.radians(0.2)
 #: Sightings that are kept of what tells no place yet.
@@ -71,6 +74,8 @@ class _Seen(NamedTuple):
     node: int
     at: Float[np.ndarray, "3"]
     bearing: Bearing
+    stretch: int
+    """Number of the stretch on which bearings err alike."""
     first: "_Landmark | None"
     """What the first path of the same source came from; None for that path."""
 
@@ -84,6 +89,8 @@ class _Landmark:
     seen: list[_Seen] = field(default_factory=list)
     place: int | None = None
     """Its number in the graph, once it holds poses."""
+    stretch: tuple[int, float] | None = None
+    """Number of the last stretch on which its bearings err alike, and the azimuth that it began with [rad]."""
     in_sight: int = 0
     """How often it was taken to be in line of sight."""
 
@@ -95,7 +102,7 @@ class Landmarks:
         self._sources: dict[str, list[_Landmark]] = defaultdict(list)
         self._images: dict[str, list[_Landmark]] = defaultdict(list)
         self._last: Float[np.ndarray, 3] | None = None
-        self._time, self._way_m = 0, 0.0
+        self._time, self._way_m, self._stretches = 0, 0.0, 0
         self.taken = 0
         """Bearings that hold poses, or may do so later on."""
 
@@ -131,7 +138,9 @@ class Landmarks:
                 landmark = self._image(graph, pose, bearing, first)
             else:
                 continue
-            seen = _Seen(self._time, self._way_m, node, here.copy(), bearing, first)
+            azimuth = float(pose[2] + bearing.bearing_rad)
+            stretch = self._stretch(landmark, azimuth)
+            seen = _Seen(self._time, self._way_m, node, here.copy(), bearing, stretch, first)
             self._take(graph, landmark, seen)
 
     def transmitters(self, graph: PoseGraph) -> dict[str, Transmitter]:
@@ -196,6 +205,13 @@ class Landmarks:
             return free[best]
         landmarks.append(_Landmark())
         return landmarks[-1]
+
+    def _stretch(self, landmark: _Landmark, azimuth: float) -> int:
+        """Number of the stretch that a bearing of a landmark belongs to."""
+        if landmark.stretch is None or abs(wrap(azimuth - landmark.stretch[1])) > _ALIKE_RAD:
+            landmark.stretch = self._stretches, azimuth
+            self._stretches += 1
+        return landmark.stretch[0]
 
     def _lately(self, landmark: _Landmark) -> bool:
         """Whether a landmark has appeared on the last metres of way."""
@@ -270,7 +286,7 @@ def _elsewhere(
 
 def _unlike(graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing) -> float:
     """How far a further path is from where an image is expected, as a part of what is allowed; 1 is too far."""
-    _, _, node, at, before, _ = landmark.seen[-1]
+    _, _, node, at, before, *_ = landmark.seen[-1]
     seen_from = compose(graph.poses[node], at)
     moved_m = math.hypot(*(pose - seen_from)[:2])
     noise = _GATE * math.hypot(bearing.sigma_rad, before.sigma_rad) + _JITTER_RAD
@@ -295,7 +311,7 @@ def _appears(graph: PoseGraph, seen: _Seen) -> Float[np.ndarray, "2"]:
 
 def _hold(graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
     """Let what was seen hold the graph."""
-    _, _, node, at, bearing, first = seen
+    _, _, node, at, bearing, stretch, first = seen
     assert landmark.place is not None
     compared = None if first is None else first.place
     if compared is None or bearing.beyond_m is None:
@@ -312,5 +328,7 @@ def _hold(graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
             range_m=range_m,
             sigma_range=sigma,
             beyond=compared,
+            stretch=stretch,
+            shared_rad=bearing.shared_rad,
         )
     )

@@ -4,11 +4,12 @@ A constraint says where pose j lies in the frame of pose i, with a covariance; a
 how far away a place appeared. With e_ij the difference between what was measured and what poses and places say, in the
 frame of i, they minimise
 
-    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2),
+    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2)  +  sum_stretches b^2,
 
-by Gauss-Newton on a sparse system. Closed loops may be wrong, and so may sightings: rho is Geman and McClure's kernel,
-under which what is wrong loses its weight, made convex at first and less and less so (graduated non-convexity), so that
-what is right does not depend on where the solver starts. The first pose stands still.
+by Gauss-Newton on a sparse system. Directions on one stretch of way share an error, b standard deviations of it, so
+that many of them tell no more of what they err alike in. Closed loops may be wrong, and so may sightings: rho is Geman
+and McClure's kernel, under which what is wrong loses its weight, made convex at first and less and less so (graduated
+non-convexity), so that what is right does not depend on where the solver starts. The first pose stands still.
 References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Transportation Systems Magazine 2 (2010);
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
@@ -72,13 +73,17 @@ class Sighting:
     bearing_rad: float
     """Direction, from `at` [rad]."""
     sigma_rad: float
-    """Standard deviation of that [rad]."""
+    """Standard deviation of that [rad], `shared_rad` apart."""
     range_m: float
     """Distance [m]; with `beyond`, how much larger it is than that of the other place."""
     sigma_range: float
     """Standard deviation of the distance's natural logarithm; with `beyond`, of the difference [m]."""
     beyond: int | None = None
     """The place whose distance is compared, if one is."""
+    stretch: int = 0
+    """Number of the stretch of way on which directions err alike."""
+    shared_rad: float = 0.0
+    """Standard deviation of the error that directions on that stretch have in common [rad]."""
 
 
 class PoseGraph:
@@ -93,6 +98,7 @@ class PoseGraph:
         self.places: list[Float[np.ndarray, 2]] = []
         self.sightings: list[Sighting] = []
         self._known: list[bool] = []
+        self._shared = np.zeros(0)
 
     def add(self, pose: Float[np.ndarray, "3"]) -> int:
         """Add a pose, which something has to hold; its number."""
@@ -148,6 +154,7 @@ class PoseGraph:
         self.weights = system.weighed(state)[: len(self.constraints)].tolist()
         self.poses = list(state.poses)
         self.places = list(state.places)
+        self._shared = state.shared
         return float(np.hypot(*(state.poses - before)[:, :2].T).max())
 
     def place_covariance(self, place: int) -> Float[np.ndarray, "2 2"]:
@@ -157,7 +164,11 @@ class PoseGraph:
 
     def _system(self) -> "_System":
         poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
-        return _System(_State(poses, places), self.constraints, self.sightings, np.array(self._known, bool))
+        stretches = 1 + max((one.stretch for one in self.sightings), default=-1)
+        shared = np.concatenate([self._shared, np.zeros(stretches - len(self._shared))])
+        return _System(
+            _State(poses, places, shared), self.constraints, self.sightings, np.array(self._known, bool)
+        )
 
     def uncertainty(self, start: int) -> dict[int, Float[np.ndarray, "3 3"]]:
         """Covariance of each pose in the frame of one of them, at most.
@@ -215,10 +226,12 @@ def _inverted(pose: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
 
 
 class _State(NamedTuple):
-    """Poses and places in `map`."""
+    """Poses and places in `map`, and what directions have in common."""
 
     poses: Float[np.ndarray, "n 3"]
     places: Float[np.ndarray, "m 2"]
+    shared: Float[np.ndarray, " g"]
+    """Errors of stretches, in standard deviations."""
 
 
 class _System:
@@ -245,21 +258,26 @@ class _System:
         self._alone = np.array([s.beyond is None for s in sightings], bool)
         self._range = np.array([s.range_m for s in sightings])
         self._sigma = np.array([(s.sigma_rad, s.sigma_range) for s in sightings]).reshape(-1, 2)
+        self._stretch = np.array([s.stretch for s in sightings], int)
+        self._shared = np.array([s.shared_rad for s in sightings])
         loops, ones = [c.loop for c in constraints], 2 * len(sightings)
         self.doubtful = np.array([*loops, *[True] * ones])
         """Which may be wrong altogether."""
         # Squared error, in variances, at which each begins to lose its weight.
         self._trusted = np.array([_TRUSTED] * len(loops) + [_TRUSTED_ONE] * ones)
         count = 3 * len(state.poses)
-        self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2)])
+        stretches = len(state.shared)
+        self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2), np.ones(stretches, bool)])
+        self._priors = np.arange(count + 2 * len(known), len(self._free))
         blocks = [3 * self._first[:, None] + np.arange(3), 3 * self._second[:, None] + np.arange(3)]
         self._columns = np.concatenate(blocks, axis=1)
         seen = [3 * self._from[:, None] + np.arange(3)]
         seen += [count + 2 * place[:, None] + np.arange(2) for place in (self._place, self._other)]
+        seen += [self._priors[self._stretch][:, None]]
         self._seen_columns = np.concatenate(seen, axis=1)
         # Where the numbers of each measurement's block stand among those that are free.
         place = np.where(self._free, np.cumsum(self._free) - 1, -1)
-        shapes = [(self._columns, 6), (self._seen_columns, 7)]
+        shapes = [(self._columns, 6), (self._seen_columns, 8), (self._priors[:, None], 1)]
         rows = np.concatenate([place[np.repeat(columns, n, axis=1)].ravel() for columns, n in shapes])
         across = np.concatenate([place[np.tile(columns, (1, n))].ravel() for columns, n in shapes])
         self._kept = (rows >= 0) & (across >= 0)
@@ -286,8 +304,10 @@ class _System:
             step = np.zeros(len(self._free))
             step[self._free] = splu(hessian).solve(-gradient[self._free])
             shift = step[: state.poses.size].reshape(-1, 3)
-            far = self._short_enough(state, step[state.poses.size :].reshape(-1, 2))
-            state = _State(state.poses + shift, state.places + far)
+            others = step[state.poses.size :]
+            far = self._short_enough(state, others[: state.places.size].reshape(-1, 2))
+            shared = state.shared + others[state.places.size :]
+            state = _State(state.poses + shift, state.places + far, shared)
             if max(np.abs(shift).max(), np.abs(far).max(initial=0.0)) < _STILL:
                 break
         state.poses[:, 2] = wrap(state.poses[:, 2])
@@ -318,29 +338,36 @@ class _System:
             projected = derivative * weights[count:].reshape(2, -1).T[:, :, None]
             np.add.at(gradient, self._seen_columns.ravel(), np.einsum("mia,mi->ma", projected, error).ravel())
             values.append(np.einsum("mia,mib->mab", projected, derivative).ravel())
+        gradient[self._priors] += state.shared
+        values.append(np.ones(len(self._priors)))
         size = int(self._free.sum())
         kept = np.concatenate(values)[self._kept]
         return csc_matrix((kept, self._at_free), shape=(size, size)), gradient
 
-    def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 7"]]:
-        """Errors of bearings and distances, in standard deviations, and their derivatives by pose, place and other."""
+    def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 8"]]:
+        """Errors of bearings and distances, in standard deviations, and their derivatives.
+
+        By pose, place, other place and what the stretch has in common.
+        """
         yaw, arm = state.poses[self._from, 2], np.column_stack(self._arm(state))
         seen_from = state.poses[self._from, :2] + arm
         away, square, gap = _gaps(state.places[self._place] - seen_from)
         other, _, other_gap = _gaps(state.places[self._other] - seen_from)
         turn = wrap(np.arctan2(away[:, 1], away[:, 0]) - yaw - self._at[:, 2] - self._bearing)
+        turn += self._shared * state.shared[self._stretch]
         beyond = gap - other_gap - self._range
         far = np.where(self._alone, np.log(gap / np.where(self._alone, self._range, 1.0)), beyond)
         across = np.column_stack([-away[:, 1], away[:, 0]]) / square[:, None]
         along = away / np.where(self._alone, square, gap)[:, None]
         along_other = np.where(self._alone[:, None], 0.0, -other / other_gap[:, None])
-        derivative = np.zeros((len(gap), 2, 7))
+        derivative = np.zeros((len(gap), 2, 8))
+        derivative[:, 0, 7] = self._shared
         for k, (place, beside) in enumerate(((across, 0.0 * across), (along, along_other))):
             both = place + beside
             derivative[:, k, :2] = -both
             # Turning the frame moves the point that was seen from.
             derivative[:, k, 2] = both[:, 0] * arm[:, 1] - both[:, 1] * arm[:, 0] - (k == 0)
-            derivative[:, k, 3:5], derivative[:, k, 5:] = place, beside
+            derivative[:, k, 3:5], derivative[:, k, 5:7] = place, beside
         return np.column_stack([turn, far]) / self._sigma, derivative / self._sigma[:, :, None]
 
     def _arm(self, state: _State) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:

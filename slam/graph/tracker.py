@@ -34,7 +34,7 @@ from slam.graph.submaps import (
 )
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
-from slam.poses import between, compose, rotation, to_map
+from slam.poses import between, compose, rotation, to_map, wrap
 from slam.sensing.bearings import Bearing
 from slam.support.checks import check_numbers
 
@@ -61,8 +61,10 @@ class TrackerConfig:
     """The same for their turn [rad]."""
     drift_m: float = 0.01
     """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]."""
-    drift_rad: float = math.radians(0.2)
+    drift_rad: float = math.radians(0.03)
     """The same for their turn [rad]."""
+    drift_turn_rad: float = math.radians(0.12)
+    """How far their turn drifts on the square root of a radian that the robot turned by [rad]."""
     overlap: int = 40
     """Surfaces that two submaps must both have seen to be fitted."""
     agreement: float = 0.8
@@ -80,6 +82,7 @@ class TrackerConfig:
             together_rad=(1e-4, math.pi, "rad"),
             drift_m=(0, 10, "m"),
             drift_rad=(0, math.pi, "rad"),
+            drift_turn_rad=(0, math.pi, "rad"),
             overlap=(1, 1_000_000, "surfaces"),
             agreement=(0, 1),
             searched_agreement=(0, 1),
@@ -142,7 +145,7 @@ class Tracker:
         self._heard = 0
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
-        self._way_m = 0.0
+        self._way_m = self._turned_rad = 0.0
         self._queue: list[tuple[int, int]] = []
         self._pending: list[_Pending] = []
         self._around = SurfaceLevels(self.config.cell_m)
@@ -215,8 +218,9 @@ class Tracker:
 
     def _drift(self) -> Float[np.ndarray, "3 3"]:
         """How far poses have drifted since the submap was begun, beyond what matches tell: a covariance."""
-        c = self.config
-        return max(self._way_m, 0.5) * np.diag([c.drift_m**2, c.drift_m**2, c.drift_rad**2])
+        c, way_m, turned = self.config, max(self._way_m, 0.5), self._turned_rad
+        turn = way_m * c.drift_rad**2 + turned * c.drift_turn_rad**2
+        return np.diag([way_m * c.drift_m**2, way_m * c.drift_m**2, turn])
 
     def transmitters(self) -> dict[str, Transmitter]:
         """Where sources stand that were seen in line of sight."""
@@ -257,6 +261,7 @@ class Tracker:
     def _place(self, pose: Float[np.ndarray, "3"]) -> None:
         here = between(self.graph.poses[-1], pose)
         self._way_m += float(math.hypot(*(here - self._here)[:2]))
+        self._turned_rad += abs(wrap(float(here[2] - self._here[2])))
         self.pose, self._here = compose(self.graph.poses[-1], here), here
 
     @property
@@ -329,7 +334,7 @@ class Tracker:
         covariance = np.linalg.inv(blind + 0.5 * (matched + matched.T))
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(cell_m=self.config.cell_m))
-        self._here, self._way_m = np.zeros(3), 0.0
+        self._here, self._way_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
             self._queue = [*self._candidates(last), *self._queue][:_WAITING]

@@ -22,7 +22,7 @@ class Bearing:
     bearing_rad: float
     """Azimuth in the robot's frame [rad]."""
     sigma_rad: float
-    """Standard deviation of that [rad]."""
+    """Standard deviation of that [rad], as one measurement tells it."""
     range_m: float
     """About how far away the source appears [m]."""
     sigma_log_range: float
@@ -34,6 +34,9 @@ class Bearing:
     alone. None for the first."""
     sigma_m: float = 0.05
     """Standard deviation of that [m]."""
+    shared_rad: float = 0.0
+    """Standard deviation of an error that bearings have in common as long as the path comes from one direction [rad],
+    beside `sigma_rad`: that of paths which can hardly be told apart."""
     place_xy: Float[np.ndarray, "2"] | None = None
     """Where the source stands in `map` [m], if that is known."""
 
@@ -45,4 +48,5 @@ class Bearing:
         check_number("direct", self.direct, 0, 1)
         if self.beyond_m is not None:
             check_number("beyond_m", self.beyond_m, -1e6, 1e6, "m")
+        check_number("shared_rad", self.shared_rad, 0, math.pi, "rad")
         check_number("sigma_m", self.sigma_m, 1e-4, 1e3, "m")
