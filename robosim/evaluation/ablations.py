@@ -4,6 +4,7 @@ They go by names of their own wherever goal policies do, so that they search the
 
     fused-no-vision    the target is not looked for in pictures; the camera still maps
     fused-no-aod       directions of departure are not known, neither to the belief nor to the link state's classifier
+    fused-no-clock     neither directions of departure nor delays are known; the mapper is not asked either
     fused-no-memory    the belief is that of the last measurement alone
     fused-no-graph     the mapper is not asked where the target stands
     fused-true-states  link states are the true ones
@@ -45,6 +46,10 @@ def _no_aod(config: EpisodeConfig) -> EpisodeConfig:
     return replace(_believing(config, departures=False), link_states="generated-no-aod")
 
 
+def _no_clock(config: EpisodeConfig) -> EpisodeConfig:
+    return replace(_no_graph(_no_aod(config)), link_states="generated-no-sync")
+
+
 def _no_graph(config: EpisodeConfig) -> EpisodeConfig:
     return replace(config, fused=replace(config.fused, uses_graph=False))
 
@@ -70,6 +75,7 @@ def _believing(config: EpisodeConfig, **changes: bool) -> EpisodeConfig:
 _CHANGES: dict[str, Callable[[EpisodeConfig], EpisodeConfig]] = {
     "fused-no-vision": _no_vision,
     "fused-no-aod": _no_aod,
+    "fused-no-clock": _no_clock,
     "fused-no-memory": _no_memory,
     "fused-no-graph": _no_graph,
     "fused-true-states": _true_states,

@@ -25,6 +25,11 @@ from tests.plans import two_rooms
 CHANGED = {
     "fused-no-vision": {"fused.uses_camera": False},
     "fused-no-aod": {"fused.belief.departures": False, "link_states": "generated-no-aod"},
+    "fused-no-clock": {
+        "fused.belief.departures": False,
+        "fused.uses_graph": False,
+        "link_states": "generated-no-sync",
+    },
     "fused-no-memory": {"fused.belief.remembers": False, "fused.uses_graph": False},
     "fused-no-graph": {"fused.uses_graph": False},
     "fused-true-states": {"link_states": "true"},
