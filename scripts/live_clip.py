@@ -148,6 +148,7 @@ def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
     last = len(recording) - 1
+    searches.player.play(False)  # each decision stays until its picture is taken
     for i in np.unique(np.linspace(0, last, count).round().astype(int)).tolist():
         number.fill(str(i))
         number.press("Enter")

@@ -20,8 +20,9 @@ from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.parts import Part
 from robosim.task.tasks import make_task
 
-#: Buildings, and drives in each of them, that are kept.
-_BUILDINGS, _DRIVES = 128, 64
+#: Buildings, those among them with a radio, whose tables take some 25 MB for each place of a transmitter, and drives in
+#: each of them, that are kept.
+_BUILDINGS, _WITH_RADIO, _DRIVES = 128, 32, 64
 #: Targets of a pool are drawn from this, whatever the environment's seed: so tables of radio can be kept.
 _POOL_SEED = 28
 
@@ -91,5 +92,6 @@ def place_of(plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> P
             return place
     place = Place(plan, config, uses_radio=uses_radio)
     _recent.append(place)
-    del _recent[:-_BUILDINGS]
+    for old in [one for one in _recent if one.uses_radio][:-_WITH_RADIO] or _recent[:-_BUILDINGS]:
+        _recent.remove(old)
     return place

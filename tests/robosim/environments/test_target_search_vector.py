@@ -1,5 +1,7 @@
 """Many robots in one process: step for step what lone environments do."""
 
+from dataclasses import replace
+
 import gymnasium
 import numpy as np
 import pytest
@@ -66,6 +68,18 @@ def test_a_robot_does_not_depend_on_how_many_there_are():
         env.close()
     assert np.array_equal(ways[0], ways[1])
     assert np.array_equal(ways[0], ways[2])
+
+
+def test_few_buildings_with_a_radio_are_kept(monkeypatch):
+    """Their tables take much memory; those without one stay."""
+    monkeypatch.setattr("robosim.environments.places._WITH_RADIO", 2)
+    config = SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64")
+    plain = place_of(PLAN, config, uses_radio=False)
+    plans = [replace(PLAN) for _ in range(3)]
+    first, *others = [place_of(plan, config, uses_radio=True) for plan in plans]
+    assert [place_of(plan, config, uses_radio=True) for plan in plans[1:]] == others
+    assert place_of(plans[0], config, uses_radio=True) is not first
+    assert place_of(PLAN, config, uses_radio=False) is plain
 
 
 def test_robots_share_a_building_and_not_their_poses():
