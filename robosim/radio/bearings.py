@@ -29,8 +29,8 @@ from wireless.paths import LinkState
 _SIGMA_RAD = np.radians([0.1, 0.5])
 #: Of what they have in common for metres.
 _SHARED_RAD = np.radians([0.0, 1.0])
-#: The same of the logarithm of distances.
-_LOG_RANGE = np.array([0.06, 0.3])
+#: The same of the logarithm of distances, and what those of one place have in common.
+_LOG_RANGE, _SHARED_LOG_RANGE = np.array([0.06, 0.3]), 0.03
 #: Of how much farther a path came than the strongest [m].
 _BEYOND_M = 0.05
 #: Paths nearer to each other than this in azimuth [rad] and delay [samples] are beside each other.
@@ -74,6 +74,7 @@ def _first(
         shared_rad=float(_SHARED_RAD[beside]),
         range_m=_lossless_m(measurement, radio),
         sigma_log_range=float(_LOG_RANGE[beside]),
+        shared_log_range=_SHARED_LOG_RANGE,
         direct=direct,
         place_xy=place_xy,
     )

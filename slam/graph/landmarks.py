@@ -330,5 +330,6 @@ def _hold(graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
             beyond=compared,
             stretch=stretch,
             shared_rad=bearing.shared_rad,
+            shared_range=0.0 if compared is not None else bearing.shared_log_range,
         )
     )

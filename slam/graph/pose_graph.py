@@ -4,12 +4,14 @@ A constraint says where pose j lies in the frame of pose i, with a covariance; a
 how far away a place appeared. With e_ij the difference between what was measured and what poses and places say, in the
 frame of i, they minimise
 
-    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2)  +  sum_stretches b^2,
+    sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2)
+        +  sum_stretches b^2  +  sum_places rho(a^2),
 
-by Gauss-Newton on a sparse system. Directions on one stretch of way share an error, b standard deviations of it, so
-that many of them tell no more of what they err alike in. Closed loops may be wrong, and so may sightings: rho is Geman
-and McClure's kernel, under which what is wrong loses its weight, made convex at first and less and less so (graduated
-non-convexity), so that what is right does not depend on where the solver starts. The first pose stands still.
+by Gauss-Newton on a sparse system. Directions on one stretch of way share an error, b standard deviations of it, and
+distances of one place another, a, so that many of them tell no more of what they err alike in. Closed loops may be
+wrong, so may sightings, and all distances of a place: rho is Geman and McClure's kernel, under which what is wrong
+loses its weight, made convex at first and less and less so (graduated non-convexity), so that what is right does not
+depend on where the solver starts. The first pose stands still.
 References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Transportation Systems Magazine 2 (2010);
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
@@ -37,6 +39,8 @@ _STEP, _MOST_CONVEX = 1.6, 100.0
 _FEW_STEPS, _MOST_STEPS, _SETTLING = 2, 30, 3
 #: Constraints of more weight are believed.
 _BELIEVED = 0.5
+#: Least weight of what distances have in common: what says nothing of it leaves it where it is.
+_LEAST = 1e-6
 #: The solver stops when no pose moves by more [m, rad].
 _STILL = 1e-5
 #: A place moves in one step by no more than this part of its distance from where it was seen: beyond, bearings are
@@ -84,6 +88,9 @@ class Sighting:
     """Number of the stretch of way on which directions err alike."""
     shared_rad: float = 0.0
     """Standard deviation of the error that directions on that stretch have in common [rad]."""
+    shared_range: float = 0.0
+    """Standard deviation of the error that all distances of the place have in common (natural logarithm), unless they
+    are wrong altogether."""
 
 
 class PoseGraph:
@@ -99,6 +106,7 @@ class PoseGraph:
         self.sightings: list[Sighting] = []
         self._known: list[bool] = []
         self._shared = np.zeros(0)
+        self._scales = np.zeros(0)
 
     def add(self, pose: Float[np.ndarray, "3"]) -> int:
         """Add a pose, which something has to hold; its number."""
@@ -154,7 +162,7 @@ class PoseGraph:
         self.weights = system.weighed(state)[: len(self.constraints)].tolist()
         self.poses = list(state.poses)
         self.places = list(state.places)
-        self._shared = state.shared
+        self._shared, self._scales = state.shared, state.scales
         return float(np.hypot(*(state.poses - before)[:, :2].T).max())
 
     def place_covariance(self, place: int) -> Float[np.ndarray, "2 2"]:
@@ -166,9 +174,9 @@ class PoseGraph:
         poses, places = np.array(self.poses), np.array(self.places).reshape(-1, 2)
         stretches = 1 + max((one.stretch for one in self.sightings), default=-1)
         shared = np.concatenate([self._shared, np.zeros(stretches - len(self._shared))])
-        return _System(
-            _State(poses, places, shared), self.constraints, self.sightings, np.array(self._known, bool)
-        )
+        scales = np.concatenate([self._scales, np.zeros(len(places) - len(self._scales))])
+        state = _State(poses, places, shared, scales)
+        return _System(state, self.constraints, self.sightings, np.array(self._known, bool))
 
     def uncertainty(self, start: int) -> dict[int, Float[np.ndarray, "3 3"]]:
         """Covariance of each pose in the frame of one of them, at most.
@@ -226,16 +234,18 @@ def _inverted(pose: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
 
 
 class _State(NamedTuple):
-    """Poses and places in `map`, and what directions have in common."""
+    """Poses and places in `map`, and what errors of directions and distances have in common."""
 
     poses: Float[np.ndarray, "n 3"]
     places: Float[np.ndarray, "m 2"]
     shared: Float[np.ndarray, " g"]
-    """Errors of stretches, in standard deviations."""
+    """Errors of directions on stretches, in standard deviations."""
+    scales: Float[np.ndarray, " m"]
+    """Errors of distances of places, in standard deviations."""
 
 
 class _System:
-    """All measurements as arrays: constraints first, then bearings, then distances of sightings."""
+    """All measurements as arrays: constraints, sightings' bearings and distances, what distances have in common."""
 
     def __init__(
         self,
@@ -259,25 +269,25 @@ class _System:
         self._range = np.array([s.range_m for s in sightings])
         self._sigma = np.array([(s.sigma_rad, s.sigma_range) for s in sightings]).reshape(-1, 2)
         self._stretch = np.array([s.stretch for s in sightings], int)
-        self._shared = np.array([s.shared_rad for s in sightings])
-        loops, ones = [c.loop for c in constraints], 2 * len(sightings)
+        self._shared = np.array([(s.shared_rad, s.shared_range) for s in sightings]).reshape(-1, 2)
+        loops, ones = [c.loop for c in constraints], 2 * len(sightings) + len(known)
         self.doubtful = np.array([*loops, *[True] * ones])
         """Which may be wrong altogether."""
         # Squared error, in variances, at which each begins to lose its weight.
         self._trusted = np.array([_TRUSTED] * len(loops) + [_TRUSTED_ONE] * ones)
         count = 3 * len(state.poses)
-        stretches = len(state.shared)
-        self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2), np.ones(stretches, bool)])
-        self._priors = np.arange(count + 2 * len(known), len(self._free))
+        alike = np.ones(len(state.shared) + len(known), bool)
+        self._free = np.concatenate([np.arange(count) > 2, np.repeat(~known, 2), alike])
+        self._priors = np.arange(len(self._free) - len(alike), len(self._free))
         blocks = [3 * self._first[:, None] + np.arange(3), 3 * self._second[:, None] + np.arange(3)]
         self._columns = np.concatenate(blocks, axis=1)
         seen = [3 * self._from[:, None] + np.arange(3)]
         seen += [count + 2 * place[:, None] + np.arange(2) for place in (self._place, self._other)]
-        seen += [self._priors[self._stretch][:, None]]
+        seen += [self._priors[of][:, None] for of in (self._stretch, len(state.shared) + self._place)]
         self._seen_columns = np.concatenate(seen, axis=1)
         # Where the numbers of each measurement's block stand among those that are free.
         place = np.where(self._free, np.cumsum(self._free) - 1, -1)
-        shapes = [(self._columns, 6), (self._seen_columns, 8), (self._priors[:, None], 1)]
+        shapes = [(self._columns, 6), (self._seen_columns, 9), (self._priors[:, None], 1)]
         rows = np.concatenate([place[np.repeat(columns, n, axis=1)].ravel() for columns, n in shapes])
         across = np.concatenate([place[np.tile(columns, (1, n))].ravel() for columns, n in shapes])
         self._kept = (rows >= 0) & (across >= 0)
@@ -295,7 +305,7 @@ class _System:
         error, _ = _errors(state.poses, self._first, self._second, self._measured)
         held = np.einsum("mi,mij,mj->m", error, self._information, error)
         seen, _ = self._sighted(state)
-        return np.asarray(np.concatenate([held, *(seen**2).T]) / self._trusted)
+        return np.asarray(np.concatenate([held, *(seen**2).T, state.scales**2]) / self._trusted)
 
     def minimised(self, state: _State, weights: Float[np.ndarray, " k"], steps: int) -> _State:
         """Poses and places after Gauss-Newton with fixed weights."""
@@ -306,8 +316,12 @@ class _System:
             shift = step[: state.poses.size].reshape(-1, 3)
             others = step[state.poses.size :]
             far = self._short_enough(state, others[: state.places.size].reshape(-1, 2))
-            shared = state.shared + others[state.places.size :]
-            state = _State(state.poses + shift, state.places + far, shared)
+            alike = others[state.places.size :]
+            shared, scales = (
+                state.shared + alike[: len(state.shared)],
+                state.scales + alike[len(state.shared) :],
+            )
+            state = _State(state.poses + shift, state.places + far, shared, scales)
             if max(np.abs(shift).max(), np.abs(far).max(initial=0.0)) < _STILL:
                 break
         state.poses[:, 2] = wrap(state.poses[:, 2])
@@ -335,33 +349,35 @@ class _System:
         values = [blocks.ravel()]
         if sightings:
             error, derivative = self._sighted(state)
-            projected = derivative * weights[count:].reshape(2, -1).T[:, :, None]
+            projected = derivative * weights[count : count + 2 * sightings].reshape(2, -1).T[:, :, None]
             np.add.at(gradient, self._seen_columns.ravel(), np.einsum("mia,mi->ma", projected, error).ravel())
             values.append(np.einsum("mia,mib->mab", projected, derivative).ravel())
-        gradient[self._priors] += state.shared
-        values.append(np.ones(len(self._priors)))
+        prior = np.concatenate([np.ones(len(state.shared)), weights[count + 2 * sightings :] + _LEAST])
+        gradient[self._priors] += prior * np.concatenate([state.shared, state.scales])
+        values.append(prior)
         size = int(self._free.sum())
         kept = np.concatenate(values)[self._kept]
         return csc_matrix((kept, self._at_free), shape=(size, size)), gradient
 
-    def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 8"]]:
+    def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 9"]]:
         """Errors of bearings and distances, in standard deviations, and their derivatives.
 
-        By pose, place, other place and what the stretch has in common.
+        By pose, place, other place, and what the stretch and the place have in common.
         """
         yaw, arm = state.poses[self._from, 2], np.column_stack(self._arm(state))
         seen_from = state.poses[self._from, :2] + arm
         away, square, gap = _gaps(state.places[self._place] - seen_from)
         other, _, other_gap = _gaps(state.places[self._other] - seen_from)
         turn = wrap(np.arctan2(away[:, 1], away[:, 0]) - yaw - self._at[:, 2] - self._bearing)
-        turn += self._shared * state.shared[self._stretch]
+        turn += self._shared[:, 0] * state.shared[self._stretch]
         beyond = gap - other_gap - self._range
         far = np.where(self._alone, np.log(gap / np.where(self._alone, self._range, 1.0)), beyond)
+        far += self._shared[:, 1] * state.scales[self._place]
         across = np.column_stack([-away[:, 1], away[:, 0]]) / square[:, None]
         along = away / np.where(self._alone, square, gap)[:, None]
         along_other = np.where(self._alone[:, None], 0.0, -other / other_gap[:, None])
-        derivative = np.zeros((len(gap), 2, 8))
-        derivative[:, 0, 7] = self._shared
+        derivative = np.zeros((len(gap), 2, 9))
+        derivative[:, 0, 7], derivative[:, 1, 8] = self._shared.T
         for k, (place, beside) in enumerate(((across, 0.0 * across), (along, along_other))):
             both = place + beside
             derivative[:, k, :2] = -both

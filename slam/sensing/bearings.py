@@ -37,6 +37,9 @@ class Bearing:
     shared_rad: float = 0.0
     """Standard deviation of an error that bearings have in common as long as the path comes from one direction [rad],
     beside `sigma_rad`: that of paths which can hardly be told apart."""
+    shared_log_range: float = 0.0
+    """Standard deviation of an error that the logarithms of all distances of one place have in common, beside
+    `sigma_log_range`, unless they are wrong altogether, as off a wall that took power."""
     place_xy: Float[np.ndarray, "2"] | None = None
     """Where the source stands in `map` [m], if that is known."""
 
@@ -49,4 +52,5 @@ class Bearing:
         if self.beyond_m is not None:
             check_number("beyond_m", self.beyond_m, -1e6, 1e6, "m")
         check_number("shared_rad", self.shared_rad, 0, math.pi, "rad")
+        check_number("shared_log_range", self.shared_log_range, 0, 10)
         check_number("sigma_m", self.sigma_m, 1e-4, 1e3, "m")
