@@ -215,7 +215,8 @@ def drive(
             plan = planner.plan(estimate, goal)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
-            action = policy.action() if isinstance(policy, Driver) else controller.act(estimate.pose, plan)
+            own = policy.action() if isinstance(policy, Driver) else None
+            action = controller.act(estimate.pose, plan) if own is None else own
         paths = simulator.radio.paths if simulator.radio else None
         # A policy that somebody has written may not say.
         reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD

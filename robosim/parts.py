@@ -38,6 +38,7 @@ GOAL = Kind(
         "los": "robosim.policies.goals:los",
         "los-or-first": "robosim.policies.goals:los_or_first",
         "fused": "robosim.policies.goals:fused",
+        "learned": "robosim.policies.learned:learned",
     },
     has=("goal", "seeks_target", "uses_radio", "uses_camera", "belief"),
     made_from="a robosim.policies.goals.PolicyContext",

@@ -62,8 +62,9 @@ def episode(
         goal: Who chooses the goals. oracle knows the target, shortest the building and its pose too; explore goes
             where the map ends; visual does so until the camera sees the target; snr, los and los-or-first follow the
             strongest radio path where there is one, in line of sight, or also where it is bent or reflected once;
-            fused weighs all of that together, and its variants show what each part of it brings. module:Name is one of
-            your own, search.safetensors one of `robosim train search`.
+            fused weighs all of that together, and its variants show what each part of it brings; learned is a network
+            that chooses each action itself, until it gets no further and fused takes over. module:Name is one of your
+            own, search.safetensors one of `robosim train search`.
         seed: Seed of everything random: task and noise.
         base: What the options below start from.
         settings: How the episode is run.

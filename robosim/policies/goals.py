@@ -67,8 +67,8 @@ class GoalPolicy(Protocol):
 class Driver(Protocol):
     """A goal policy that chooses actions too; then those of the controller are not done."""
 
-    def action(self) -> Action:
-        """What to do now; asked after the goal, in the same decision."""
+    def action(self) -> Action | None:
+        """What to do now; asked after the goal, in the same decision. None leaves it to the controller."""
         ...
 
 

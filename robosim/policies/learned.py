@@ -1,8 +1,10 @@
-"""The learned search: a recurrent network chooses each action from what the robot senses, without map or planner.
+"""The learned search: a recurrent network chooses each action from what the robot senses, without map and planner.
 
 It has learned in invented homes, first from a guide that knows the way, then from its own arrivals
-(`robosim.training.search`). Actions are drawn by their probabilities: a robot that always takes the most likely one can
-stand before two doors for ever. The draws are the same in every search, so that one seed gives one episode.
+(`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
+training, so that the robot turns to and fro less; one that always took the likeliest could stand before two doors for
+ever. The draws are the same in every search, so that one seed gives one episode. What it has learned does not always
+lead on: where the robot stays in one place, `fused` takes over for good, with the map that was made all along.
 """
 
 from pathlib import Path
@@ -10,16 +12,24 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
+from robosim.policies.arrival import Dwelling
 from robosim.policies.belief import TargetBelief
+from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
+from robosim.policies.reason import Reason
 from robosim.policies.search_network import SearchNetwork, drawn_actions, load_search, no_memory
 from robosim.policies.search_senses import SearchSenses
 from robosim.policies.situation import Situation
+from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
 from slam.poses import to_map
 
 #: Seed of what is drawn.
 _SEED = 28
+#: Actions are drawn by this power of their probabilities.
+_POWER = 3.0
+#: The robot gets no further if it was so near to one place [m] for so many decisions.
+_DWELL_M, _DWELL_STEPS = 0.5, 40
 #: How far ahead the goal is drawn [m].
 _AHEAD_M = 0.5
 #: Where the robot looks after an action.
@@ -27,23 +37,40 @@ _TURNS = {Action.FORWARD: 0.0, Action.LEFT: TURN_RAD, Action.RIGHT: -TURN_RAD}
 
 
 class Learned:
-    """Chooses actions by a network."""
+    """Chooses actions by a network, and leaves goals to `fused` once it gets no further."""
 
-    seeks_target, uses_radio, uses_camera = True, True, False
-    belief: TargetBelief | None = None
+    seeks_target, uses_radio = True, True
 
-    def __init__(self, network: SearchNetwork) -> None:
+    def __init__(self, network: SearchNetwork, fused: Fused) -> None:
         """A robot at the start of its search."""
         self._network, self._senses, self._memory = network, SearchSenses(), no_memory()
         self._rng = np.random.default_rng(_SEED)
-        self._action = Action.FORWARD
+        self._dwelling = Dwelling(_DWELL_STEPS, _DWELL_M)
+        self._action: Action | None = None
+        self._fused, self._taken_over = fused, False
+        self.uses_camera = fused.uses_camera
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"]:
-        """A point in the direction of the action that it chooses now, for the log.
+    @property
+    def belief(self) -> TargetBelief | None:
+        """Where the target may be, once `fused` has taken over."""
+        return self._fused.belief
+
+    @property
+    def reason(self) -> Reason | None:
+        """Why the last goal was chosen, once `fused` has taken over."""
+        return self._fused.reason
+
+    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+        """A point in the direction of the action that it chooses now, for the log; the goal of `fused` later on.
 
         Raises:
             ValueError: If the robot has no radio or no camera.
         """
+        pose = situation.estimate.pose
+        self._taken_over |= self._dwelling.at(pose[:2])
+        if self._taken_over:
+            self._action = None
+            return self._fused.goal(situation)
         heard, view = situation.measured(), situation.view
         if view is None or not view.depth.size:
             raise ValueError(
@@ -59,15 +86,20 @@ class Learned:
             heard.probability,
         )
         scores, _, self._memory = self._network(told, self._memory)
-        self._action = Action(int(drawn_actions(scores[None], self._rng)[0]))
+        self._action = Action(int(drawn_actions(_POWER * scores[None], self._rng)[0]))
         turn = _TURNS[self._action]
-        return to_map(situation.estimate.pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
+        return to_map(pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
 
-    def action(self) -> Action:
-        """What it chose with its last goal."""
+    def action(self) -> Action | None:
+        """What it chose with its last goal; None once `fused` has taken over."""
         return self._action
+
+
+def learned(context: PolicyContext) -> Learned:
+    """Chooses actions by the shipped network."""
+    return learned_of_file(shipped_network("search"), context)
 
 
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
     """Chooses actions by the network of a file."""
-    return Learned(load_search(path))
+    return Learned(load_search(path), Fused(context.explorer, context.fused))

@@ -1,4 +1,4 @@
-"""What was learnt by acting holds where it was not learnt: the local policy, and the choice where to look next."""
+"""What was learnt by acting holds where it was not learnt: the local policy, where to look next, and whole searches."""
 
 import numpy as np
 from safetensors.numpy import load_file
@@ -38,3 +38,19 @@ def test_the_learned_choice_sees_more_sooner():
     learned = [mean_coverage(home, recipe, "learned", weights) for home in range(4)]
     rated = [mean_coverage(home, recipe, "gain") for home in range(4)]
     assert np.mean(learned) > np.mean(rated) + 0.03
+
+
+def test_the_learned_search_arrives():
+    """In the shipped cottage, with wheels and contacts, noise and live radio: in at most twice as many decisions.
+
+    From depth and radio paths, the map and planner idle. Measured: 71 decisions, and 99 by the oracle.
+    """
+    building = make_building(read_plan("cottage"))
+    places = reach(building, 0.1)
+    task = make_task(places, np.random.default_rng([1, 0]))
+    steps = {}
+    for goal in ("oracle", "learned"):
+        log, _ = run_episode(building, places, task, EpisodeConfig(goal=goal, mapper="classical", seed=1))
+        assert log.ended == "arrived"
+        steps[goal] = log.steps
+    assert steps["learned"] <= 2 * steps["oracle"]
