@@ -52,6 +52,8 @@ def tell(result: Mapping[str, Any], out: Path | None = None) -> None:
     if _as_json:
         told = {**result} if out is None else {**result, "out": str(out)}
         sys.stdout.write(json.dumps(plain(told), allow_nan=False) + "\n")
+        # A command that goes on, as a page does, is read while it does.
+        sys.stdout.flush()
 
 
 def tell_file(path: Path, **more: Any) -> None:

@@ -22,6 +22,8 @@ def live(tmp_path) -> Iterator[Callable[..., subprocess.Popen]]:
     started = []
 
     def start(*words: object) -> subprocess.Popen:
+        # What is told has to come through a pipe at once, without a word to Python.
+        environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
         command = [
             sys.executable,
             "-m",
@@ -35,7 +37,7 @@ def live(tmp_path) -> Iterator[Callable[..., subprocess.Popen]]:
         ]
         started.append(
             subprocess.Popen(
-                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ}
+                command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment
             )
         )
         return started[-1]
