@@ -11,6 +11,7 @@ robosim can work with what is there.
 """
 
 import argparse
+import ctypes
 import functools
 import importlib.util
 import os
@@ -26,6 +27,8 @@ from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same look at the
 #: What the page of `robosim live` is tested in: Debian's package, and the programs that do.
 BROWSER_PACKAGE = "chromium"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+#: What Playwright, which drives it, is linked to.
+DRIVER_PACKAGE, DRIVER_LIBRARY = "libatomic1", "libatomic.so.1"
 VENV_PACKAGE = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
 PACKAGE_LISTS = Path("/var/lib/apt/lists")
 # A machine in the cloud often installs updates just after its start, and holds the lock meanwhile.
@@ -49,6 +52,8 @@ def main(arguments: Sequence[str]) -> int:
             break
     if options.all and not any(map(shutil.which, BROWSERS)) and (obstacle := install([BROWSER_PACKAGE])):
         say(f"Chromium is missing ({BROWSER_PACKAGE}). {obstacle} Tests in a browser are skipped.")
+    if options.all and not has_library(DRIVER_LIBRARY) and (obstacle := install([DRIVER_PACKAGE])):
+        say(f"{DRIVER_LIBRARY} is missing ({DRIVER_PACKAGE}). {obstacle} Tests in a browser are skipped.")
     if any(not missing(system) for system in SYSTEM_NAMES):
         return 0
     say("One software renderer is needed. Ask for one of these, and run make again:")
@@ -63,6 +68,15 @@ def main(arguments: Sequence[str]) -> int:
 def has_venv() -> bool:
     """Whether this Python can make virtual environments with pip in them; Debian's cannot as it comes."""
     return all(importlib.util.find_spec(name) for name in ("venv", "ensurepip"))
+
+
+def has_library(name: str) -> bool:
+    """Whether the system has a shared library."""
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
 
 
 def install(packages: Sequence[str]) -> str:

@@ -1,6 +1,8 @@
 """What tests of the page share: a plan, a quick episode, a served page, and a real browser to look at it."""
 
+import ctypes
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -68,6 +70,11 @@ def chromium() -> Iterator:
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
         pytest.skip("needs Chromium: apt-get install chromium")
+    if sys.platform == "linux":
+        try:
+            ctypes.CDLL("libatomic.so.1")
+        except OSError:
+            pytest.skip("needs libatomic, which Playwright is linked to: apt-get install libatomic1")
     with playwright.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=found, args=list(BROWSER_OPTIONS))
         yield browser
