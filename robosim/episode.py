@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
-from robosim.navigation import Navigator, make_navigator
+from robosim.navigation import Navigator, control_of, make_navigator
 from robosim.parts import (
     CLASSIFIER,
     CONTROLLER,
@@ -155,8 +155,14 @@ def check_weights(config: EpisodeConfig) -> None:
 def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:
     """Who chooses the goals; without a camera nothing was seen to be empty."""
     looks = config.simulator.camera != "none"
-    fused = config.fused if looks else replace(config.fused, uses_camera=False)
-    return make_policy(config.goal, PolicyContext(explorer=navigator.explorer, fused=fused, target=target))
+    control, fused = control_of(config.simulator), config.fused
+    fused = replace(
+        fused,
+        cost=replace(fused.cost, radius_m=control.radius_m),
+        uses_camera=fused.uses_camera and looks,
+    )
+    context = PolicyContext(explorer=navigator.explorer, fused=fused, control=control, target=target)
+    return make_policy(config.goal, context)
 
 
 def without_radio(view: Observation, estimate: MapEstimate) -> Situation:

@@ -59,9 +59,8 @@ def make_navigator(
         ValueError: If a part is unknown or a file damaged.
     """
     radius_m = config.robot.radius_m
-    odometry = config.robot.odometry or odometry_of(config.noise)
+    odometry = _odometry(config)
     cost = CostConfig(radius_m=radius_m)
-    control = ControlConfig(radius_m=radius_m, motions=tuple(error.motion for error in odometry.of_actions))
     # What hangs higher than the mast and the camera on it does not stop the robot.
     top_m = config.robot.mast_m + 0.1
     camera = CameraModel(hfov_deg=config.image.hfov_deg, height_m=config.image.height_m)
@@ -69,9 +68,19 @@ def make_navigator(
     return Navigator(
         MAPPER.make(mapper, mapping, field="mapper"),
         Planner(PlannerConfig(cost=cost)),
-        CONTROLLER.make(controller, control, field="controller"),
+        CONTROLLER.make(controller, control_of(config), field="controller"),
         EXPLORER.make(explorer, ExplorerConfig(cost=cost), field="explorer"),
     )
+
+
+def control_of(config: SimulatorConfig) -> ControlConfig:
+    """How the robot that is simulated is steered: its hull, and what its actions do."""
+    motions = tuple(error.motion for error in _odometry(config).of_actions)
+    return ControlConfig(radius_m=config.robot.radius_m, motions=motions)
+
+
+def _odometry(config: SimulatorConfig) -> OdometryConfig:
+    return config.robot.odometry or odometry_of(config.noise)
 
 
 def _rated(rating: ExplorerName, config: ExplorerConfig) -> FrontierExplorer:

@@ -13,11 +13,11 @@ asked once a decision, and all arrive by one rule.
     los            follows it where the link state is line of sight
     los-or-first   follows it where the link state is line of sight or first order: the published system
     fused          goes where radio, camera and map together say that the target is, or will tell most about it
+    learned        a recurrent network chooses the actions from what the robot senses; `fused` goes on where it is stuck
 
-A `.safetensors` file of `robosim train search` is one too: a recurrent network that chooses actions itself, without map
-and planner; none is shipped.
+A `.safetensors` file of `robosim train search` is one like the last.
 
-Reference: arXiv 2110.14789 for all but `shortest` and `fused`.
+Reference: arXiv 2110.14789 for all but `shortest`, `fused` and `learned`.
 """
 
 from dataclasses import dataclass, field
@@ -34,6 +34,7 @@ from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
 from robosim.policies.situation import Situation
 from robosim.support.parts import Part
 from slam.actions import Action
+from slam.control.controller import ControlConfig
 from slam.exploration.explorer import Explorer
 from slam.poses import to_map
 from wireless.paths import LinkState
@@ -147,6 +148,8 @@ class PolicyContext:
     """Who chooses among frontiers."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """How `fused` weighs what it knows."""
+    control: ControlConfig = field(default_factory=ControlConfig)
+    """The robot's hull, and what its actions do."""
     target: Float[np.ndarray, "2"] | None = None
     """Where the target truly is: for the oracle alone, and for what is compared with it."""
 

@@ -1,10 +1,11 @@
-"""The learned search: a recurrent network chooses each action from what the robot senses, without map and planner.
+"""The learned search: a recurrent network chooses each action from what the robot senses, without planner.
 
 It has learned in invented homes, first from a guide that knows the way, then from its own arrivals
 (`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
 training, so that the robot turns to and fro less; one that always took the likeliest could stand before two doors for
 ever. The draws are the same in every search, so that one seed gives one episode. What it has learned does not always
-lead on: where the robot stays in one place, `fused` takes over for good, with the map that was made all along.
+lead on: where the robot stays in one place, `fused` takes over for good, with the map that was made all along. Actions
+that end at something which this map shows are not drawn.
 """
 
 from pathlib import Path
@@ -22,6 +23,7 @@ from robosim.policies.search_senses import SearchSenses
 from robosim.policies.situation import Situation
 from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
+from slam.control.guard import Guard
 from slam.poses import to_map
 
 #: Seed of what is drawn.
@@ -41,13 +43,14 @@ class Learned:
 
     seeks_target, uses_radio = True, True
 
-    def __init__(self, network: SearchNetwork, fused: Fused) -> None:
+    def __init__(self, network: SearchNetwork, fused: Fused, guard: Guard) -> None:
         """A robot at the start of its search."""
         self._network, self._senses, self._memory = network, SearchSenses(), no_memory()
         self._rng = np.random.default_rng(_SEED)
         self._dwelling = Dwelling(_DWELL_STEPS, _DWELL_M)
         self._action: Action | None = None
         self._fused, self._taken_over = fused, False
+        self._guard = guard
         self.uses_camera = fused.uses_camera
 
     @property
@@ -86,6 +89,9 @@ class Learned:
             heard.probability,
         )
         scores, _, self._memory = self._network(told, self._memory)
+        bumps = self._guard.bumps(situation.estimate)
+        if not bumps.all():
+            scores[bumps] = -np.inf
         self._action = Action(int(drawn_actions(_POWER * scores[None], self._rng)[0]))
         turn = _TURNS[self._action]
         return to_map(pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
@@ -102,4 +108,4 @@ def learned(context: PolicyContext) -> Learned:
 
 def learned_of_file(path: Path, context: PolicyContext) -> Learned:
     """Chooses actions by the network of a file."""
-    return Learned(load_search(path), Fused(context.explorer, context.fused))
+    return Learned(load_search(path), Fused(context.explorer, context.fused), Guard(context.control))

@@ -332,7 +332,7 @@ class Controller:
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""
         headings = self._turned(pose)[:, 2]
-        room = _free_run(plan.clearance, pose[:2], headings, self.config.radius_m)
+        room = plan.clearance.free_run_m(pose[:2], headings, self.config.radius_m)
         worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
         action = _first(int(self._turns[int(np.argmax(worth))]))
         if action is Action.FORWARD:
@@ -355,7 +355,7 @@ class Controller:
         off = wrap(math.atan2(y, x) - pose[2])
         if abs(off) > math.radians(50):
             return 0.0, math.copysign(config.turn_rate_radps, off)
-        room = _free_run(plan.clearance, pose[:2], np.array([pose[2]]), config.radius_m)[0]
+        room = plan.clearance.free_run_m(pose[:2], pose[2:], config.radius_m)[0]
         curvature = 2 * math.sin(off) / distance
         speed = config.speed_mps * max(0.0, math.cos(off)) * min(1.0, room / 0.3, distance / 0.15)
         speed = min(speed, config.turn_rate_radps / max(abs(curvature), 1e-6))
@@ -373,17 +373,6 @@ def _first(turns: int) -> Action:
     if turns == 0:
         return Action.FORWARD
     return Action.LEFT if turns > 0 else Action.RIGHT
-
-
-def _free_run(
-    clearance: Clearance, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
-) -> Float[np.ndarray, " k"]:
-    """How far the hull gets from a point in each direction before it meets an obstacle [m], at most 1.5 m."""
-    distance = np.arange(1, 31) * 0.05
-    ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-    room = clearance.at(start + ways[:, None, :] * distance[None, :, None])
-    need = np.minimum(radius_m, float(clearance.at(start)) + 0.3 * distance - 1e-3)
-    return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
 
 
 def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:

@@ -73,6 +73,24 @@ class Clearance:
         gap = self._tree.query(points, distance_upper_bound=LIMIT_M)[0]
         return np.asarray(np.minimum(gap, LIMIT_M))
 
+    def free_run_m(
+        self, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
+    ) -> Float[np.ndarray, " k"]:
+        """How far a disk gets from a point in each direction before it meets an obstacle [m], at most 1.5 m.
+
+        One that is nearer to something than its radius may still move away from it.
+
+        Args:
+            start: Centre of the disk (x, y) [m].
+            headings: Directions in the frame of the map [rad].
+            radius_m: Radius of the disk [m].
+        """
+        distance = np.arange(1, 31) * 0.05
+        ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+        room = self.at(start + ways[:, None, :] * distance[None, :, None])
+        need = np.minimum(radius_m, float(self.at(start)) + 0.3 * distance - 1e-3)
+        return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
+
     def cells(self, sharp_m: float) -> Float32[np.ndarray, "ny nx"]:
         """Distance [m] from each cell to the nearest obstacle, at most `LIMIT_M`.
 

@@ -12,6 +12,7 @@ from robosim.policies.search_network import SearchNetwork, initial_weights
 from robosim.simulator import SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
+from slam.control.guard import Guard
 from tests.plans import two_rooms
 
 
@@ -19,7 +20,7 @@ def _turning(context: PolicyContext) -> Learned:
     """By a network that turns to the left for ever."""
     weights = initial_weights(np.random.default_rng(0))
     weights["action.bias"][Action.LEFT] = 30
-    return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused))
+    return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
 
 
 def test_fused_takes_over_where_the_network_stays_in_one_place():

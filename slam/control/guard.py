@@ -1,0 +1,44 @@
+"""Which of the next actions would end at something that the map shows.
+
+For whoever chooses actions without a map. A step forward bumps if the hull does not fit on the way; a turn, of a base
+that swings aside as it turns, if it pushes the hull against something.
+"""
+
+import numpy as np
+from jaxtyping import Bool
+
+from slam.actions import FORWARD_M, Action
+from slam.control.controller import ControlConfig
+from slam.control.swing import pushes, swung
+from slam.grid import MapEstimate
+from slam.planning.clearance import Clearance
+
+#: A map errs by so much: a step that leaves the hull less room by no more than this is done [m].
+_ERROR_M = 0.01
+
+
+class Guard:
+    """Foresees bumps of one robot."""
+
+    def __init__(self, control: ControlConfig) -> None:
+        """A robot whose hull and motions a controller's configuration tells."""
+        self._radius_m = control.radius_m
+        self._turns = {
+            action: np.array(motion)
+            for action, motion in zip(Action, control.motions, strict=True)
+            if motion is not None and action is not Action.FORWARD
+        }
+
+    def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
+        """Whether each action would end at something.
+
+        Args:
+            estimate: Map and pose.
+        """
+        near = Clearance.around(estimate, FORWARD_M + 2 * self._radius_m)
+        ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._radius_m - _ERROR_M)
+        found = np.zeros(len(Action), bool)
+        found[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
+        for action, motion in self._turns.items():
+            found[action] = pushes(swung(estimate.pose, motion, 1), near, self._radius_m)[1]
+        return found
