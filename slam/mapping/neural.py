@@ -26,6 +26,7 @@ from slam.grid import GridFrame, MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
 from slam.networks.map_network import MapNetwork
 from slam.networks.prediction import MapPredictor, Prediction
+from slam.poses import to_map
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.laser import LaserScan
@@ -139,9 +140,18 @@ class NeuralMapper:
 
     def _refresh(self, classical: MapEstimate) -> None:
         """Classical probabilities, replaced where the network was asked, as far as one frame can change them."""
-        reach = max(1.5 * self.classical.config.occupancy.free_range_m, self._laser_m + 1.0)
-        x, y, _ = classical.pose
-        rows, columns, _ = self.frame.window((x - reach, y - reach), (x + reach, y + reach))
+        # What was told, what the camera has looked at, what a laser has, and where the robot stands.
+        reach = max(self.classical.config.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
+        corners = np.vstack(
+            [
+                self._corners(classical.pose),
+                self.classical.occupancy.view_box(self.classical.scan, classical.pose),
+                classical.pose[:2] - reach,
+                classical.pose[:2] + reach,
+            ]
+        )
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
         told = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
         known = classical.obstacle_probability[rows, columns]
         viewed = self._viewed[rows, columns]
@@ -214,10 +224,9 @@ class NeuralMapper:
     ) -> tuple[slice, slice, Float32[np.ndarray, "ny nx"], Float32[np.ndarray, "ny nx"]]:
         """Window of the map around the patch, and where its cells' centres lie on it: column, row."""
         cell = self.patch.resolution_m
-        (x0, y0), (ny, nx) = self.patch.origin_xy, self.patch.shape
+        x0, y0 = self.patch.origin_xy
         c, s = math.cos(pose[2]), math.sin(pose[2])
-        corners = np.array([(x, y) for x in (x0, x0 + nx * cell) for y in (y0, y0 + ny * cell)])
-        corners = corners @ np.array([[c, s], [-s, c]]) + pose[:2]
+        corners = self._corners(pose)
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, frame = self.frame.window((low[0], low[1]), (high[0], high[1]))
         my, mx = frame.shape
@@ -226,6 +235,12 @@ class NeuralMapper:
         column = ((c * x - x0) / cell - 0.5)[None, :] + (s * y / cell)[:, None]
         row = ((-s * x - y0) / cell - 0.5)[None, :] + (c * y / cell)[:, None]
         return rows, columns, column.astype(np.float32), row.astype(np.float32)
+
+    def _corners(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "4 2"]:
+        """Corners of the patch ahead of a pose (x, y) [m]."""
+        cell = self.patch.resolution_m
+        (x0, y0), (ny, nx) = self.patch.origin_xy, self.patch.shape
+        return to_map(pose, np.array([(x, y) for x in (x0, x0 + nx * cell) for y in (y0, y0 + ny * cell)]))
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
         """Where the hull is, nothing else stands."""

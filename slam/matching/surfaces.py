@@ -11,7 +11,7 @@ Reference: the cell statistics of the normal distributions transform, Biber and 
 import math
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Bool, Float
 
 from slam.grid import GridFrame
 from slam.support.compiled import compiled
@@ -124,29 +124,59 @@ class SurfaceGrid:
         Returns:
             Mean point [m] and unit normal of the surface found, and whether one was found.
         """
-        ny, nx = self.frame.shape
-        local = self.frame.to_cells(points)
-        own = np.floor(local).astype(np.intp)
-        ix = own[:, 0, None] + _NEIGHBOURS[:, 0]
-        iy = own[:, 1, None] + _NEIGHBOURS[:, 1]
-        inside = (ix >= 0) & (ix < nx) & (iy >= 0) & (iy < ny)
-        row = self._row.reshape(-1)[np.where(inside, iy * nx + ix, 0)]
-        inside &= row >= 0
-        planes = self._planes[row] if self._used else np.zeros((*row.shape, 5), np.float32)
-        unit = planes[..., 2:4]
-        facing = unit[..., 0] * normals[:, 0, None] + unit[..., 1] * normals[:, 1, None]
-        usable = inside & (planes[..., 4] > 0) & (facing > 0.7)
-        # From the point to the mean, in the float32 of small numbers: offsets within the neighbourhood only.
-        cell = self.frame.resolution_m
-        dx = planes[..., 0] + (ix + 0.5 - local[:, 0, None]) * cell
-        dy = planes[..., 1] + (iy + 0.5 - local[:, 1, None]) * cell
-        best = np.argmin(np.where(usable, dx * dx + dy * dy, np.inf), axis=1)
-        rows = np.arange(len(points))
-        gap = np.column_stack([dx[rows, best], dy[rows, best]])
-        return points + gap, unit[rows, best].astype(float), usable[rows, best]
+        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
+        mean, unit, found = np.empty((len(points), 2)), np.empty((len(points), 2)), np.empty(len(points), bool)
+        _nearest(
+            np.asarray(points, float),
+            np.asarray(normals, float),
+            (x, y, cell_m),
+            self._row,
+            self._planes,
+            mean,
+            unit,
+            found,
+        )
+        return mean, unit, found
 
 
-_NEIGHBOURS: Int[np.ndarray, "9 2"] = np.array([(dx, dy) for dy in (-1, 0, 1) for dx in (-1, 0, 1)])
+@compiled
+def _nearest(
+    points: np.ndarray,
+    normals: np.ndarray,
+    grid: tuple[float, float, float],
+    row_of: np.ndarray,
+    planes: np.ndarray,
+    mean: np.ndarray,
+    unit: np.ndarray,
+    found: np.ndarray,
+) -> None:
+    """For each point, the nearest of the surfaces around that face as it does; the point itself where there is none."""
+    x0, y0, cell_m = grid
+    ny, nx = row_of.shape
+    for k in range(len(points)):
+        x, y = (points[k, 0] - x0) / cell_m, (points[k, 1] - y0) / cell_m
+        mean[k] = points[k]
+        unit[k] = 0.0
+        found[k] = False
+        # Not a number is near nothing.
+        if not (-1 <= x < nx + 1 and -1 <= y < ny + 1):
+            continue
+        least = np.inf
+        own_x, own_y = int(np.floor(x)), int(np.floor(y))
+        for iy in range(max(own_y - 1, 0), min(own_y + 2, ny)):
+            for ix in range(max(own_x - 1, 0), min(own_x + 2, nx)):
+                if row_of[iy, ix] < 0:
+                    continue
+                plane = planes[row_of[iy, ix]]
+                if not plane[4] > 0 or not plane[2] * normals[k, 0] + plane[3] * normals[k, 1] > 0.7:
+                    continue
+                # From the point to the mean: offsets within the neighbourhood only, small in the planes' float32.
+                dx, dy = plane[0] + (ix + 0.5 - x) * cell_m, plane[1] + (iy + 0.5 - y) * cell_m
+                if dx * dx + dy * dy < least:
+                    least = dx * dx + dy * dy
+                    mean[k, 0], mean[k, 1] = points[k, 0] + dx, points[k, 1] + dy
+                    unit[k, 0], unit[k, 1] = plane[2], plane[3]
+                    found[k] = True
 
 
 @compiled

@@ -64,36 +64,36 @@ def _upwind(time: np.ndarray, done: np.ndarray, i: int, step: int) -> tuple[floa
 
 
 @compiled
-def _rise(heap: np.ndarray, place: np.ndarray, time: np.ndarray, at: int) -> None:
+def _rise(heap: np.ndarray, times: np.ndarray, place: np.ndarray, at: int) -> None:
     """Move an entry of the heap up to where its time belongs."""
-    cell = heap[at]
+    cell, time = heap[at], times[at]
     while at > 0:
         parent = (at - 1) >> 1
-        if time[heap[parent]] <= time[cell]:
+        if times[parent] <= time:
             break
-        heap[at] = heap[parent]
+        heap[at], times[at] = heap[parent], times[parent]
         place[heap[at]] = at
         at = parent
-    heap[at] = cell
+    heap[at], times[at] = cell, time
     place[cell] = at
 
 
 @compiled
-def _sink(heap: np.ndarray, place: np.ndarray, time: np.ndarray, size: int) -> None:
+def _sink(heap: np.ndarray, times: np.ndarray, place: np.ndarray, size: int) -> None:
     """Move the heap's first entry down to where its time belongs."""
-    cell, at = heap[0], 0
+    cell, time, at = heap[0], times[0], 0
     while True:
         child = 2 * at + 1
         if child >= size:
             break
-        if child + 1 < size and time[heap[child + 1]] < time[heap[child]]:
+        if child + 1 < size and times[child + 1] < times[child]:
             child += 1
-        if time[heap[child]] >= time[cell]:
+        if times[child] >= time:
             break
-        heap[at] = heap[child]
+        heap[at], times[at] = heap[child], times[child]
         place[heap[at]] = at
         at = child
-    heap[at] = cell
+    heap[at], times[at] = cell, time
     place[cell] = at
 
 
@@ -102,16 +102,17 @@ def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
     """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
     done = np.zeros(len(time), np.bool_)
     heap = np.empty(len(time), np.int32)  # a binary heap of cells by time
+    times = np.empty(len(time))  # of its entries, beside each other in memory
     place = np.full(len(time), -1, np.int32)  # where a cell stands in it
-    heap[0], place[source], size = source, 0, 1
+    heap[0], times[0], place[source], size = source, 0.0, 0, 1
     time[source] = 0.0
     while size:
         here = heap[0]
         done[here] = True
         size -= 1
         if size:
-            heap[0] = heap[size]
-            _sink(heap, place, time, size)
+            heap[0], times[0] = heap[size], times[size]
+            _sink(heap, times, place, size)
         for step in (-width, -1, 1, width):
             i = here + step
             if done[i] or cost[i] == np.inf:
@@ -122,7 +123,8 @@ def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
                 if place[i] < 0:
                     heap[size], place[i] = i, size
                     size += 1
-                _rise(heap, place, time, place[i])
+                times[place[i]] = t
+                _rise(heap, times, place, place[i])
 
 
 @compiled
