@@ -125,7 +125,11 @@ class SurfaceGrid:
             Mean point [m] and unit normal of the surface found, and whether one was found.
         """
         (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
-        mean, unit, found = np.empty((len(points), 2)), np.empty((len(points), 2)), np.empty(len(points), bool)
+        mean, unit, found = (
+            np.empty((len(points), 2)),
+            np.empty((len(points), 2)),
+            np.empty(len(points), bool),
+        )
         _nearest(
             np.asarray(points, float),
             np.asarray(normals, float),

@@ -142,6 +142,24 @@ def test_the_same_again_bit_for_bit():
     assert run.stdout.strip() == first.hex()
 
 
+def test_walls_that_sleep_change_no_motion(monkeypatch):
+    """Sixty moves along and into walls end alike, to the bit, whether pieces of wall are worked out at each step or not."""
+
+    def drive() -> tuple[np.ndarray, bool]:
+        world, rng = World(make_building(cluttered())), np.random.default_rng(3)
+        world.reset(turned_to(2.4, 4.6, 0))
+        motions = [world.move((AHEAD, AHEAD, LEFT, -LEFT)[rng.integers(4)]) for _ in range(60)]
+        told = np.array([[*one.pose, one.collided, one.penetration_m, one.physics_steps] for one in motions])
+        return told, bool(world.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP)
+
+    asleep, sleeps = drive()
+    monkeypatch.setattr(world_module, "_let_walls_sleep", lambda model: None)
+    awake, watches = drive()
+    assert (sleeps, watches) == (True, False)
+    assert asleep[:, 3].sum() >= 5  # walls were met
+    np.testing.assert_array_equal(asleep, awake)
+
+
 @pytest.mark.parametrize("name", sorted(ROBOTS))
 @pytest.mark.parametrize("wall_line", ["cell_edge", "cell_centre"])
 def test_walls_hold_against_any_driving(name, wall_line, monkeypatch):
