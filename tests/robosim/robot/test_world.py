@@ -143,7 +143,10 @@ def test_the_same_again_bit_for_bit():
 
 
 def test_walls_that_sleep_change_no_motion(monkeypatch):
-    """Sixty moves along and into walls end alike, to the bit, whether pieces of wall are worked out each step or not."""
+    """Sixty moves along and into walls end alike to the bit, whether walls are worked out at each step or not.
+
+    At least 5 of them meet a wall.
+    """
 
     def drive() -> tuple[np.ndarray, bool]:
         world, rng = World(make_building(cluttered())), np.random.default_rng(3)
