@@ -132,8 +132,9 @@ def close_edge_bound(
     before_m: float,
     after_m: float,
     sin_b0: float,
+    faces: tuple[float, float],
 ) -> float:
-    """The same from the transition functions themselves: |R| <= 1 only; closer, and some four times the work.
+    """The same from the transition functions themselves, and what the faces reflect at most; closer.
 
     Args:
         phi: Angle of the observer from the 0-face.
@@ -143,9 +144,11 @@ def close_edge_bound(
         before_m: Length of the ray before the edge, unfolded.
         after_m: Length of the ray behind it.
         sin_b0: Sine of the angle between ray and edge.
+        faces: Most of a field that 0-face and n-face reflect.
     """
     together = before_m + after_m
     distance_m = before_m * after_m / together * sin_b0 * sin_b0
     parts = wedge_terms(phi, phi_source, gap / np.pi, wavenumber, distance_m, sin_b0, 0.0)
-    amplitude = 1.02 * (abs(parts[0]) + abs(parts[1]) + abs(parts[2])) / (2 * wavenumber)
+    sum_of_parts = abs(parts[0]) + faces[0] * abs(parts[1]) + faces[1] * abs(parts[2])
+    amplitude = 1.02 * sum_of_parts / (2 * wavenumber)
     return amplitude * amplitude / (before_m * after_m * together)

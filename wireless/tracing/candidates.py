@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.em.reflected import most_reflected
 from wireless.geometry.images import Space, all_views
 from wireless.geometry.neighbours import Neighbours, edge_neighbours, patch_neighbours, with_neighbours
 from wireless.geometry.occlusion import make_tree
@@ -71,6 +72,7 @@ class Candidates:
         self._space, self._setting, self._rays = space, setting, rays
         self._side = setting.side_reflections if len(space.surfaces.edge) else -1
         self._shooter = Shooter(space, setting.max_through)
+        self._most = most_reflected(setting.walls, setting.wavenumber)
         self._veiled = hidden_by_opaque(space) if setting.max_through else space
         self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
         self._near: tuple[Neighbours, Neighbours] | None = None
@@ -85,9 +87,9 @@ class Candidates:
         for one in tx:
             reach = self._reach(one)
             lists = make_lists(setting, len(rx))
-            reflect(space, setting, one, rx, reach.beams, lists)
+            reflect(space, setting, one, rx, reach.beams, self._most, lists)
             if reach.bends is not None:
-                bend(space, setting, one, rx, reach.bends, lists)
+                bend(space, setting, one, rx, reach.bends, self._most, lists)
             yield tabled(space, setting, one, rx, lists)
 
     def _reach(self, tx: Float[np.ndarray, "3"]) -> Reach:

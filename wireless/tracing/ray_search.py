@@ -14,15 +14,19 @@ from jaxtyping import Float, Int
 
 from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
+from wireless.em.reflected import Reflected, by_face, by_mirror
 from wireless.geometry.images import Space
 from wireless.geometry.occlusion import HIDDEN, TOUCHED
 from wireless.support.compiled import compiled
 from wireless.tracing.beams import Beams, Bends
-from wireless.tracing.laying import edge_sight, ground_of, is_open, lay, mirror_over, on_large
+from wireless.tracing.laying import Ground, edge_sight, ground_of, is_open, lay, mirror_over, on_large
 from wireless.tracing.space_engine import Room, make_room, write_lists
 from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, try_path, weigh_path
 from wireless.tracing.sweep import beams_at, bends_at
 from wireless.tracing.table import Setting, Table, make_table, most_interactions
+
+#: Bends of a link whose bounds are found closely at once: those behind are spared if the list fills up.
+_LOT = 64
 
 
 class Lists(NamedTuple):
@@ -52,6 +56,7 @@ def _enter(
     near: Int[np.ndarray, "n m"],
     far: Int[np.ndarray, "n l"],
     bound: Float[np.ndarray, " n"],
+    bare: Float[np.ndarray, " n"],
     room: Room,
     rank: Float[np.ndarray, "k 5"],
     best: Int[np.ndarray, "k w"],
@@ -67,6 +72,7 @@ def _enter(
         near: Patches before it, or all, the first from the transmitter first; -1 beyond the last.
         far: Patches behind it, the first from the receiver first.
         bound: What the power of each cannot exceed.
+        bare: The same if its patches reflected everything.
         room: Arrays to work in.
         rank: The list, see `wireless.tracing.table.enter`.
         best: The same.
@@ -97,8 +103,8 @@ def _enter(
         )
         if m < 0 or m > setting.max_interactions:
             continue
-        if count == keep and before + after > 0:
-            most = bound[h] * left_by_mirrors(facet_normal, setting, m, scratch)
+        if count == keep and before + after > 1:
+            most = bare[h] * left_by_mirrors(facet_normal, setting, m, scratch)
             if most < rank[keep - 1, 0]:
                 continue
         who[0], who[1], who[2] = edge[h], before, after
@@ -152,6 +158,7 @@ def reflect(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     beams: Beams,
+    most: Reflected,
     lists: Lists,
 ) -> None:
     """Enter the ways over patches into the lists of all links.
@@ -162,19 +169,26 @@ def reflect(
         tx: Position of the transmitter, around the space's origin [m].
         rx: Positions of receivers.
         beams: What the transmitter reaches.
+        most: What facets reflect at most.
         lists: Strongest paths so far.
     """
     room, hits, ends = make_room(setting, len(rx)), beams_at(beams, rx), np.empty((2, 3))
     ends[0] = tx
     for r in range(len(rx)):
         mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
-        bound = np.full(len(mine), np.inf)
+        bound, bare = np.full(len(mine), np.inf), np.full(len(mine), np.inf)
         for h in range(len(mine)):
-            length2 = 0.0
+            beam, length2, off = mine[h], 0.0, 0.0
+            order = beams.order[beam]
+            if order == 0:
+                continue
             for i in range(3):
-                length2 += (beams.column[i, mine[h]] - rx[r, i]) ** 2
-            if beams.order[mine[h]] > 0:
-                bound[h] = 1 / (4 * setting.wavenumber**2 * length2)
+                way = rx[r, i] - beams.column[i, beam]
+                length2 += way * way
+                off += way * beams.column[3 + i, beam]
+            bare[h] = 1 / (4 * setting.wavenumber**2 * length2)
+            facet = space.patch_facet[beams.chain[beam, order - 1]]
+            bound[h] = bare[h] * by_mirror(most, facet, abs(off) / np.sqrt(length2))
         lists.length[r] = _enter(
             space,
             setting,
@@ -183,6 +197,7 @@ def reflect(
             beams.chain[mine],
             np.full((len(mine), 1), -1),
             bound,
+            bare,
             room,
             lists.rank[r],
             lists.best[r],
@@ -191,34 +206,77 @@ def reflect(
 
 
 @compiled
-def _bound(
+def _rough_bound(
     edges: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
     wavenumber: float,
-    e: int,
-    angle: float,
-    column: Float[np.ndarray, "9 q"],
+    bends: Bends,
     q: int,
-    rx: Float[np.ndarray, "3"],
     image: Float[np.ndarray, "3"],
     least: float,
-) -> float:
-    """What the power of a bend cannot exceed; -1 if it is none or below the least.
+) -> tuple[float, float, float, float]:
+    """What the power of a bend cannot exceed if its faces were mirrors; -1 if it is none or below the least.
 
-    The receiver's image over the patches behind the edge is given, and the angle of the transmitter's.
+    The receiver's image over the patches behind the edge is given; where it is, as seen from the edge, comes too.
     """
-    _, distance, behind = edge_sight(edges[0], edges[1], e, image)
-    gap, z, place, off = edges[2][e], 0.0, column[7, q], column[8, q]
+    e, off = bends.edge[q], bends.column[8, q]
+    z, distance, behind = edge_sight(edges[0], edges[1], e, image)
+    gap = edges[2][e]
     if distance < NOWHERE_M or not is_open(gap, distance, behind):
-        return -1.0
-    most = edge_bound(behind, angle, gap, wavenumber, off, distance)
-    if most < least:
-        return -1.0
+        return -1.0, z, distance, behind
+    most = edge_bound(behind, bends.angle[q], gap, wavenumber, off, distance)
+    return (most if most >= least else -1.0), z, distance, behind
+
+
+@compiled
+def _within(angle: float, gap: float) -> float:
+    """An angle from the 0-face within a wedge, which rounding may have turned out of it."""
+    return min(angle, gap) if angle < np.pi + gap / 2 else 0.0
+
+
+@compiled
+def _bound(
+    ground: Ground,
+    edge_facets: Int[np.ndarray, "e 2"],
+    setting: Setting,
+    most: Reflected,
+    bends: Bends,
+    q: int,
+    ends: Float[np.ndarray, "2 3"],
+    sight: Float[np.ndarray, "3"],
+    image: Float[np.ndarray, "m1 3"],
+) -> tuple[float, float]:
+    """What the power of a bend cannot exceed, and what if its patches reflected everything.
+
+    Where the receiver's image is, as seen from the edge, is given (`wireless.tracing.laying.edge_sight`).
+    """
+    e, column, distance = bends.edge[q], bends.column, sight[1]
+    gap, place, off = ground.edge_gap_rad[e], column[7, q], column[8, q]
+    phi, phi_source, z = _within(sight[2], gap), _within(bends.angle[q], gap), 0.0
     for i in range(3):
-        z += column[3 + i, q] * (rx[i] - column[i, q])
+        z += column[3 + i, q] * (ends[1, i] - column[i, q])
     at = (place * distance + z * off) / (off + distance)
     before, after = np.hypot(place - at, off), np.hypot(z - at, distance)
-    most = min(most, close_edge_bound(behind, angle, gap, wavenumber, before, after, distance / after))
-    return most if most >= least else -1.0
+    sin_b0 = distance / after
+    faces = (
+        by_face(most, edge_facets[e, 0], phi, phi_source, sin_b0, setting.bisector),
+        by_face(most, edge_facets[e, 1], gap - phi, gap - phi_source, sin_b0, setting.bisector),
+    )
+    bare = close_edge_bound(phi, phi_source, gap, setting.wavenumber, before, after, sin_b0, faces)
+    # Of patches those are asked that are next to the edge, and to the receiver.
+    bound, far = bare, bends.far[q, 0]
+    if far >= 0:
+        cosine = 0.0
+        for i in range(3):
+            cosine += ground.plane[far, i] * (ends[1, i] - column[i, q] - at * column[3 + i, q])
+        bound *= by_mirror(most, ground.patch_facet[far], abs(cosine) / after)
+    order = mirror_over(ground.plane, ends[0], bends.near[q], image)
+    if order > 0:
+        near, cosine = bends.near[q, order - 1], 0.0
+        for i in range(3):
+            point = ground.edge[e, 0, i] + (at + sight[0] - z) * ground.edge_wedge[e, 0, i]
+            cosine += ground.plane[near, i] * (point - image[order, i])
+        bound *= by_mirror(most, ground.patch_facet[near], abs(cosine) / before)
+    return bound, bare
 
 
 @compiled
@@ -228,6 +286,7 @@ def bend(
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     bends: Bends,
+    most: Reflected,
     lists: Lists,
 ) -> None:
     """Enter the ways over edges into the lists of all links.
@@ -238,48 +297,55 @@ def bend(
         tx: Position of the transmitter, around the space's origin [m].
         rx: Positions of receivers.
         bends: What the transmitter reaches.
+        most: What facets reflect at most.
         lists: Strongest paths so far.
     """
     room, hits, keep = make_room(setting, len(rx)), bends_at(space.panes, bends, rx), setting.keep
     edges = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
-    plane, column, far, angle = space.panes.plane, bends.column, bends.far, bends.angle
-    image, ends = np.empty((far.shape[1] + 1, 3)), np.empty((2, 3))
+    ground, edge_facets = ground_of(space), space.surfaces.edge_facets
+    image = np.empty((max(bends.far.shape[1], bends.near.shape[1]) + 1, 3))
+    ends, bound, bare = np.empty((2, 3)), np.empty(_LOT), np.empty(_LOT)
     ends[0] = tx
     for r in range(len(rx)):
         mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
         least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
-        bound = np.empty(len(mine))
+        rough, sight = np.empty(len(mine)), np.empty((len(mine), 3))
         for h in range(len(mine)):
             q = mine[h]
-            after = mirror_over(plane, rx[r], far[q], image)
-            bound[h] = _bound(
-                edges,
-                setting.wavenumber,
-                bends.edge[q],
-                angle[q],
-                column,
-                q,
-                rx[r],
-                image[after],
-                least,
+            after = mirror_over(ground.plane, rx[r], bends.far[q], image)
+            rough[h], sight[h, 0], sight[h, 1], sight[h, 2] = _rough_bound(
+                edges, setting.wavenumber, bends, q, image[after], least
             )
         # What may be strongest comes first, so that a full list spares the rest.
-        order = np.argsort(-bound, kind="mergesort")
-        order = order[: (bound >= 0).sum()]
-        mine = mine[order]
-        lists.length[r] = _enter(
-            space,
-            setting,
-            ends,
-            bends.edge[mine],
-            bends.near[mine],
-            far[mine],
-            bound[order],
-            room,
-            lists.rank[r],
-            lists.best[r],
-            lists.length[r],
-        )
+        order = np.argsort(-rough, kind="mergesort")
+        order = order[: (rough >= 0).sum()]
+        for first in range(0, len(order), _LOT):
+            some = order[first : first + _LOT]
+            least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
+            if rough[some[0]] < least:
+                break
+            for j in range(len(some)):
+                h = some[j]
+                bound[j], bare[j] = _bound(
+                    ground, edge_facets, setting, most, bends, mine[h], ends, sight[h], image
+                )
+                bound[j] = min(bound[j], rough[h])
+            best_first = np.argsort(-bound[: len(some)], kind="mergesort")
+            some = mine[some[best_first]]
+            lists.length[r] = _enter(
+                space,
+                setting,
+                ends,
+                bends.edge[some],
+                bends.near[some],
+                bends.far[some],
+                bound[best_first],
+                bare[best_first],
+                room,
+                lists.rank[r],
+                lists.best[r],
+                lists.length[r],
+            )
 
 
 @compiled
