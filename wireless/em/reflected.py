@@ -86,18 +86,27 @@ def _largest(samples: Float[np.ndarray, " n"]) -> Float[np.ndarray, " b"]:
 
 
 @compiled
-def by_mirror(most: Reflected, facet: int, cos_i: float) -> float:
-    """Most of the power that a facet reflects, of the better polarisation."""
-    return most.mirror[most.row[facet], min(int(cos_i * _BINS), _BINS - 1)] ** 2
+def by_mirror(mirror: Float[np.ndarray, "k n"], row: int, cos_i: float) -> float:
+    """Most of the power that a wall reflects, of the better polarisation."""
+    return mirror[row, min(int(cos_i * _BINS), _BINS - 1)] ** 2
 
 
 @compiled
-def by_face(most: Reflected, facet: int, phi: float, phi_source: float, sin_b0: float, bisector: bool) -> float:
+def by_face(
+    apart: Float[np.ndarray, "k n"],
+    alike: Float[np.ndarray, "k n"],
+    row: int,
+    phi: float,
+    phi_source: float,
+    sin_b0: float,
+    bisector: bool,
+) -> float:
     """Most of a field that a face at an edge reflects, see `wireless.em.fields.diffract`.
 
     Args:
-        most: Tables.
-        facet: The face.
+        apart: Tables, see `Reflected`.
+        alike: The same.
+        row: That of the face's wall.
         phi: Angle of the observer from the face.
         phi_source: Angle of the source from it.
         sin_b0: Sine of the angle between ray and edge.
@@ -105,7 +114,7 @@ def by_face(most: Reflected, facet: int, phi: float, phi_source: float, sin_b0: 
     """
     sine = abs(np.cos((phi - phi_source) / 2)) if bisector else np.sin(min(phi, phi_source))
     cos_i, cos2_b0 = min(abs(sin_b0 * sine), 1.0), max(1 - sin_b0 * sin_b0, 0.0)
-    row, place = most.row[facet], min(int(cos_i * _BINS), _BINS - 1)
+    place = min(int(cos_i * _BINS), _BINS - 1)
     u = 2 * cos2_b0 * sine * sine - (1 - cos_i * cos_i)
     v = sine * (np.cos(phi_source) - np.cos(phi))
-    return most.apart[row, place] + most.alike[row, place] * np.sqrt(u * u + cos2_b0 * v * v)
+    return apart[row, place] + alike[row, place] * np.sqrt(u * u + cos2_b0 * v * v)

@@ -19,7 +19,7 @@ from wireless.geometry.images import Space
 from wireless.geometry.occlusion import HIDDEN, TOUCHED
 from wireless.support.compiled import compiled
 from wireless.tracing.beams import Beams, Bends
-from wireless.tracing.laying import Ground, edge_sight, ground_of, is_open, lay, mirror_over, on_large
+from wireless.tracing.laying import edge_sight, ground_of, is_open, lay, mirror_over, on_large
 from wireless.tracing.space_engine import Room, make_room, write_lists
 from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, try_path, weigh_path
 from wireless.tracing.sweep import beams_at, bends_at
@@ -188,7 +188,7 @@ def reflect(
                 off += way * beams.column[3 + i, beam]
             bare[h] = 1 / (4 * setting.wavenumber**2 * length2)
             facet = space.patch_facet[beams.chain[beam, order - 1]]
-            bound[h] = bare[h] * by_mirror(most, facet, abs(off) / np.sqrt(length2))
+            bound[h] = bare[h] * by_mirror(most.mirror, most.row[facet], abs(off) / np.sqrt(length2))
         lists.length[r] = _enter(
             space,
             setting,
@@ -206,25 +206,33 @@ def reflect(
 
 
 @compiled
-def _rough_bound(
+def _rough_bounds(
     edges: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
+    plane: Float[np.ndarray, "p 4"],
     wavenumber: float,
     bends: Bends,
-    q: int,
-    image: Float[np.ndarray, "3"],
+    mine: Int[np.ndarray, " n"],
+    rx: Float[np.ndarray, "3"],
     least: float,
-) -> tuple[float, float, float, float]:
-    """What the power of a bend cannot exceed if its faces were mirrors; -1 if it is none or below the least.
+    sight: Float[np.ndarray, "n 3"],
+    image: Float[np.ndarray, "m1 3"],
+) -> Float[np.ndarray, " n"]:
+    """What the power of bends cannot exceed if their faces were mirrors; -1 if it is none or below the least.
 
-    The receiver's image over the patches behind the edge is given; where it is, as seen from the edge, comes too.
+    Where the receiver's image is, as seen from the edge, is put into `sight` (`wireless.tracing.laying.edge_sight`).
     """
-    e, off = bends.edge[q], bends.column[8, q]
-    z, distance, behind = edge_sight(edges[0], edges[1], e, image)
-    gap = edges[2][e]
-    if distance < NOWHERE_M or not is_open(gap, distance, behind):
-        return -1.0, z, distance, behind
-    most = edge_bound(behind, bends.angle[q], gap, wavenumber, off, distance)
-    return (most if most >= least else -1.0), z, distance, behind
+    rough, edge, far, column, angle = np.empty(len(mine)), bends.edge, bends.far, bends.column, bends.angle
+    for h in range(len(mine)):
+        q = mine[h]
+        e = edge[q]
+        after = mirror_over(plane, rx, far[q], image) if far[q, 0] >= 0 else 0
+        z, distance, behind = edge_sight(edges[0], edges[1], e, image[after] if after else rx)
+        sight[h, 0], sight[h, 1], sight[h, 2], rough[h] = z, distance, behind, -1.0
+        if distance >= NOWHERE_M and is_open(edges[2][e], distance, behind):
+            most = edge_bound(behind, angle[q], edges[2][e], wavenumber, column[8, q], distance)
+            if most >= least:
+                rough[h] = most
+    return rough
 
 
 @compiled
@@ -234,49 +242,59 @@ def _within(angle: float, gap: float) -> float:
 
 
 @compiled
-def _bound(
-    ground: Ground,
-    edge_facets: Int[np.ndarray, "e 2"],
+def _bounds(
+    space: Space,
     setting: Setting,
     most: Reflected,
     bends: Bends,
-    q: int,
+    mine: Int[np.ndarray, " n"],
+    some: Int[np.ndarray, " m"],
     ends: Float[np.ndarray, "2 3"],
-    sight: Float[np.ndarray, "3"],
+    sight: Float[np.ndarray, "n 3"],
     image: Float[np.ndarray, "m1 3"],
-) -> tuple[float, float]:
-    """What the power of a bend cannot exceed, and what if its patches reflected everything.
+    bound: Float[np.ndarray, " m"],
+    bare: Float[np.ndarray, " m"],
+) -> None:
+    """What the power of some bends cannot exceed (`bound`), and what if patches reflected everything (`bare`).
 
-    Where the receiver's image is, as seen from the edge, is given (`wireless.tracing.laying.edge_sight`).
+    For many at once, as to hand these tables on takes longer than to find one. Sights are those of `_rough_bounds`.
     """
-    e, column, distance = bends.edge[q], bends.column, sight[1]
-    gap, place, off = ground.edge_gap_rad[e], column[7, q], column[8, q]
-    phi, phi_source, z = _within(sight[2], gap), _within(bends.angle[q], gap), 0.0
-    for i in range(3):
-        z += column[3 + i, q] * (ends[1, i] - column[i, q])
-    at = (place * distance + z * off) / (off + distance)
-    before, after = np.hypot(place - at, off), np.hypot(z - at, distance)
-    sin_b0 = distance / after
-    faces = (
-        by_face(most, edge_facets[e, 0], phi, phi_source, sin_b0, setting.bisector),
-        by_face(most, edge_facets[e, 1], gap - phi, gap - phi_source, sin_b0, setting.bisector),
-    )
-    bare = close_edge_bound(phi, phi_source, gap, setting.wavenumber, before, after, sin_b0, faces)
-    # Of patches those are asked that are next to the edge, and to the receiver.
-    bound, far = bare, bends.far[q, 0]
-    if far >= 0:
-        cosine = 0.0
+    edge, edge_wedge, gaps = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
+    edge_facets, plane, patch_facet = space.surfaces.edge_facets, space.panes.plane, space.patch_facet
+    mirror, apart, alike, row = most.mirror, most.apart, most.alike, most.row
+    column, wavenumber, bisector = bends.column, setting.wavenumber, setting.bisector
+    for j in range(len(some)):
+        h = some[j]
+        q = mine[h]
+        e, distance, place, off = bends.edge[q], sight[h, 1], column[7, q], column[8, q]
+        gap, z = gaps[e], 0.0
+        phi, phi_source = _within(sight[h, 2], gap), _within(bends.angle[q], gap)
         for i in range(3):
-            cosine += ground.plane[far, i] * (ends[1, i] - column[i, q] - at * column[3 + i, q])
-        bound *= by_mirror(most, ground.patch_facet[far], abs(cosine) / after)
-    order = mirror_over(ground.plane, ends[0], bends.near[q], image)
-    if order > 0:
-        near, cosine = bends.near[q, order - 1], 0.0
-        for i in range(3):
-            point = ground.edge[e, 0, i] + (at + sight[0] - z) * ground.edge_wedge[e, 0, i]
-            cosine += ground.plane[near, i] * (point - image[order, i])
-        bound *= by_mirror(most, ground.patch_facet[near], abs(cosine) / before)
-    return bound, bare
+            z += column[3 + i, q] * (ends[1, i] - column[i, q])
+        at = (place * distance + z * off) / (off + distance)
+        before, after = np.hypot(place - at, off), np.hypot(z - at, distance)
+        sin_b0 = distance / after
+        faces = (
+            by_face(apart, alike, row[edge_facets[e, 0]], phi, phi_source, sin_b0, bisector),
+            by_face(apart, alike, row[edge_facets[e, 1]], gap - phi, gap - phi_source, sin_b0, bisector),
+        )
+        bare[j] = close_edge_bound(phi, phi_source, gap, wavenumber, before, after, sin_b0, faces)
+        bound[j] = bare[j]
+        # Of patches those are asked that are next to the receiver, and to the edge.
+        far, order = bends.far[q, 0], 0
+        if far >= 0:
+            cosine = 0.0
+            for i in range(3):
+                cosine += plane[far, i] * (ends[1, i] - column[i, q] - at * column[3 + i, q])
+            bound[j] *= by_mirror(mirror, row[patch_facet[far]], abs(cosine) / after)
+        if bends.near[q, 0] >= 0:
+            order = mirror_over(plane, ends[0], bends.near[q], image)
+        if order > 0:
+            near, cosine = bends.near[q, order - 1], 0.0
+            for i in range(3):
+                point = edge[e, 0, i] + (at + sight[h, 0] - z) * edge_wedge[e, 0, i]
+                cosine += plane[near, i] * (point - image[order, i])
+            bound[j] *= by_mirror(mirror, row[patch_facet[near]], abs(cosine) / before)
 
 
 @compiled
@@ -302,20 +320,15 @@ def bend(
     """
     room, hits, keep = make_room(setting, len(rx)), bends_at(space.panes, bends, rx), setting.keep
     edges = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
-    ground, edge_facets = ground_of(space), space.surfaces.edge_facets
+    plane = space.panes.plane
     image = np.empty((max(bends.far.shape[1], bends.near.shape[1]) + 1, 3))
     ends, bound, bare = np.empty((2, 3)), np.empty(_LOT), np.empty(_LOT)
     ends[0] = tx
     for r in range(len(rx)):
         mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
         least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
-        rough, sight = np.empty(len(mine)), np.empty((len(mine), 3))
-        for h in range(len(mine)):
-            q = mine[h]
-            after = mirror_over(ground.plane, rx[r], bends.far[q], image)
-            rough[h], sight[h, 0], sight[h, 1], sight[h, 2] = _rough_bound(
-                edges, setting.wavenumber, bends, q, image[after], least
-            )
+        sight = np.empty((len(mine), 3))
+        rough = _rough_bounds(edges, plane, setting.wavenumber, bends, mine, rx[r], least, sight, image)
         # What may be strongest comes first, so that a full list spares the rest.
         order = np.argsort(-rough, kind="mergesort")
         order = order[: (rough >= 0).sum()]
@@ -324,12 +337,9 @@ def bend(
             least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
             if rough[some[0]] < least:
                 break
+            _bounds(space, setting, most, bends, mine, some, ends, sight, image, bound, bare)
             for j in range(len(some)):
-                h = some[j]
-                bound[j], bare[j] = _bound(
-                    ground, edge_facets, setting, most, bends, mine[h], ends, sight[h], image
-                )
-                bound[j] = min(bound[j], rough[h])
+                bound[j] = min(bound[j], rough[some[j]])
             best_first = np.argsort(-bound[: len(some)], kind="mergesort")
             some = mine[some[best_first]]
             lists.length[r] = _enter(

@@ -105,32 +105,39 @@ def _through_pane(
     far: Int[np.ndarray, "q l"],
     column: Float[np.ndarray, "9 q"],
     rx: Float[np.ndarray, "3"],
+    first: int,
+    work: Float[np.ndarray, "3 n"],
     found: Int[np.ndarray, " n"],
     n: int,
 ) -> int:
-    """Those of n bends that meet the patch next to the receiver on the way to it, or have none; their number."""
-    plane, low, high, kept, at = panes.plane, panes.low, panes.high, 0, np.empty(3)
+    """Those of n bends that meet the patch next to the receiver on the way to it, or have none; their number.
+
+    Places along the edges and distances from them are in `work`, from the first bend on (`_in_bends`).
+    """
+    plane, low, high, kept = panes.plane, panes.low, panes.high, 0
     for j in range(n):
-        q, along, size, inside = found[j], 0.0, 0.0, True
+        q, inside = found[j], True
         patch = far[q, 0]
         if patch >= 0:
-            for i in range(3):
-                d = rx[i] - column[i, q]
-                along += d * column[3 + i, q]
-                size += d * d
-            distance, a, b = np.sqrt(abs(size - along * along)), -plane[patch, 3], -plane[patch, 3]
-            total = distance + column[8, q]
-            share = (column[7, q] * distance + along * column[8, q]) / total if total > 0 else 0.0
-            for i in range(3):
-                at[i] = column[i, q] + share * column[3 + i, q]
-                a += plane[patch, i] * at[i]
-                b += plane[patch, i] * rx[i]
+            along, distance, off = work[0, q - first], work[1, q - first], column[8, q]
+            total = distance + off
+            share = (column[7, q] * distance + along * off) / total if total > 0 else 0.0
+            x = column[0, q] + share * column[3, q]
+            y = column[1, q] + share * column[4, q]
+            z = column[2, q] + share * column[5, q]
+            u, v, w, level = plane[patch, 0], plane[patch, 1], plane[patch, 2], plane[patch, 3]
+            a = u * x + v * y + w * z - level
+            b = u * rx[0] + v * rx[1] + w * rx[2] - level
             if a * b > 0 and abs(a) > WIDER_M and abs(b) > WIDER_M:
                 continue
             if abs(b - a) > WIDER_M:
-                for i in range(3):
-                    here = rx[i] + b / (b - a) * (at[i] - rx[i])
-                    inside = inside and low[patch, i] - WIDER_M <= here <= high[patch, i] + WIDER_M
+                f = b / (b - a)
+                x, y, z = rx[0] + f * (x - rx[0]), rx[1] + f * (y - rx[1]), rx[2] + f * (z - rx[2])
+                inside = (
+                    low[patch, 0] - WIDER_M <= x <= high[patch, 0] + WIDER_M
+                    and low[patch, 1] - WIDER_M <= y <= high[patch, 1] + WIDER_M
+                    and low[patch, 2] - WIDER_M <= z <= high[patch, 2] + WIDER_M
+                )
         if inside:
             found[kept] = q
             kept += 1
@@ -183,7 +190,7 @@ def bends_at(panes: Panes, bends: Bends, rx: Float[np.ndarray, "r 3"]) -> Hits:
         last = min(first + _ROWS, len(far))
         for r in range(len(rx)):
             n = _in_bends(column, first, last, rx[r], work, found)
-            n = _through_pane(panes, far, column, rx[r], found, n)
+            n = _through_pane(panes, far, column, rx[r], first, work, found, n)
             if count + n > len(hit):
                 receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
             receiver[count : count + n], hit[count : count + n] = r, found[:n]
