@@ -107,6 +107,19 @@ def test_rays_find_the_strong_paths_and_no_false_one(judged, few, monkeypatch):
     assert (found(wanted, rays) >= 0).mean() >= (1 if few else 0.999)
 
 
+@pytest.mark.parametrize("law", ["nearer_face", "bisector"])
+@pytest.mark.parametrize("name", SCENES)
+def test_bounds_spare_none_of_the_strongest(name, law):
+    """With lists of 5, 12 and 25 paths: those that are the strongest of all, with layered walls."""
+    tx, rx = places(1, 21), places(20, 22)
+    every = Tracer(SCENES[name], config=config("rays", diffraction_law=law)).trace(tx, rx)
+    for keep in (5, 12, 25):
+        kept = Tracer(SCENES[name], config=config("rays", diffraction_law=law, max_paths=keep)).trace(tx, rx)
+        for link in range(len(rx)):
+            want = np.sort(every.power[every.link == link])[::-1][:keep]
+            np.testing.assert_allclose(kept.power[kept.link == link], want, rtol=1e-12)
+
+
 def test_more_rays_find_the_same_paths_and_more():
     """Each number of rays finds what a smaller one did, up to where all is tried: directions are of one sequence."""
     np.testing.assert_array_equal(directions(300)[:100], directions(100))
