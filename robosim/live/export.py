@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robosim.live.lean import lean
 from robosim.live.moments import Recording
 from robosim.live.scenery import FIELD_DEG, light, view_from_above
 from robosim.live.search_view import SearchView
@@ -92,7 +93,7 @@ def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most
             if moment is not None and picture is not None:
                 picture.image = moment.snapshot.rgb
         serializer.insert_sleep(1 / per_s)
-    return serializer.as_html()
+    return lean(serializer.as_html())
 
 
 def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float) -> Any:

@@ -12,7 +12,7 @@ from jaxtyping import Float
 
 from robosim.drawing.scale import bar_m
 from robosim.live.colours import FLOOR, WALL, WALL_EDGE
-from robosim.live.walls import facing_free, floor_mesh, wall_mesh, wall_sides
+from robosim.live.walls import facing_free, floor_mesh, upper_edges, wall_mesh
 
 if TYPE_CHECKING:
     import viser
@@ -104,10 +104,7 @@ class Scenery:
                 receive_shadow=False,
             )
         ]  # fmt: skip
-        sides = wall_sides(rings)
-        low = np.dstack([sides, np.full(sides.shape[:2], STEP_M)])
-        high = np.dstack([sides, np.full(sides.shape[:2], self.height_m)])
-        edges = np.concatenate([low, high])
+        edges = upper_edges(rings, self.height_m)
         self._upright.append(
             scene.add_line_segments(
                 f"{self.root}/edges", edges, WALL_EDGE, thickness=1.2, thickness_units="screen"

@@ -11,6 +11,9 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
+#: How far a line along walls may be from them [m]: a line is some 4 cm wide where a flat fills the window.
+EDGE_M = 0.05
+
 
 def facing_free(rings: Sequence[Float[np.ndarray, "_ 2"]]) -> list[Float[np.ndarray, "_ 2"]]:
     """The same outlines, closed and wound so that free space is on the left of each side [m]."""
@@ -58,6 +61,17 @@ def wall_sides(rings: Sequence[Float[np.ndarray, "_ 2"]]) -> Float[np.ndarray, "
     """Ends of all sides of closed outlines [m]."""
     parts = [np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings]
     return np.concatenate(parts) if parts else np.zeros((0, 2, 2))
+
+
+def upper_edges(rings: Sequence[Float[np.ndarray, "_ 2"]], height_m: float) -> Float[np.ndarray, "n 2 3"]:
+    """Lines along the tops of walls, so few that a browser without a graphics card draws them in time [m].
+
+    Args:
+        rings: As of `facing_free`; lines keep to them within `EDGE_M`.
+        height_m: Of the walls.
+    """
+    sides = wall_sides([shapely.get_coordinates(shapely.LinearRing(r).simplify(EDGE_M)) for r in rings])
+    return np.dstack([sides, np.full(sides.shape[:2], height_m)])
 
 
 def floor_mesh(

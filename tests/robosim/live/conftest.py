@@ -95,8 +95,6 @@ def window(chromium) -> Iterator[Callable]:
         tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
         tab.on("pageerror", lambda error: errors.append(str(error)))
         tab.goto(url)
-        # The page's word that there is no graphics card lies over the plan, with some fonts over its handles.
-        tab.add_style_tag(content="#webgl-software-rendering {display: none}")
         return tab
 
     yield open_window

@@ -8,6 +8,7 @@ import pytest
 
 from robosim.bench.live import pixel_of
 from robosim.building.building import BuildingConfig
+from robosim.live.lean import TOLD
 from tests.plans import room
 
 LONG_S = 300.0
@@ -190,3 +191,15 @@ def test_it_can_be_used_on_a_phone(explored, window):
         assert 0 < x < 390 and 0 < y < 844 / 2
     box = tab.get_by_text("floor shows").bounding_box()
     assert box is not None and box["x"] >= 0 and box["y"] > 844 / 3
+
+
+def test_without_a_graphics_card_edges_are_not_smoothed_and_it_says_so(explored, window):
+    """This browser draws by software: its space has no multisampling, and one line tells it, which takes no clicks."""
+    tab = window(explored.url)
+    tab.get_by_text("the strongest first").wait_for()
+    line = tab.get_by_text(TOLD)
+    line.wait_for()
+    assert line.evaluate("one => getComputedStyle(one).pointerEvents") == "none"
+    asked = "() => document.querySelector('canvas[data-engine]').getContext('webgl2').getContextAttributes().antialias"
+    assert tab.evaluate(asked) is False
+    assert not tab.get_by_text("Software WebGL rendering detected").is_visible()

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+import shapely
 import trimesh
 
 from robosim.building.building import make_building
 from robosim.drawing.picture import building_rings
-from robosim.live.walls import facing_free, floor_mesh, wall_mesh, wall_sides
+from robosim.live.walls import EDGE_M, facing_free, floor_mesh, upper_edges, wall_mesh, wall_sides
 from robosim.plans.files import read_plan
 from tests.plans import two_rooms
 
@@ -45,3 +46,16 @@ def test_floor_and_walls_are_those_of_the_building(plan):
 def test_no_outline_makes_no_walls():
     assert len(wall_mesh([], 2.5)[1]) == len(floor_mesh([])[1]) == 0
     assert facing_free([np.zeros((3, 2))]) == []
+
+
+def test_upper_edges_keep_to_the_walls_and_are_few():
+    """A staircase of 5 cm steps along 4 m is one line, and no edge is more than 5 cm from its outline."""
+    steps = [[0.0, 0.0]]
+    for k in range(80):
+        steps += [[0.05 * (k + 1), 0.025 * (k % 2)], [0.05 * (k + 1), 0.025 * ((k + 1) % 2)]]
+    ring = np.array([*steps, [4.0, 3.0], [0.0, 3.0], [0.0, 0.0]])
+    edges = upper_edges([ring], 2.5)
+    assert len(edges) < 8 < 100 < len(wall_sides([ring]))
+    assert (edges[..., 2] == 2.5).all()
+    lines = shapely.linestrings(edges[..., :2])
+    assert shapely.hausdorff_distance(shapely.LinearRing(ring), shapely.union_all(lines)) <= EDGE_M

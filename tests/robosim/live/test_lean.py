@@ -1,0 +1,27 @@
+"""Drawing that keeps up without a graphics card."""
+
+import gzip
+import http.client
+
+import pytest
+
+from robosim.live.lean import TOLD, lean
+
+
+@pytest.mark.parametrize("coding", ["gzip", "identity"])
+def test_the_page_is_served_with_the_script_before_the_clients(page, coding):
+    """Whole, as long as its header says, and with nothing of viser's client lost."""
+    connection = http.client.HTTPConnection("127.0.0.1", page.server.get_port())
+    connection.request("GET", "/", headers={"Accept-Encoding": coding})
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    assert answer.status == 200 and int(answer.headers["Content-Length"]) == len(body)
+    text = (gzip.decompress(body) if coding == "gzip" else body).decode()
+    assert 0 < text.index(TOLD) < text.index("<title>")
+    assert text.rstrip().endswith("</html>")
+
+
+def test_what_is_no_page_is_refused():
+    with pytest.raises(ValueError, match="no <head>"):
+        lean("nothing")
