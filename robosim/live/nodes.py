@@ -75,17 +75,18 @@ class Nodes:
         size_m: float,
         shape: Literal["square", "circle"] = "square",
     ) -> None:
-        """Draw points so wide [m]."""
+        """Draw points so wide [m], of one colour for good."""
         if not len(places):
             self.hide(name)
             return
-        node, colours = self._nodes.get(name), np.tile(np.array(colour, np.uint8), (len(places), 1))
+        node = self._nodes.get(name)
         if node is None:
             self._nodes[name] = self._scene.add_point_cloud(
-                f"{self._root}/{name}", places, colours, point_size=size_m, point_shape=shape
+                f"{self._root}/{name}", places, colour, point_size=size_m, point_shape=shape
             )
             return
-        node.points, node.colors, node.visible = places.astype(np.float32), colours, True
+        # Not the colour: for each new one a browser compiles its program anew, some 100 ms without a graphics card.
+        node.points, node.visible = places.astype(np.float32), True
 
     def image(self, name: str, frame: GridFrame, rgba: UInt8[np.ndarray, "ny nx 4"], z_m: float) -> None:
         """Lay a picture on the floor.
