@@ -10,6 +10,7 @@ the first is the laser on the robot.
 
 A log that a mapping program has written has both poses corrected, and sets odometry back to them after each scan. There
 the displacement is what ODOM lines tell from one scan's corrected pose to the next, and that pose is the reference.
+Where odometry was set anew on the way, nothing is known of the displacement. A last line that was cut off is left out.
 Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
 """
 
@@ -33,6 +34,10 @@ _MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
 _LONGEST, _FARTHEST_M, _NEAREST_M = 0.99, 79.0, 0.05
 #: Coordinates are no larger [m, rad].
 _FARTHEST = 1e6
+#: Odometry that goes farther from one line to the next was set anew [m]. A robot drives a metre or two a second.
+_SET_ANEW_M = 5.0
+#: Times that rise from scan to scan but for so many are those of the log, put in order.
+_OUT_OF_ORDER = 0.1
 #: A pose that keeps within this of another does not run away from it [m, rad].
 _RIGID = 0.02
 
@@ -78,14 +83,17 @@ def _taken_apart(text: str) -> _Lines:
     lines = _Lines()
     last: Float[np.ndarray, 3] | None = None
     moved, told, fresh = np.zeros(3), 0, False
-    for number, line in enumerate(text.splitlines(), 1):
+    rows = text.splitlines()
+    for number, line in enumerate(rows, 1):
         words = line.split()
         kind = words[0] if words else ""
+        if number == len(rows) and not text.endswith("\n") and not _whole(words, number):
+            break
         if kind == "ODOM":
             pose = _numbers(words[1:4], 3, number)
             if fresh and np.array_equal(pose, lines.robot[-1]):
                 lines.resets += 1
-            elif last is not None and not np.array_equal(pose, last):
+            elif last is not None and not np.array_equal(pose, last) and not _set_anew(last, pose):
                 moved, told = compose(moved, between(last, pose)), told + 1
             last, fresh = pose, False
         elif kind in ("FLASER", "ROBOTLASER1"):
@@ -99,6 +107,25 @@ def _taken_apart(text: str) -> _Lines:
             lines.told.append(told)
             last, moved, told, fresh = scan[3], np.zeros(3), 0, True
     return lines
+
+
+def _whole(words: list[str], line: int) -> bool:
+    """Whether the last line was written to its end: a recording that is cut off ends anywhere."""
+    kind = words[0] if words else ""
+    try:
+        if kind == "ODOM":
+            _numbers(words[1:4], 3, line)
+        elif kind == "FLASER":
+            _flaser(words, line)
+        elif kind == "ROBOTLASER1":
+            _robotlaser(words, line)
+    except ValueError:
+        return False
+    return True
+
+
+def _set_anew(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:
+    return math.hypot(after[0] - before[0], after[1] - before[1]) > _SET_ANEW_M
 
 
 _Scan = tuple[
@@ -164,12 +191,13 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         runs_away = _spread(apart) > _RIGID
         track = robot if runs_away else laser
         steps = [between(a, b) for a, b in pairwise(track)]
-        moved, known = np.array([np.zeros(3), *steps]), np.ones(len(track), bool)
-        reference = laser if runs_away else None
+        moved = np.array([np.zeros(3), *steps])
+        known = np.array([True, *(not _set_anew(a, b) for a, b in pairwise(track))])
+        moved[~known] = 0.0
+        # A pose that never changes is a field that nobody has filled in.
+        reference = laser if runs_away and _spread(laser) > 0 else None
     moved[0] = 0.0
-    times = np.array(lines.times)
-    if not (np.isfinite(times).all() and (np.diff(times) > 0).all()):
-        times = np.arange(len(times), dtype=float)
+    times = _rising(np.array(lines.times))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
     return RobotLog(
         name=name,
@@ -180,6 +208,19 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         times=times,
         reference=reference,
     )
+
+
+def _rising(times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Times that rise: the log's, the few that repeat or go back moved after the one before; else scans' numbers."""
+    late = np.diff(times) <= 0
+    if not np.isfinite(times).all() or late.mean() > _OUT_OF_ORDER:
+        return np.arange(len(times), dtype=float)
+    rising = times.copy()
+    for k in np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1:
+        rising[k] = rising[k - 1] + 1e-6
+    if not (np.diff(rising) > 0).all():
+        return np.arange(len(times), dtype=float)
+    return rising
 
 
 def _spread(poses: Float[np.ndarray, "n 3"]) -> float:

@@ -87,6 +87,68 @@ def test_a_damaged_log_is_refused_by_name(tmp_path, content, wrong):
     assert "damaged.log" in str(refused.value)
 
 
+def _scans(poses, times, laser=None):
+    rows = []
+    for k, (pose, time) in enumerate(zip(poses, times, strict=True)):
+        first = pose if laser is None else laser[k]
+        rows.append(
+            " ".join(["FLASER 3 1 2 3", *(f"{v:g}" for v in [*first, *pose]), f"{time:g} h {time:g}"])
+        )
+    return "\n".join(rows) + "\n"
+
+
+def test_a_line_that_was_cut_off_at_the_end_is_left_out(tmp_path):
+    """A recording that was interrupted; the same line inside of the log is damage."""
+    path = tmp_path / "cut.log"
+    whole = _scans([(0, 0, 0), (1, 0, 0)], [1, 2])
+    path.write_text(whole + "FLASER 3 1 2")
+    assert read_log(path).range_m.shape == (2, 3)
+    path.write_text(whole + "FLASER 3 1 2\n" + whole)
+    with pytest.raises(FileError, match="line 3 breaks off"):
+        read_log(path)
+
+
+def test_odometry_that_was_set_anew_tells_nothing(tmp_path):
+    """From 40 m back to 0 between two scans, in the scans' own lines and in ODOM lines beside corrected poses."""
+    path = tmp_path / "anew.log"
+    path.write_text(_scans([(39, 0, 0), (40, 0, 0), (0, 0, 0), (1, 0, 0)], [1, 2, 3, 4]))
+    log = read_log(path)
+    assert log.known.tolist() == [True, True, False, True]
+    np.testing.assert_allclose(log.moved[:, 0], [0, 1, 0, 1])
+    lines = []
+    for k, scan in enumerate(_scans([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [1, 2, 3]).splitlines()):
+        end = 90 if k == 1 else k + 1
+        lines += [scan, f"ODOM {k} 0 0 0 0 0 0 h 0", f"ODOM {end} 0 0 0 0 0 0 h 0"]
+    path.write_text("\n".join(lines) + "\n")
+    log = read_log(path)
+    assert log.known.tolist() == [False, True, False]
+    np.testing.assert_allclose(log.moved[:, 0], [0, 1, 0])
+
+
+def test_a_few_times_out_of_order_leave_the_others(tmp_path):
+    """One that repeats and one that goes back; where most do so, scans are counted instead."""
+    path = tmp_path / "times.log"
+    poses = [(k, 0, 0) for k in range(30)]
+    times = np.arange(100.0, 130.0)
+    times[10], times[20] = times[9], times[18]
+    path.write_text(_scans(poses, times))
+    told = read_log(path).times
+    assert (np.diff(told) > 0).all()
+    np.testing.assert_allclose(np.delete(told, [10, 20]), np.delete(times, [10, 20]))
+    np.testing.assert_allclose(told[[10, 20]], told[[9, 19]], atol=1e-5)
+    path.write_text(_scans(poses, np.full(30, 7.0)))
+    np.testing.assert_array_equal(read_log(path).times, np.arange(30))
+
+
+def test_a_pose_that_nobody_filled_in_is_no_reference(tmp_path):
+    path = tmp_path / "zeros.log"
+    poses = [(k, 0, 0) for k in range(5)]
+    path.write_text(_scans(poses, range(5), laser=[(0, 0, 0)] * 5))
+    log = read_log(path)
+    assert log.reference is None
+    np.testing.assert_allclose(log.moved[1:, 0], 1.0)
+
+
 def test_the_way_and_the_map_are_found(tmp_path):
     """A room from drifting odometry: 3 cm and 0.5 degrees between places, walls where they stand, floor where it is."""
     path = tmp_path / "room.log"
