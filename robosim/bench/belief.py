@@ -9,7 +9,8 @@ are told the same. Where a measurement counted, two things are noted:
                                 target is there: of places believed with p, a share p should hold it
 
 The expected calibration error is the mean over ten classes of claimed mass, weighted by how many fall in each, of the
-difference between the mass claimed and the share that held the target (Guo et al. 2017). Intervals are of 95 %, from
+difference between the mass claimed and the share that held the target (Guo et al. 2017). Chance alone makes it larger
+than 0; how much of it is told beside it. Intervals are of 95 %, from
 drawing the searches anew. Each search is kept in a file of its own, so that a run which was killed goes on.
 
 References: Gneiting and Raftery, JASA 102 (2007); Guo et al., On calibration of modern neural networks, ICML 2017.
@@ -79,6 +80,8 @@ class Row:
     """The same, by believed link state, over all measurements."""
     calibration_error: dict[str, float]
     """By the radius around the peak [m]."""
+    perfect_error: dict[str, float]
+    """What a perfectly calibrated belief with the same claims would come to, in the mean over chance."""
     ms: tuple[float, float]
     """CPU time of a measurement that counted: mean, and what 95 % keep within."""
 
@@ -192,6 +195,23 @@ def calibration_error(claimed: Float[np.ndarray, " n"], held: Float[np.ndarray, 
     return sum(gaps)
 
 
+def perfect_error(searches: Sequence[Float[np.ndarray, " n"]], draws: int = 200) -> float:
+    """Expected calibration error of a belief whose claims are right, in the mean over chance.
+
+    It is above 0, and falls with the number of searches: claims of one search are about one target, and so hold or fail
+    together.
+
+    Args:
+        searches: Masses claimed in each search.
+        draws: How often chance is tried.
+    """
+    rng = np.random.default_rng(0)
+    claimed = np.concatenate(searches)
+    own = np.repeat(np.arange(len(searches)), [len(one) for one in searches])
+    chance = rng.random((draws, len(searches)))
+    return float(np.mean([calibration_error(claimed, (claimed > one[own]).astype(float)) for one in chance]))
+
+
 def _classes(claimed: Float[np.ndarray, " n"]) -> Int[np.ndarray, " n"]:
     """Which of the equal classes of claimed mass each claim falls in."""
     return np.minimum((claimed * _CLASSES).astype(int), _CLASSES - 1)
@@ -230,6 +250,10 @@ def _row(name: str, searches: list[np.ndarray]) -> Row:
             f"{radius:g}": calibration_error(noted[:, _CLAIMED + i], noted[:, _HELD + i])
             for i, radius in enumerate(RADII_M)
         },
+        perfect_error={
+            f"{radius:g}": perfect_error([one[:, _CLAIMED + i] for one in searches])
+            for i, radius in enumerate(RADII_M)
+        },
         ms=(float(noted[:, _MS].mean()), float(np.quantile(noted[:, _MS], 0.95))),
     )
 
@@ -240,7 +264,10 @@ def _plain(row: Row) -> dict[str, Any]:
 
 def table(rows: Sequence[Row]) -> Table:
     """One row a kind of belief."""
-    grid = Table(title="Log density at the target [1/m2], and calibration of the mass around the peak")
+    grid = Table(
+        title="Log density at the target [1/m2], and calibration of the mass around the peak",
+        caption="In brackets: what a perfectly calibrated belief with these claims would come to in so few searches.",
+    )
     grid.add_column("belief")
     states = {state.name.lower(): state.name.lower().replace("_", " ") for state in LinkState}
     for name in ("measurements", "mean of searches (95 %)", *states.values()):
@@ -255,10 +282,14 @@ def table(rows: Sequence[Row]) -> Table:
             str(row.measurements),
             f"{row.score.value:.2f} ({row.score.low:.2f} to {row.score.high:.2f})",
             *(f"{row.score_by_state[s]:.2f}" if s in row.score_by_state else "-" for s in states),
-            *(f"{row.calibration_error[f'{radius:g}']:.3f}" for radius in RADII_M),
+            *(_shown_error(row, f"{radius:g}") for radius in RADII_M),
             *(f"{ms:.1f}" for ms in row.ms),
         )
     return grid
+
+
+def _shown_error(row: Row, radius: str) -> str:
+    return f"{row.calibration_error[radius]:.3f} ({row.perfect_error[radius]:.3f})"
 
 
 def _plot(path: Path, by_name: dict[str, list[np.ndarray]]) -> None:
