@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robosim.live.lean import lean
+from robosim.live.client import before_client
+from robosim.live.lean import SCRIPT as LEAN
 from robosim.live.moments import Recording
 from robosim.live.scenery import FIELD_DEG, light, view_from_above
 from robosim.live.search_view import SearchView
@@ -93,7 +94,7 @@ def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most
             if moment is not None and picture is not None:
                 picture.image = moment.snapshot.rgb
         serializer.insert_sleep(1 / per_s)
-    return lean(serializer.as_html())
+    return before_client(serializer.as_html(), LEAN)
 
 
 def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float) -> Any:
@@ -115,7 +116,8 @@ def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float
 def _look(server: "viser.ViserServer", views: Sequence[SearchView], beside: float) -> None:
     low = np.min([view.scenery.low + view.scenery.offset for view in views], axis=0)
     high = np.max([view.scenery.high + view.scenery.offset for view in views], axis=0)
-    eye, target = view_from_above(low, high + np.array([beside, 0.0]))
+    height_m = max(view.scenery.height_m for view in views)
+    eye, target = view_from_above(low, high + np.array([beside, 0.0]), height_m=height_m)
     camera = server.initial_camera
     camera.position, camera.look_at = tuple(eye), tuple(target)
     camera.up, camera.fov = (0.0, 0.0, 1.0), float(np.radians(FIELD_DEG))

@@ -5,16 +5,10 @@ it half as long again. viser's client has no setting for that: a few lines of sc
 without, there only. In place of viser's own notice, which lies over the plan and takes clicks, one line tells it.
 """
 
-import gzip
-from functools import lru_cache
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from websockets.http11 import Response
-
 #: What a page says that draws so.
 TOLD = "No graphics card: drawn by software, without smooth edges"
-_SCRIPT = (
+#: Goes before the client.
+SCRIPT = (
     """<style>#webgl-software-rendering{display:none}</style>
 <script>(() => {
   const make = HTMLCanvasElement.prototype.getContext;
@@ -37,33 +31,3 @@ _SCRIPT = (
   });
 })();</script>"""
 )
-
-
-def lean(page: str) -> str:
-    """Viser's client with the script before its own.
-
-    Raises:
-        ValueError: If it is no page.
-    """
-    head = page.find("<head>")
-    if head < 0:
-        raise ValueError("page has no <head>, expected viser's client.")
-    at = head + len("<head>")
-    return page[:at] + _SCRIPT + page[at:]
-
-
-def lean_response(response: "Response | None") -> "Response | None":
-    """An answer of viser's server; where it is the client, with the script."""
-    if response is None or not response.headers.get("Content-Type", "").startswith("text/html"):
-        return response
-    zipped = response.headers.get("Content-Encoding") == "gzip"
-    response.body = _lean_body(bytes(response.body or b""), zipped)
-    del response.headers["Content-Length"]
-    response.headers["Content-Length"] = str(len(response.body))
-    return response
-
-
-@lru_cache(maxsize=2)
-def _lean_body(body: bytes, zipped: bool) -> bytes:
-    page = lean((gzip.decompress(body) if zipped else body).decode()).encode()
-    return gzip.compress(page, mtime=0) if zipped else page

@@ -43,6 +43,8 @@ class Mode:
 
 #: From where one looks over the robot's shoulder: behind it, and above the floor [m].
 BEHIND_M, EYE_M = 2.2, 2.4
+#: A window is looked at anew when its width over its height has changed by more than this share.
+_OTHER_SHAPE = 0.02
 
 
 class Page:
@@ -67,7 +69,10 @@ class Page:
         light(self.server.scene)
         self._modes: dict[str, Mode] = {}
         self._choice: Any = None
-        self.server.on_client_connect(self._welcome)
+        #: How windows were turned to all of it: their shape then, and the eye's place [m].
+        self._turned: dict[int, tuple[float, np.ndarray]] = {}
+        self.server.on_client_connect(self._meet)
+        self.server.on_client_disconnect(lambda client: self._turned.pop(client.client_id, None))
         self._ended = threading.Event()
 
     def __enter__(self) -> "Page":
@@ -201,10 +206,25 @@ class Page:
         for client in self.server.get_clients().values():
             self._welcome(client)
 
+    def _meet(self, client: Any) -> None:
+        """Have a new window look at all of it, and again when it has another shape: its panel comes after its space."""
+        self._welcome(client)
+        client.camera.on_update(lambda camera: self._fit(client))
+
     def _welcome(self, client: Any) -> None:
         """Have a window look at all of it, as wide as it is."""
         if self._sceneries:
-            _look_from_above(client, self._sceneries)
+            self._turned[client.client_id] = _look_from_above(client, self._sceneries)
+
+    def _fit(self, client: Any) -> None:
+        """Look anew where a window's shape has changed, unless somebody has turned its view."""
+        turned = self._turned.get(client.client_id)
+        if turned is None:
+            return
+        (aspect, eye), camera = turned, client.camera
+        still = np.allclose(camera.position, eye, atol=0.01 * eye[2])
+        if still and abs(camera.aspect / aspect - 1) > _OTHER_SHAPE:
+            self._welcome(client)
 
     def _add_inside(self, radio: RadioPanel) -> None:
         above = self.server.gui.add_button("See it from above")
@@ -220,10 +240,15 @@ class Page:
             _look(event.client, np.array([*(at - BEHIND_M * way), EYE_M]), np.array([*(at + way), 1.0]))
 
 
-def _look_from_above(client: Any, sceneries: list[Scenery]) -> None:
+def _look_from_above(client: Any, sceneries: list[Scenery]) -> tuple[float, np.ndarray]:
+    """Turn the camera of a window to all of it; returns the window's shape and the eye's place [m]."""
     low = np.min([one.low + one.offset for one in sceneries], axis=0)
     high = np.max([one.high + one.offset for one in sceneries], axis=0)
-    _look(client, *view_from_above(low, high, float(client.camera.aspect)))
+    height_m = max(one.height_m for one in sceneries)
+    aspect = float(client.camera.aspect)
+    eye, target = view_from_above(low, high, aspect, height_m)
+    _look(client, eye, target)
+    return aspect, eye
 
 
 def _look(client: Any, eye: np.ndarray, target: np.ndarray) -> None:

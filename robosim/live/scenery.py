@@ -4,7 +4,7 @@ Everything lies below one frame, so that two searches can stand side by side.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -148,25 +148,48 @@ def light(scene: "viser.SceneApi") -> None:
     scene.add_light_ambient("/light", intensity=_AMBIENT)
 
 
-def view_from_above(low: np.ndarray, high: np.ndarray, aspect: float = 1.3) -> tuple[np.ndarray, np.ndarray]:
+def view_from_above(
+    low: np.ndarray, high: np.ndarray, aspect: float = 1.3, height_m: float = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
     """Where the eye is to see all of a rectangle from above and a little from the south, and what it looks at [m].
 
     Args:
         low: South-west corner [m].
         high: North-east corner [m].
-        aspect: Width of the window over its height; below 1 its lower half is taken to be covered, as on a phone.
+        aspect: Width of the window over its height; below 1 its lower part is taken to be covered, as on a phone.
+        height_m: Of what stands there.
     """
-    size = np.maximum(high - low, 1.0)
-    gap = 0.12 * size.max()  # for the scale bar
-    middle = np.array([*((low + high) / 2), 0.0]) - [0, gap / 2, 0]
-    deep, wide = size[1] + gap, (size[0] + gap) / aspect
-    visible = max(2 * deep, wide) if aspect < 1 else max(deep, wide)
-    if aspect < 1:
-        middle[1] -= 0.27 * visible
-    far = 1.1 * visible / (2 * math.tan(math.radians(FIELD_DEG) / 2))
-    return middle + far * np.array([0.0, -math.sin(TILT_RAD), math.cos(TILT_RAD)]), middle
+    gap = 0.12 * float(max(*(high - low), 1.0))  # for the scale bar
+    corners = np.array([
+        [x, y, z] for z in (0.0, height_m) for x in (low[0], high[0]) for y in (low[1] - gap * (z == 0), high[1])
+    ])  # fmt: skip
+    lean, up = math.sin(TILT_RAD), math.cos(TILT_RAD)
+    ahead = np.array([0.0, lean, -up])
+    axes = np.array([[1.0, 0.0, 0.0], [0.0, -up, -lean], ahead])  # right, down, and into the picture
+    to_right, down, deep = axes @ corners.T
+    # Slopes of the lines of sight that bound what is free of the window, with a margin.
+    half = math.tan(math.radians(FIELD_DEG) / 2)
+    across = (-0.92 * half * aspect, 0.92 * half * aspect)
+    along = (-0.9 * half, 0.92 * half if aspect >= 1 else (1 - 2 * COVERED - 0.04) * half)
+    (x, far_x), (y, far_y) = _between(to_right, deep, across), _between(down, deep, along)
+    far = min(far_x, far_y)  # the nearest from where all is seen
+    eye = axes.T @ np.array([x(far), y(far), far])
+    return eye, eye - ahead * eye[2] / ahead[2]
 
 
+def _between(
+    across: Float[np.ndarray, " n"], deep: Float[np.ndarray, " n"], slopes: tuple[float, float]
+) -> tuple[Callable[[float], float], float]:
+    """Where an eye sees points between two lines of sight: its place across, by its depth, and its largest depth."""
+    low, high = np.min(across - slopes[0] * deep), np.max(across - slopes[1] * deep)
+    return (
+        lambda at: float(low + slopes[0] * at + high + slopes[1] * at) / 2,
+        float((low - high) / (slopes[1] - slopes[0])),
+    )
+
+
+#: Share of a narrow window's height that the panel covers at most; `client.py` has it so.
+COVERED = 0.54
 #: How far the eye leans to the south.
 TILT_RAD = math.radians(15.0)
 #: Vertical field of view of the page [degrees].

@@ -20,7 +20,7 @@ from urllib.parse import urlsplit
 
 import rich
 
-from robosim.live.lean import lean_response
+from robosim.live.client import served
 from robosim.support.checks import check_number
 
 if TYPE_CHECKING:
@@ -176,7 +176,7 @@ def _looked_at(host: str) -> Iterator[None]:
             if not same_page(origin, asked):
                 logger.warning("A page of %s wanted to speak to this one, and was refused.", origin)
                 return connection.respond(403, "Other pages may not speak to this one.\n")
-            return None if process_request is None else lean_response(process_request(connection, request))
+            return None if process_request is None else served(process_request(connection, request))
 
         return serve(*args, process_request=look, **options)
 

@@ -1,5 +1,6 @@
 """The page in a real browser: opened, dragged, searched, scrubbed, exported; on a desk and on a phone."""
 
+import io
 import time
 from collections.abc import Callable
 
@@ -9,6 +10,8 @@ import pytest
 from robosim.bench.live import pixel_of
 from robosim.building.building import BuildingConfig
 from robosim.live.lean import TOLD
+from robosim.live.link_model import LinkSettings
+from robosim.live.scenery import COVERED
 from tests.plans import room
 
 LONG_S = 300.0
@@ -181,16 +184,85 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     wait_for(lambda: float(sought.input_value()) > 0.5, "the film to go on")
 
 
-def test_it_can_be_used_on_a_phone(explored, window):
-    """All of the plan lies in the upper part of the window, beside nothing; the panel below it can be read."""
-    tab = window(explored.url, 390, 844)
+def sees_all(page, tab, right: float, bottom: float) -> bool:
+    """Whether all corners of the building, up to its walls' tops, lie left of and above some pixels."""
+    walls = page.radio.scenery
+    camera = camera_of(page, tab)
+    places = [
+        pixel_of(camera, np.array([x, y, z]))
+        for x in (walls.low[0], walls.high[0])
+        for y in (walls.low[1], walls.high[1])
+        for z in (0.0, walls.height_m)
+    ]
+    return all(0 < x < right and 0 < y < bottom for x, y in places)
+
+
+def test_all_of_the_plan_is_seen_beside_the_panel(explored, window):
+    """Though the panel takes its part of a wide window after the view was set; and again when the window is another."""
+    tab = window(explored.url, 1280, 720)
     tab.get_by_text("the strongest first").wait_for()
-    camera = camera_of(explored, tab)
-    for corner in ([0, 0, 0], [6.2, 0, 0], [6.2, 3, 0], [0, 3, 0]):
-        x, y = pixel_of(camera, np.array(corner, float))
-        assert 0 < x < 390 and 0 < y < 844 / 2
-    box = tab.get_by_text("floor shows").bounding_box()
-    assert box is not None and box["x"] >= 0 and box["y"] > 844 / 3
+    space = tab.locator("canvas[data-engine]")
+    for width, height in ((1280, 720), (1000, 720)):
+        tab.set_viewport_size({"width": width, "height": height})
+        wait_for(lambda width=width: space.bounding_box()["width"] < width - 300, "the panel")
+        wait_for(
+            lambda height=height: sees_all(explored, tab, space.bounding_box()["width"], height),
+            "all of the plan",
+        )
+        camera = camera_of(explored, tab)
+        walls = explored.radio.scenery
+        left = pixel_of(camera, np.array([walls.low[0], walls.low[1], walls.height_m]))[0]
+        assert left < 0.1 * space.bounding_box()["width"], "it is as large as it can be"
+
+
+def test_a_view_that_somebody_turned_stays_when_the_window_is_another(explored, window):
+    tab = window(explored.url)
+    tab.get_by_text("the strongest first").wait_for()
+    press(tab, "See it over the robot's shoulder")
+    clients = explored.server.get_clients().values()
+    wait_for(lambda: all(one.camera.position[2] < 2.5 for one in clients), "the eye at the robot's shoulder")
+    before = next(iter(clients)).camera.position
+    tab.set_viewport_size({"width": 1200, "height": 500})
+    wait_for(lambda: all(one.camera.image_height == 500 for one in clients), "another shape")
+    time.sleep(1.0)
+    assert next(iter(clients)).camera.position == pytest.approx(before, abs=1e-3)
+
+
+@pytest.mark.parametrize("deep_m", [3.0, 9.0])
+def test_it_can_be_used_on_a_phone(page, window, deep_m):
+    """All of a wide and of a deep plan lies above the panel, which is as wide as the window: no table is cut off."""
+    page.explore(room(6.2, deep_m), BuildingConfig(), LinkSettings())
+    tab = window(page.url, 390, 844)
+    tab.get_by_text("the strongest first").wait_for()
+    tab.get_by_text("of the strongest estimated path").wait_for()
+    box = tab.get_by_text("robosim live").first.bounding_box()
+    assert box is not None and box["x"] >= 0 and box["y"] > 844 * (1 - COVERED)
+    wait_for(lambda: sees_all(page, tab, 390, 844 * (1 - COVERED)), "all of the plan above the panel")
+    tables = tab.locator("div.wide")
+    assert tables.count() == 3
+    for k in range(3):
+        wide, content = tables.nth(k).evaluate("table => [table.clientWidth, table.scrollWidth]")
+        assert content <= wide
+
+
+def test_a_file_that_is_dropped_onto_the_page_is_opened(explored, window):
+    """A plan is shown; one that cannot be read is told in a line, and the page stays where it is."""
+    tab = window(explored.url)
+    tab.get_by_text("the strongest first").wait_for()
+    drop = """([name, content]) => {
+        const held = new DataTransfer();
+        held.items.add(new File([Uint8Array.from(content)], name));
+        for (const kind of ['dragenter', 'dragover', 'drop'])
+            document.querySelector('canvas[data-engine]').dispatchEvent(
+                new DragEvent(kind, {dataTransfer: held, bubbles: true, cancelable: true}));
+    }"""
+    tab.evaluate(drop, ["damaged.npy", list(b"nothing")])
+    tab.get_by_text("damaged.npy").wait_for()
+    content = io.BytesIO()
+    np.save(content, room(5.0, 4.0).occupancy)
+    tab.evaluate(drop, ["hall.npy", list(content.getvalue())])
+    wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
+    assert explored.radio.settle(LONG_S)
 
 
 def test_without_a_graphics_card_edges_are_not_smoothed_and_it_says_so(explored, window):

@@ -1,11 +1,12 @@
-"""Drawing that keeps up without a graphics card."""
+"""What goes before viser's client: drawing without a graphics card, phones, dropped files."""
 
 import gzip
 import http.client
 
 import pytest
 
-from robosim.live.lean import TOLD, lean
+from robosim.live.client import DROP, NARROW, before_client
+from robosim.live.lean import TOLD
 
 
 @pytest.mark.parametrize("coding", ["gzip", "identity"])
@@ -18,10 +19,10 @@ def test_the_page_is_served_with_the_script_before_the_clients(page, coding):
     connection.close()
     assert answer.status == 200 and int(answer.headers["Content-Length"]) == len(body)
     text = (gzip.decompress(body) if coding == "gzip" else body).decode()
-    assert 0 < text.index(TOLD) < text.index("<title>")
+    assert all(0 < text.index(part) < text.index("<title>") for part in (TOLD, NARROW, DROP))
     assert text.rstrip().endswith("</html>")
 
 
 def test_what_is_no_page_is_refused():
     with pytest.raises(ValueError, match="no <head>"):
-        lean("nothing")
+        before_client("nothing", "a part")
