@@ -21,7 +21,7 @@ from PIL import Image
 from playwright.sync_api import Page as Tab
 from playwright.sync_api import sync_playwright
 
-from robosim.bench.live import BROWSERS, SOFTWARE, pixel_of
+from robosim.bench.live import ALL_PIXELS, BROWSERS, SOFTWARE, pixel_of
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.live.link_model import LinkSettings
@@ -200,7 +200,7 @@ def main() -> None:
         chromium = driver.chromium.launch(executable_path=browser, args=list(SOFTWARE))
         tab = chromium.new_page(viewport={"width": WIDTH, "height": HEIGHT})
         tab.set_default_timeout(LONG_MS)
-        tab.goto(page.url)
+        tab.goto(page.url + ALL_PIXELS)
         tab.get_by_text("of the strongest estimated path").wait_for()
         tab.evaluate(POINTER)
         time.sleep(5.0)  # all that is sent at first

@@ -3,7 +3,8 @@
 A handle is moved some twenty times a second along a circle, as a browser tells of a drag, and each move is timed until
 its rays and its list of paths are handed to the network; one reader takes all that is sent. Where Playwright and
 Chromium are there, the same is timed in a browser: from the pointer's event to the change of the list, one move at a
-time. Without a graphics card a browser draws on the same cores, which is told beside the numbers.
+time, and to the end of the first frame that has the new rays, whose last pixel is waited for. Without a graphics card a
+browser draws on the same cores, which is told beside the numbers.
 
 A search's decisions are counted from the first to the last, in a process of its own, without a page and with one.
 """
@@ -38,14 +39,32 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 _EVERY_S, _RADIUS_M = 0.05, 1.0
 _SETTLE_S = 120.0
 #: Moves that are timed one by one in a browser, and the rest between them [s].
-_ALONE, _REST_S = 40, 0.4
+_ALONE, _REST_S = 40, 1.0
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-#: Tells when the pointer last moved, and when the text of the page changed after it.
+#: viser takes fewer pixels where drawing is slow; a place in its space is another one in the window then.
+ALL_PIXELS = "?fixedDpr=1"
+#: Tells when the pointer last moved, when the text of the page changed after it, and when the frame was drawn in which
+#: lines were handed to the graphics after that: rays are, anew at each move. Reading a pixel waits for the whole frame.
 _TIMER = """() => {
-  window.moved = 0; window.changed = 0;
-  window.addEventListener('pointermove', () => { window.moved = performance.now(); window.changed = 0; }, true);
+  window.moved = window.changed = window.drawn = 0;
+  window.addEventListener('pointermove', () => {
+    window.moved = performance.now(); window.changed = window.drawn = 0;
+  }, true);
   new MutationObserver(() => { if (window.moved && !window.changed) window.changed = performance.now(); })
     .observe(document.body, {subtree: true, childList: true, characterData: true});
+  const gl = document.querySelector('canvas[data-engine]').getContext('webgl2');
+  const hand = gl.bufferData, pixel = new Uint8Array(4);
+  let waits = false;
+  gl.bufferData = function (...given) {
+    if (window.changed && !window.drawn && !waits) {
+      waits = true;
+      queueMicrotask(() => {
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+        window.drawn = performance.now(); waits = false;
+      });
+    }
+    return hand.apply(this, given);
+  };
 }"""
 
 
@@ -189,16 +208,17 @@ def _in_browser(page: Page, settle: Callable[[float], bool]) -> list[tuple[str, 
     with sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=found, args=list(SOFTWARE))
         tab = browser.new_page(viewport={"width": 1280, "height": 720})
-        tab.goto(page.url)
+        tab.goto(page.url + ALL_PIXELS)
         tab.get_by_text("the strongest first").wait_for()
         settle(_SETTLE_S)
         time.sleep(5.0)  # all that is sent at first
-        delays = _timed_moves(page, tab)
+        listed, drawn = _timed_moves(page, tab)
         browser.close()
-    return [("drag in a browser that draws by software", delays)]
+    return [("drag in a browser that draws by software: list", listed), ("its rays drawn", drawn)]
 
 
-def _timed_moves(page: Page, tab: "Tab") -> Float[np.ndarray, " n"]:
+def _timed_moves(page: Page, tab: "Tab") -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+    """Seconds from the pointer's events to the new list, and to the new rays, of moves that were followed in time."""
     radio = page.radio
     assert radio is not None
     camera = list(page.server.get_clients().values())[-1].camera
@@ -207,15 +227,16 @@ def _timed_moves(page: Page, tab: "Tab") -> Float[np.ndarray, " n"]:
     tab.mouse.move(x, y)
     time.sleep(_REST_S)
     tab.mouse.down()
-    delays = []
+    listed, drawn = [], []
     for k in range(_ALONE):
         tab.mouse.move(x + 20 * math.sin(k), y + 15 * math.cos(k))
         time.sleep(_REST_S)
-        moved, changed = tab.evaluate("[window.moved, window.changed]")
-        if changed:
-            delays.append((changed - moved) / 1e3)
+        moved, changed, seen = tab.evaluate("[window.moved, window.changed, window.drawn]")
+        if changed and seen:
+            listed.append((changed - moved) / 1e3)
+            drawn.append((seen - moved) / 1e3)
     tab.mouse.up()
-    return np.array(delays)
+    return np.array(listed), np.array(drawn)
 
 
 def pixel_of(camera: Any, place: Float[np.ndarray, "3"]) -> tuple[float, float]:

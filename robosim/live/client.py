@@ -2,7 +2,7 @@
 
 On a phone viser's panel is narrower than the window and covers three fifths of it; here it is as wide as the window,
 so that tables fit, and leaves more of the space. A file that is dropped onto the page is handed to its button for
-files; a browser would leave the page for it else.
+files; a browser would leave the page for it else. A row of a table that names an option of a list takes it.
 """
 
 import gzip
@@ -10,11 +10,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from robosim.live.lean import SCRIPT as LEAN
-from robosim.live.scenery import COVERED
 
 if TYPE_CHECKING:
     from websockets.http11 import Response
 
+#: Share of a phone's height that the panel covers at most.
+COVERED = 0.54
 #: viser's panel at the lower border, told by what it asks for itself.
 _PANEL = 'div[style*="max-height: 60%"]'
 NARROW = f"""<style>@media (max-width: 36em) {{
@@ -31,6 +32,26 @@ DROP = """<script>(() => {
     taker.dispatchEvent(new Event('change', {bubbles: true}));
   });
 })();</script>"""
+#: Attributes of a row: the label of a list, and the option that a click takes there.
+LIST, OPTION = "data-list", "data-option"
+CHOOSE = f"""<style>tr[{OPTION}] {{cursor: pointer}} tr[{OPTION}]:hover {{background: #8883}}</style>
+<script>addEventListener('click', event => {{
+  const row = event.target.closest('tr[{OPTION}]');
+  if (!row) return;
+  const name = row.getAttribute('{LIST}'), labels = [...document.querySelectorAll('label')];
+  const label = labels.find(one => one.innerText.trim() === name);
+  const list = label && document.getElementById(label.htmlFor);
+  if (!list) return;
+  list.click();
+  const end = Date.now() + 3000;
+  const take = () => {{
+    const options = [...document.querySelectorAll('[role=option]')];
+    const wanted = options.find(one => one.innerText.trim() === row.getAttribute('{OPTION}'));
+    if (wanted) wanted.click();
+    else if (Date.now() < end) setTimeout(take, 30);
+  }};
+  take();
+}});</script>"""
 
 
 def before_client(page: str, *parts: str) -> str:
@@ -60,5 +81,5 @@ def served(response: "Response | None") -> "Response | None":
 @lru_cache(maxsize=2)
 def _served_body(body: bytes, zipped: bool) -> bytes:
     page = (gzip.decompress(body) if zipped else body).decode()
-    content = before_client(page, LEAN, NARROW, DROP).encode()
+    content = before_client(page, LEAN, NARROW, DROP, CHOOSE).encode()
     return gzip.compress(content, mtime=0) if zipped else content

@@ -1,6 +1,10 @@
 """A floor plan or mesh that somebody has put onto the page: one file, which needs none beside it."""
 
+import logging
 import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
@@ -14,8 +18,8 @@ ENDINGS = (*IMAGES, *MESHES, *OTHERS)
 MOST_BYTES = 50_000_000
 
 
-def plan_of(name: str, content: bytes, resolution_m: float) -> FloorPlan:
-    """The floor plan in a file's content.
+def plan_of(name: str, content: bytes, resolution_m: float) -> tuple[FloorPlan, str]:
+    """The floor plan in a file's content, and what its reader warns of, such as the axis that it took to point up.
 
     Args:
         name: What the file was called; its folder is left aside.
@@ -42,7 +46,28 @@ def plan_of(name: str, content: bytes, resolution_m: float) -> FloorPlan:
         path = Path(folder) / f"plan{ending}"
         path.write_bytes(content)
         try:
-            plan = read_plan(path, resolution_m=None if ending in (*MESHES, ".json") else resolution_m)
+            with _warnings() as warnings:
+                plan = read_plan(path, resolution_m=None if ending in (*MESHES, ".json") else resolution_m)
         except (ValueError, OSError) as error:
             raise MapError(str(error).replace(str(path), plain[:80])) from None
-    return replace(plan, name=PurePosixPath(plain).stem[:80])
+    return replace(plan, name=PurePosixPath(plain).stem[:80]), " ".join(warnings).replace(
+        str(path), plain[:80]
+    )
+
+
+@contextmanager
+def _warnings() -> Iterator[list[str]]:
+    """What readers of plans warn of in this thread meanwhile."""
+    told, thread = list[str](), threading.get_ident()
+
+    class Listener(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            if record.thread == thread:
+                told.append(record.getMessage())
+
+    listener, readers = Listener(logging.WARNING), logging.getLogger("robosim.plans")
+    readers.addHandler(listener)
+    try:
+        yield told
+    finally:
+        readers.removeHandler(listener)

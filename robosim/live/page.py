@@ -12,6 +12,7 @@ import numpy as np
 
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
+from robosim.live.client import COVERED
 from robosim.live.link_model import LinkModel, LinkSettings
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
@@ -45,6 +46,9 @@ class Mode:
 BEHIND_M, EYE_M = 2.2, 2.4
 #: A window is looked at anew when its width over its height has changed by more than this share.
 _OTHER_SHAPE = 0.02
+#: A space so narrow, by its height, is taken for a phone's, over which the panel lies. Its pixels tell nothing:
+#: viser takes fewer where drawing is slow, and phones have more of them.
+_PHONE = 0.6
 
 
 class Page:
@@ -72,7 +76,7 @@ class Page:
         #: How windows were turned to all of it: their shape then, and the eye's place [m].
         self._turned: dict[int, tuple[float, np.ndarray]] = {}
         self.server.on_client_connect(self._meet)
-        self.server.on_client_disconnect(lambda client: self._turned.pop(client.client_id, None))
+        self.server.on_client_disconnect(self._part)
         self._ended = threading.Event()
 
     def __enter__(self) -> "Page":
@@ -211,6 +215,10 @@ class Page:
         self._welcome(client)
         client.camera.on_update(lambda camera: self._fit(client))
 
+    def _part(self, client: Any) -> None:
+        """Forget a window that is closed."""
+        self._turned.pop(client.client_id, None)
+
     def _welcome(self, client: Any) -> None:
         """Have a window look at all of it, as wide as it is."""
         if self._sceneries:
@@ -246,7 +254,8 @@ def _look_from_above(client: Any, sceneries: list[Scenery]) -> tuple[float, np.n
     high = np.max([one.high + one.offset for one in sceneries], axis=0)
     height_m = max(one.height_m for one in sceneries)
     aspect = float(client.camera.aspect)
-    eye, target = view_from_above(low, high, aspect, height_m)
+    covered = COVERED if aspect < _PHONE else 0.0
+    eye, target = view_from_above(low, high, aspect, height_m, covered)
     _look(client, eye, target)
     return aspect, eye
 

@@ -110,9 +110,8 @@ class Player:
             self.clear()
             offset = 0.0
             for k, recording in enumerate(recordings):
-                view = SearchView(
-                    self._server, f"{self._root}/{k}", recording, (offset, 0.0), len(recordings) > 1
-                )
+                # The panel tells the rest, for which a phone's space has no room.
+                view = SearchView(self._server, f"{self._root}/{k}", recording, (offset, 0.0), brief=True)
                 view.scenery.show(self._visible)
                 self._views.append(view)
                 offset += 1.15 * float(view.scenery.size[0]) + 1.0
@@ -274,7 +273,8 @@ class Player:
                 self._at = min(self._at + passed_s * min(self.per_s, 4 * MOST_FPS), float(last))
                 self._following = self._running and self._at >= last
             i = int(self._at)
-            stamp = sum(len(view.recording) for view in self._views)
+            # That a search has ended is told too, though no decision came with it.
+            stamp = sum(len(view.recording) + bool(view.recording.ended) for view in self._views)
             if not self._visible or (i == self._shown and stamp == self._stamp):
                 return
             moments = [view.show(i, rays=self._rays.value) for view in self._views]

@@ -66,7 +66,7 @@ class RadioPanel:
         self._links: Latest[float] = Latest("link", self._trace, self._failed)
         self._ears: Latest[Paths] = Latest("receiver", self._listen, self._failed)
         self._floors: Latest[None] = Latest("field", self._colour_floor, self._failed)
-        self._opener: Latest[tuple[str, bytes, float]] = Latest("plan", self._open, self._failed)
+        self._opener: Latest[tuple[str, bytes, float]] = Latest("plan", self._open, self._not_opened)
         self._builder: Latest[LinkSettings] = Latest("building", self._rebuild, self._failed)
         self.refresh()
 
@@ -177,6 +177,7 @@ class RadioPanel:
     def _add_upload(self, gui: "viser.GuiApi") -> None:
         resolution = gui.add_number("metres a pixel, for pictures", 0.05, min=0.001, max=10.0, step=0.001)
         upload = gui.add_upload_button("Open a picture, a mesh, .json or .npy", mime_type=",".join(ENDINGS))
+        self._unread = gui.add_html("")
 
         @upload.on_upload
         def _(event: Any) -> None:
@@ -185,9 +186,12 @@ class RadioPanel:
 
     def _open(self, file: tuple[str, bytes, float]) -> None:
         """Go over to a plan that was put onto the page."""
+        self._unread.content = ""
         self._say("reading the plan ...", bad=False)
-        plan = plan_of(*file)
+        plan, warned = plan_of(*file)
         self.show_plan(LinkModel(plan, self._building, self._settings))
+        self._say(warned)
+        self._unread.content = self._status.content
 
     def _add_settings(self, gui: Any) -> None:
         s, t = self._settings, self._settings.tracer
@@ -268,6 +272,11 @@ class RadioPanel:
     def _failed(self, error: Exception) -> None:
         logger.debug("in the page: %s", error)
         self._say(" ".join(str(error).split()))
+
+    def _not_opened(self, error: Exception) -> None:
+        """Told beside the button too, from where the panel's head may be out of sight."""
+        self._failed(error)
+        self._unread.content = self._status.content
 
     def _say(self, text: str, *, bad: bool = True) -> None:
         """Tell something in the panel, such as what is wrong; nothing if nothing is."""

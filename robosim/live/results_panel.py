@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robosim.live.client import LIST, OPTION
 from robosim.live.latest import Latest, close_all
 from robosim.live.player import Player
 from robosim.live.results import (
@@ -25,6 +26,8 @@ ROOT = "/recorded"
 #: Rows of the table of an evaluation; the list to choose from has all.
 _ROWS = 40
 NOBODY = "nothing"
+#: Label of the list to choose from.
+EPISODE = "episode"
 
 
 class ResultsPanel:
@@ -71,7 +74,7 @@ class ResultsPanel:
         self._searches = {_label(one): one for one in searches}
         names = tuple(self._searches)
         gui.add_html(_table(searches))
-        first = gui.add_dropdown("episode", names, initial_value=names[0])
+        first = gui.add_dropdown(EPISODE, names, initial_value=names[0])
         other = gui.add_dropdown("beside it", (NOBODY, *names), initial_value=NOBODY)
         for control in (first, other):
             control.on_update(lambda event: self.choose(first.value, other.value))
@@ -102,10 +105,16 @@ def _table(searches: list[Searched]) -> str:
             row["plan"], row["task"], row["policy"], "yes" if row["arrived"] else "no", row["steps"], slower,
             f"{row['path_length_m']:.1f}", f"{row['shortest_m']:.1f}",
         ]  # fmt: skip
-        rows.append("<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>")
+        takes = f'{LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}"'
+        rows.append(f"<tr {takes}>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>")
     heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "way [m]", "shortest [m]")
     head = "".join(f"<th>{name}</th>" for name in heads)
     more = f"<br>{len(searches) - _ROWS} more in the list below" if len(searches) > _ROWS else ""
-    about = f"<b>{len(searches)} episodes</b>: failures first, then the slowest beside other policies on the same task"
+    about = (
+        f"<b>{len(searches)} episodes</b>: failures first, then the slowest beside other policies on the same task. "
+        "A click on one opens it."
+    )
     table = f"<table><tr>{head}</tr>{''.join(rows)}</table>"
-    return block(f'{about}<div class="wide" style="max-height:14em;overflow-y:auto">{table}</div>{more}')
+    return block(
+        f'{about}<div class="wide heads" style="max-height:14em;overflow-y:auto">{table}</div>{more}'
+    )

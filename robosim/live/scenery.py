@@ -149,15 +149,16 @@ def light(scene: "viser.SceneApi") -> None:
 
 
 def view_from_above(
-    low: np.ndarray, high: np.ndarray, aspect: float = 1.3, height_m: float = 0.0
+    low: np.ndarray, high: np.ndarray, aspect: float = 1.3, height_m: float = 0.0, covered: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Where the eye is to see all of a rectangle from above and a little from the south, and what it looks at [m].
 
     Args:
         low: South-west corner [m].
         high: North-east corner [m].
-        aspect: Width of the window over its height; below 1 its lower part is taken to be covered, as on a phone.
+        aspect: Width of the window over its height.
         height_m: Of what stands there.
+        covered: Share of the window's height, from below, that something lies over, 0 to 0.9.
     """
     gap = 0.12 * float(max(*(high - low), 1.0))  # for the scale bar
     corners = np.array([
@@ -170,7 +171,7 @@ def view_from_above(
     # Slopes of the lines of sight that bound what is free of the window, with a margin.
     half = math.tan(math.radians(FIELD_DEG) / 2)
     across = (-0.92 * half * aspect, 0.92 * half * aspect)
-    along = (-0.9 * half, 0.92 * half if aspect >= 1 else (1 - 2 * COVERED - 0.04) * half)
+    along = (-0.9 * half, (0.94 - 2 * covered) * half)
     (x, far_x), (y, far_y) = _between(to_right, deep, across), _between(down, deep, along)
     far = min(far_x, far_y)  # the nearest from where all is seen
     eye = axes.T @ np.array([x(far), y(far), far])
@@ -188,8 +189,6 @@ def _between(
     )
 
 
-#: Share of a narrow window's height that the panel covers at most; `client.py` has it so.
-COVERED = 0.54
 #: How far the eye leans to the south.
 TILT_RAD = math.radians(15.0)
 #: Vertical field of view of the page [degrees].

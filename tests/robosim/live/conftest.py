@@ -4,15 +4,21 @@ import ctypes
 import shutil
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from robosim.bench.live import ALL_PIXELS
 from robosim.building.building import BuildingConfig
 from robosim.camera.model import CameraConfig
 from robosim.episode import EpisodeConfig
+from robosim.evaluation.evaluate import evaluate
+from robosim.evaluation.suite import Suite, SuiteTask
 from robosim.live.link_model import LinkSettings
+from robosim.plans.files import write_ros
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from tests.plans import two_rooms
@@ -41,6 +47,28 @@ def recorded(quick, tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("recorded")
     record_episode(two_rooms(0.8), quick, folder, start=START, target=TARGET, video=False)
     return folder
+
+
+@pytest.fixture(scope="session")
+def evaluated(quick, tmp_path_factory) -> Path:
+    """Two tasks by two policies: the oracle arrives, `explore` stops when it is out of steps."""
+    folder = tmp_path_factory.mktemp("evaluated")
+    write_ros(two_rooms(0.8), folder / "pair.yaml")
+    tasks = tuple(
+        SuiteTask(
+            plan="pair",
+            number=k,
+            start=(0.7, 0.7, 0.0),
+            target=target,
+        )
+        for k, target in enumerate([(2.2, 0.7), (2.2, 1.5)])
+    )
+    suite = Suite(plans={"pair": folder / "pair.yaml"}, tasks=tasks, seed=0)
+    evaluate(
+        suite, folder / "out", config=replace(quick, max_steps=30), policies=("oracle", "visual"), repeats=1, workers=1,
+        console=Console(quiet=True),
+    )  # fmt: skip
+    return folder / "out"
 
 
 @pytest.fixture
@@ -94,7 +122,7 @@ def window(chromium) -> Iterator[Callable]:
         tab = context.new_page()
         tab.on("console", lambda message: errors.append(message.text) if message.type == "error" else None)
         tab.on("pageerror", lambda error: errors.append(str(error)))
-        tab.goto(url)
+        tab.goto(url if offline else url + ALL_PIXELS)
         return tab
 
     yield open_window

@@ -6,12 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import trimesh
 
 from robosim.bench.live import pixel_of
 from robosim.building.building import BuildingConfig
+from robosim.live.client import COVERED
 from robosim.live.lean import TOLD
 from robosim.live.link_model import LinkSettings
-from robosim.live.scenery import COVERED
+from robosim.live.results import read_searches
+from robosim.live.search_panel import BY_HAND_NAME
 from tests.plans import room
 
 LONG_S = 300.0
@@ -109,7 +112,11 @@ def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
     with tab.expect_file_chooser() as chosen:
         chooser.click()
     chosen.value.set_files(damaged)
-    tab.get_by_text("damaged.npy").wait_for()
+    told = tab.get_by_text("damaged.npy: ")
+    told.last.wait_for()
+    assert told.count() == 2, "at the panel's head, and beside the button"
+    button, line = chooser.bounding_box(), told.last.bounding_box()
+    assert 0 < line["y"] - button["y"] < 3 * button["height"]
     assert explored.radio.model.plan.name == "two rooms", "nothing is lost"
     np.save(tmp_path / "hall.npy", room(5.0, 4.0).occupancy)
     with tab.expect_file_chooser() as chosen:
@@ -117,6 +124,25 @@ def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
     chosen.value.set_files(tmp_path / "hall.npy")
     wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
     assert explored.radio.model.building.free.area == pytest.approx(20.0, abs=0.1)
+
+
+def test_what_a_reader_warns_of_is_told_in_the_page(explored, window, tmp_path):
+    """Walls without a floor may stand or lie: which axis was taken to point up is told, with the file's name."""
+    sides = [
+        ((6, 0.1, 2.5), (3, 0)),
+        ((6, 0.1, 2.5), (3, 4)),
+        ((0.1, 4, 2.5), (0, 2)),
+        ((0.1, 4, 2.5), (6, 2)),
+    ]
+    boxes = [trimesh.creation.box(size).apply_translation([*at, 1.25]) for size, at in sides]
+    trimesh.util.concatenate(boxes).export(tmp_path / "walls.stl")
+    tab = window(explored.url)
+    tab.get_by_text("Your own plan").click()
+    with tab.expect_file_chooser() as chosen:
+        tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy").click()
+    chosen.value.set_files(tmp_path / "walls.stl")
+    tab.get_by_text("walls.stl: the y axis is taken to point up").last.wait_for()
+    assert explored.radio.model.plan.name == "walls"
 
 
 def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, window):
@@ -134,6 +160,21 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
     assert searches.searches[0].trouble == "" and len(recording) == 12
     again = window(explored.url)
     again.get_by_text(recording.ended).wait_for()
+
+
+def test_a_search_that_is_ended_by_hand_says_so(explored, quick, window):
+    """Though no decision comes with its end: it waits for a key that nobody presses."""
+    searches = explored.search(quick, BuildingConfig())
+    tab = window(explored.url)
+    choose(tab, "show", "Search")
+    choose(tab, "policy", BY_HAND_NAME)
+    press(tab, "Start")
+    tab.get_by_text("floor seen").wait_for()
+    count = len(searches.searches[0].recording)
+    tab.keyboard.press("i")
+    wait_for(lambda: len(searches.searches[0].recording) > count, "the decision of the key")
+    press(tab, "End it")
+    tab.get_by_text("ended by you").wait_for()
 
 
 def test_start_and_target_are_set_by_clicks(explored, quick, window):
@@ -182,6 +223,24 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     file.get_by_text("anticipated obstacle").wait_for()
     sought = file.locator("input").first
     wait_for(lambda: float(sought.input_value()) > 0.5, "the film to go on")
+
+
+def test_each_row_of_an_evaluation_opens_its_episode(page, evaluated, window):
+    """The first, a failure if there is one, is open from the beginning; a click on a row opens that row's."""
+    searches = read_searches(evaluated)
+    page.look_back(evaluated)
+    tab = window(page.url)
+    rows = tab.locator("table").filter(has_text="x fastest").locator("tr")
+    wide, content = tab.locator("div.wide").first.evaluate("table => [table.clientWidth, table.scrollWidth]")
+    assert content <= wide, "all columns are seen"
+    for k in (1, len(searches), 2):
+        rows.nth(k).click()
+        row = searches[k - 1].row
+        tab.get_by_text(f"{row['policy']}, {row['plan']}, task {row['task']}", exact=True).wait_for()
+        assert rows.nth(k).inner_text().split() == [
+            str(row["plan"]), str(row["task"]), str(row["policy"]), "yes" if row["arrived"] else "no",
+            *rows.nth(k).inner_text().split()[4:],
+        ]  # fmt: skip
 
 
 def sees_all(page, tab, right: float, bottom: float) -> bool:
@@ -257,7 +316,7 @@ def test_a_file_that_is_dropped_onto_the_page_is_opened(explored, window):
                 new DragEvent(kind, {dataTransfer: held, bubbles: true, cancelable: true}));
     }"""
     tab.evaluate(drop, ["damaged.npy", list(b"nothing")])
-    tab.get_by_text("damaged.npy").wait_for()
+    tab.get_by_text("damaged.npy: ").first.wait_for()
     content = io.BytesIO()
     np.save(content, room(5.0, 4.0).occupancy)
     tab.evaluate(drop, ["hall.npy", list(content.getvalue())])

@@ -5,7 +5,7 @@ import http.client
 
 import pytest
 
-from robosim.live.client import DROP, NARROW, before_client
+from robosim.live.client import CHOOSE, DROP, NARROW, before_client
 from robosim.live.lean import TOLD
 
 
@@ -19,7 +19,7 @@ def test_the_page_is_served_with_the_script_before_the_clients(page, coding):
     connection.close()
     assert answer.status == 200 and int(answer.headers["Content-Length"]) == len(body)
     text = (gzip.decompress(body) if coding == "gzip" else body).decode()
-    assert all(0 < text.index(part) < text.index("<title>") for part in (TOLD, NARROW, DROP))
+    assert all(0 < text.index(part) < text.index("<title>") for part in (TOLD, NARROW, DROP, CHOOSE))
     assert text.rstrip().endswith("</html>")
 
 

@@ -17,15 +17,15 @@ def test_a_picture_is_a_plan_of_its_name():
     picture[5:25, 5:45] = 255
     buffer = io.BytesIO()
     Image.fromarray(picture).save(buffer, "png")
-    plan = plan_of("C:\\homes\\my home.png", buffer.getvalue(), 0.1)
-    assert plan.name == "my home"
+    plan, warned = plan_of("C:\\homes\\my home.png", buffer.getvalue(), 0.1)
+    assert (plan.name, warned) == ("my home", "")
     assert plan.free.sum() * plan.resolution_m**2 == pytest.approx(8.0)
 
 
 def test_a_mesh_is_a_plan():
     room = trimesh.creation.box(bounds=[[0, 0, 0], [4, 3, 2.5]])
     room.invert()
-    plan = plan_of("room.stl", room.export(file_type="stl"), 0.3)
+    plan, _ = plan_of("room.stl", room.export(file_type="stl"), 0.3)
     assert plan.free.sum() * plan.resolution_m**2 == pytest.approx(12.0, abs=0.7)
 
 

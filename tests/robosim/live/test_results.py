@@ -2,19 +2,13 @@
 
 import json
 import shutil
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from robosim.evaluation.evaluate import evaluate
-from robosim.evaluation.suite import Suite, SuiteTask
 from robosim.live.results import check_results, read_recording, read_searches, recording_of
-from robosim.plans.files import write_ros
 from robosim.recording.decision_log import read_decisions
 from robosim.support.reading import FileError
-from tests.plans import two_rooms
 
 
 def test_a_recording_is_the_episode_from_its_log_alone(recorded, tmp_path):
@@ -51,28 +45,6 @@ def test_a_damaged_log_is_one_line_with_its_name(recorded, tmp_path):
 def test_a_folder_of_something_else_is_refused(tmp_path):
     with pytest.raises(ValueError, match="neither an episode"):
         check_results(tmp_path)
-
-
-@pytest.fixture(scope="module")
-def evaluated(quick, tmp_path_factory):
-    """Two tasks by two policies: the oracle arrives, `explore` stops when it is out of steps."""
-    folder = tmp_path_factory.mktemp("evaluated")
-    write_ros(two_rooms(0.8), folder / "pair.yaml")
-    tasks = tuple(
-        SuiteTask(
-            plan="pair",
-            number=k,
-            start=(0.7, 0.7, 0.0),
-            target=target,
-        )
-        for k, target in enumerate([(2.2, 0.7), (2.2, 1.5)])
-    )
-    suite = Suite(plans={"pair": folder / "pair.yaml"}, tasks=tasks, seed=0)
-    evaluate(
-        suite, folder / "out", config=replace(quick, max_steps=30), policies=("oracle", "visual"), repeats=1, workers=1,
-        console=Console(quiet=True),
-    )  # fmt: skip
-    return folder / "out"
 
 
 def test_episodes_of_an_evaluation_begin_with_failures_and_the_slowest(evaluated):
