@@ -30,6 +30,18 @@ MOST_MOMENTS = 120
 PER_S = 6.0
 #: Width of the camera's picture beside the plan, over the plan's.
 _PICTURE = 0.3
+#: Shape of the window that the view is chosen for.
+_ASPECT = 1.3
+#: A narrower window, as a phone's, shows as much from left to right; viser asks the address for the field [rad].
+_NARROW = f"""<script>(() => {{
+  const narrow = {_ASPECT} * innerHeight / innerWidth, get = URLSearchParams.prototype.get;
+  if (narrow <= 1) return;
+  const field = 2 * Math.atan(narrow * Math.tan({np.radians(FIELD_DEG) / 2}));
+  URLSearchParams.prototype.get = function (name) {{
+    const asked = get.call(this, name);
+    return asked === null && name === 'initialCameraFov' ? String(field) : asked;
+  }};
+}})();</script>"""
 _STYLE = (
     "position:fixed;left:8px;top:8px;max-width:min(26em,calc(100vw - 16px));background:rgba(255,255,255,.88);"
     "border-radius:6px;padding:6px 4px;z-index:5;font:13px/1.35 system-ui,sans-serif;color:#222"
@@ -94,7 +106,7 @@ def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most
             if moment is not None and picture is not None:
                 picture.image = moment.snapshot.rgb
         serializer.insert_sleep(1 / per_s)
-    return before_client(serializer.as_html(), LEAN)
+    return before_client(serializer.as_html(), LEAN, _NARROW)
 
 
 def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float) -> Any:
@@ -117,7 +129,7 @@ def _look(server: "viser.ViserServer", views: Sequence[SearchView], beside: floa
     low = np.min([view.scenery.low + view.scenery.offset for view in views], axis=0)
     high = np.max([view.scenery.high + view.scenery.offset for view in views], axis=0)
     height_m = max(view.scenery.height_m for view in views)
-    eye, target = view_from_above(low, high + np.array([beside, 0.0]), height_m=height_m)
+    eye, target = view_from_above(low, high + np.array([beside, 0.0]), _ASPECT, height_m)
     camera = server.initial_camera
     camera.position, camera.look_at = tuple(eye), tuple(target)
     camera.up, camera.fov = (0.0, 0.0, 1.0), float(np.radians(FIELD_DEG))

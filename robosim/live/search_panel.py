@@ -213,6 +213,7 @@ class SearchPanel:
     def _end(self) -> None:
         ended, self.searches = self.searches, []
         for search in ended:
-            search.close()
+            # Before its process is gone, or it would take it for an end from outside.
             if search.recording is not None and not search.recording.ended:
                 search.recording.ended = "ended by you"
+            search.close()

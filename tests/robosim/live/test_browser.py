@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from robosim.bench.live import pixel_of
 from robosim.building.building import BuildingConfig
@@ -202,6 +203,12 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
     assert pose[2] == pytest.approx(np.arctan2(1.0, 4.0), abs=0.03), "it looks to the target"
 
 
+def middle_of(tab) -> np.ndarray:
+    """Brightness of what a window shows, between a third and two thirds of its height: rows by columns, 0 to 255."""
+    picture = np.array(Image.open(io.BytesIO(tab.screenshot())).convert("L"))
+    return picture[len(picture) // 3 : 2 * len(picture) // 3]
+
+
 def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     """Its last decision is asked for by the slider's number; the file that is saved plays without a network."""
     page.look_back(recorded)
@@ -223,6 +230,11 @@ def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
     file.get_by_text("anticipated obstacle").wait_for()
     sought = file.locator("input").first
     wait_for(lambda: float(sought.input_value()) > 0.5, "the film to go on")
+    file.set_viewport_size({"width": 390, "height": 844})
+    file.reload()
+    file.locator("canvas").first.wait_for()
+    wait_for(lambda: (middle_of(file)[:, 8:-8] < 128).any(), "the walls on a phone")
+    assert (middle_of(file)[:, [*range(4), *range(-4, 0)]] > 250).all(), "nothing is cut off at its sides"
 
 
 def test_each_row_of_an_evaluation_opens_its_episode(page, evaluated, window):
