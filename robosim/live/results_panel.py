@@ -107,7 +107,7 @@ def _table(searches: list[Searched]) -> str:
         ]  # fmt: skip
         takes = f'{LIST}="{EPISODE}" {OPTION}="{escape(_label(one))}"'
         rows.append(f"<tr {takes}>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in cells) + "</tr>")
-    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "way [m]", "shortest [m]")
+    heads = ("plan", "task", "policy", "arrived", "steps", "x fastest", "way [m]", "least [m]")
     head = "".join(f"<th>{name}</th>" for name in heads)
     more = f"<br>{len(searches) - _ROWS} more in the list below" if len(searches) > _ROWS else ""
     about = (

@@ -41,7 +41,7 @@ _STYLE = (
     ".rs .dot{display:inline-block;width:.75em;height:.75em;border-radius:50%;margin:0 .4em 0 0;vertical-align:-.05em}"
     ".rs .item{display:inline-block;margin-right:1em;white-space:nowrap}"
     ".rs .scale{height:.8em;margin:.2em 0 0}.rs .ends{display:flex;justify-content:space-between}"
-    ".rs .heads th{white-space:normal;vertical-align:bottom}"
+    ".rs .heads th{white-space:normal;vertical-align:bottom}.rs .heads th,.rs .heads td{padding:1px 2px}"
     ".rs .wide{overflow-x:auto}.rs b{font-weight:600}</style>"
 )
 

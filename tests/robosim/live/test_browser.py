@@ -204,9 +204,9 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
 
 
 def middle_of(tab) -> np.ndarray:
-    """Brightness of what a window shows, between a third and two thirds of its height: rows by columns, 0 to 255."""
+    """Brightness of the middle of a window, below the plan's title: rows by columns, 0 to 255."""
     picture = np.array(Image.open(io.BytesIO(tab.screenshot())).convert("L"))
-    return picture[len(picture) // 3 : 2 * len(picture) // 3]
+    return picture[int(0.44 * len(picture)) : int(0.66 * len(picture))]
 
 
 def test_an_episode_is_scrubbed_and_exported(page, recorded, window, tmp_path):
