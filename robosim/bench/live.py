@@ -38,8 +38,8 @@ BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stab
 #: As a browser tells of a drag [s]; radius of the circle that is dragged along [m].
 _EVERY_S, _RADIUS_M = 0.05, 1.0
 _SETTLE_S = 120.0
-#: Moves that are timed one by one in a browser, and the rest between them [s].
-_ALONE, _REST_S = 40, 1.0
+#: Moves that are timed one by one in a browser, the rest after them [s], and how many rests a slow one is given.
+_ALONE, _REST_S, _MOST_RESTS = 40, 1.0, 5
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 #: viser takes fewer pixels where drawing is slow; a place in its space is another one in the window then.
 ALL_PIXELS = "?fixedDpr=1"
@@ -230,8 +230,13 @@ def _timed_moves(page: Page, tab: "Tab") -> tuple[Float[np.ndarray, " n"], Float
     listed, drawn = [], []
     for k in range(_ALONE):
         tab.mouse.move(x + 20 * math.sin(k), y + 15 * math.cos(k))
-        time.sleep(_REST_S)
-        moved, changed, seen = tab.evaluate("[window.moved, window.changed, window.drawn]")
+        moved = changed = seen = 0.0
+        # Slow ones are waited for, or the slowest would be left out.
+        for _ in range(_MOST_RESTS):
+            time.sleep(_REST_S)
+            moved, changed, seen = tab.evaluate("[window.moved, window.changed, window.drawn]")
+            if changed and seen:
+                break
         if changed and seen:
             listed.append((changed - moved) / 1e3)
             drawn.append((seen - moved) / 1e3)
