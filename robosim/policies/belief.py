@@ -121,19 +121,24 @@ class TargetBelief:
         self.centres = _centres(self.frame)
         self._last: np.ndarray | None = None
         self._survey: Survey | None = None
+        #: What follows from all that is taken in, until more is: it is asked for several times in a decision.
+        self._probability: np.ndarray | None = None
 
     def probability(self) -> Float32[np.ndarray, "ny nx"]:
-        """Of each cell to hold the target; they add up to 1."""
-        log = self._prior + self._log + self._located
-        p = np.exp(log - log.max())
-        return p / p.sum()
+        """Of each cell to hold the target; they add up to 1. Not to be written to."""
+        if self._probability is None:
+            log = self._prior + self._log + self._located
+            p = np.exp(log - log.max())
+            self._probability = p / p.sum()
+            self._probability.flags.writeable = False
+        return self._probability
 
     def locate(self, found: Transmitter) -> None:
         """Take in where the mapper's graph puts the target, in place of what was taken in before.
 
         Its directions from many poses, weighed together with the poses' own errors, say more than each of them does.
         """
-        c = self.config
+        c, self._probability = self.config, None
         covariance = _TOLD * found.covariance + c.cell_m**2 / 12 * np.eye(2)
         off = self.centres - found.xy
         square = np.einsum("yxi,ij,yxj->yx", off, np.linalg.inv(covariance), off, optimize=True)
@@ -146,7 +151,7 @@ class TargetBelief:
         c, place = self.config, measurement.pose[:2]
         if self._last is not None and math.hypot(*(place - self._last)) < c.apart_m:
             return False
-        self._last = place.copy()
+        self._last, self._probability = place.copy(), None
         self._make_room(_ends(measurement, c))
         survey = self.survey(estimate)
         surely, _ = in_sight(survey.known, place, self.frame, c.half_side_m)
@@ -237,6 +242,7 @@ class TargetBelief:
         """The target was looked for at a place, and not found."""
         near = np.hypot(*(self.centres - place).transpose(2, 0, 1)) <= radius_m
         self._log[near] -= np.float32(strength)
+        self._probability = None
 
     def peak(self, radius_m: float = 0.5) -> tuple[Float[np.ndarray, "2"], float]:
         """The place with the most probability around it [m], and how much that is."""

@@ -67,7 +67,8 @@ def leads(
     time = march(np.where(shut, 0.0, 1.0), (iy, ix), part.resolution_m)
     out, back = (np.zeros((*part.shape, 2), np.float32) for _ in range(2))
     entry = np.where(share_of(estimate.explored, estimate, part) < _SEEN, np.int32(0), np.int32(-1))
-    reached = np.argsort(time, axis=None, kind="stable")[: np.count_nonzero(np.isfinite(time))]
+    reached = np.flatnonzero(np.isfinite(time))
+    reached = reached[np.argsort(time.ravel()[reached], kind="stable")]
     _hand_on(time, reached, iy, ix, part.resolution_m, out, back, entry)
     _fill_beside(time, reached, out, back)
     entry[~np.isfinite(time)] = -1

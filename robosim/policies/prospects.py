@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Float32
+from jaxtyping import Float, Float32, Int
 
 from robosim.policies.leads import Leads
 from slam.actions import FORWARD_M, TURN_RAD
@@ -71,7 +71,7 @@ def prospects(
     beyond = [one for one in frontiers if math.hypot(*(one.near_xy - here)) > AT_FEET_M]
     far = sorted(beyond, key=lambda one: one.cost_m)[:most]
     unseen = way.entry >= 0
-    entries, inverse = np.unique(way.entry[unseen], return_inverse=True)
+    entries, inverse = _numbered(way.entry[unseen], way.entry.size)
     rows, columns = np.divmod(entries, way.entry.shape[1])
     places = frame.to_points(np.column_stack([columns + way.columns.start, rows + way.rows.start]) + 0.5)
     mass = probability[way.rows, way.columns][unseen]
@@ -94,6 +94,15 @@ def prospects(
             for f, turn, share in zip(far, turns, behind, strict=True)
         ]
     return found
+
+
+def _numbered(cells: Int[np.ndarray, " n"], size: int) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " n"]]:
+    """Which cells of a grid of some size there are, rising, and the place of each among them."""
+    number = np.zeros(size, np.int64)
+    number[cells] = 1
+    there = np.flatnonzero(number)
+    number[there] = np.arange(len(there))
+    return there, number[cells]
 
 
 def _ahead(

@@ -177,12 +177,11 @@ def _triangles(solid: shapely.Geometry, walls: Float[np.ndarray, "n 2 2"]) -> li
         return []
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(solid))
     corners = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
-    sides = {}  # the triangulation keeps the solid's vertices bit for bit
-    for triangle in corners:
-        for start, end in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
-            sides[(*start, *end)] = triangle
-    found = {id(t): t for a, b in walls if (t := sides[(*b, *a)]) is not None}
-    return list(found.values())
+    ends = np.concatenate([corners, np.roll(corners, -1, axis=1)], axis=2)
+    # The triangulation keeps the solid's vertices bit for bit.
+    owner = {tuple(side): i for i, three in enumerate(ends.tolist()) for side in three}
+    found = dict.fromkeys(owner[(*b, *a)] for a, b in walls.tolist())
+    return [corners[i] for i in found]
 
 
 def _corners(boxes: Float[np.ndarray, "n 5"]) -> Float[np.ndarray, "n 4 2"]:

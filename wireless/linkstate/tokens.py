@@ -82,6 +82,7 @@ def _sorted(tokens: Float[np.ndarray, "n paths 5"]) -> Float[np.ndarray, "n plac
             -np.nan_to_num(tokens[..., SNR], nan=-np.inf),
         )
     )
-    tokens = np.take_along_axis(tokens, order[..., None], axis=1)
-    short = max(N_PATHS - tokens.shape[1], 0)
-    return np.pad(tokens, ((0, 0), (0, short), (0, 0)), constant_values=np.nan)
+    n, paths, columns = tokens.shape
+    places = np.full((n, max(N_PATHS, paths), columns), np.nan)
+    places[:, :paths] = tokens[np.arange(n)[:, None], order]
+    return places
