@@ -4,10 +4,11 @@ It has learned in invented homes, first from a guide that knows the way, then fr
 (`robosim.training.search`). Actions are drawn by the third power of their probabilities, likely ones more often than in
 training, so that the robot turns to and fro less; one that always took the likeliest could stand before two doors for
 ever. The draws are the same in every search, so that one seed gives one episode. What it has learned does not always
-lead on: where the robot stays in one place, `fused` takes over for good, with the map that was made all along. Actions
-that end at something which this map shows are not drawn.
+lead on: where the robot stays in one place, or drives round without seeing anything new, `fused` takes over for good,
+with the map that was made all along. Actions that end at something which this map shows are not drawn.
 """
 
+from collections import deque
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from robosim.policies.situation import Situation
 from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
 from slam.control.guard import Guard
+from slam.grid import MapEstimate
 from slam.poses import to_map
 
 #: Seed of what is drawn.
@@ -32,6 +34,8 @@ _SEED = 28
 _POWER = 3.0
 #: The robot gets no further if it was so near to one place [m] for so many decisions.
 _DWELL_M, _DWELL_STEPS = 0.5, 40
+#: Nor if it has seen less new floor than this [m2] in so many decisions: it drives round.
+_NEW_M2, _NEW_STEPS = 1.0, 100
 #: How far ahead the goal is drawn [m].
 _AHEAD_M = 0.5
 #: Where the robot looks after an action.
@@ -48,6 +52,7 @@ class Learned:
         self._network, self._senses, self._memory = network, SearchSenses(), no_memory()
         self._rng = np.random.default_rng(_SEED)
         self._dwelling = Dwelling(_DWELL_STEPS, _DWELL_M)
+        self._seen_m2: deque[float] = deque(maxlen=_NEW_STEPS)
         self._action: Action | None = None
         self._fused, self._taken_over = fused, False
         self._guard = guard
@@ -70,7 +75,7 @@ class Learned:
             ValueError: If the robot has no radio or no camera.
         """
         pose = situation.estimate.pose
-        self._taken_over |= self._dwelling.at(pose[:2])
+        self._taken_over |= self._gets_no_further(situation.estimate)
         if self._taken_over:
             self._action = None
             return self._fused.goal(situation)
@@ -95,6 +100,13 @@ class Learned:
         self._action = Action(int(drawn_actions(_POWER * scores[None], self._rng)[0]))
         turn = _TURNS[self._action]
         return to_map(pose, _AHEAD_M * np.array([np.cos(turn), np.sin(turn)]))
+
+    def _gets_no_further(self, estimate: MapEstimate) -> bool:
+        """Whether the robot stays in one place, or drives round what it knows."""
+        seen_m2 = float(estimate.explored.sum()) * estimate.frame.resolution_m**2
+        drives_round = len(self._seen_m2) == _NEW_STEPS and seen_m2 - self._seen_m2[0] < _NEW_M2
+        self._seen_m2.append(seen_m2)
+        return self._dwelling.at(estimate.pose[:2]) or drives_round
 
     def action(self) -> Action | None:
         """What it chose with its last goal; None once `fused` has taken over."""

@@ -1,5 +1,7 @@
 """The learned search: what happens where the network leads nowhere."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from robosim.building.building import make_building
@@ -10,37 +12,70 @@ from robosim.policies.goals import PolicyContext
 from robosim.policies.learned import Learned
 from robosim.policies.search_network import SearchNetwork, initial_weights
 from robosim.simulator import SimulatorConfig
+from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import Action
 from slam.control.guard import Guard
 from tests.plans import two_rooms
 
 
-def _turning(context: PolicyContext) -> Learned:
-    """By a network that turns to the left for ever."""
+def _biased(*actions: Action) -> Callable[[PolicyContext], Learned]:
+    """By a network that draws some actions alike for ever, whatever is sensed."""
     weights = initial_weights(np.random.default_rng(0))
-    weights["action.bias"][Action.LEFT] = 30
-    return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
+    weights["action.weight"][:] = 0
+    weights["action.bias"][list(actions)] = 30
+
+    def policy(context: PolicyContext) -> Learned:
+        return Learned(SearchNetwork(weights), Fused(context.explorer, context.fused), Guard(context.control))
+
+    return policy
 
 
-def test_fused_takes_over_where_the_network_stays_in_one_place():
-    """After 40 decisions on the spot, for good, and arrives; until then all actions are the network's."""
+def _search(policy, max_steps: int, look) -> EpisodeLog:
+    """From one room to another."""
     building = make_building(two_rooms(0.8))
     places = reach(building, 0.1)
     task = make_task(
         places, np.random.default_rng(0), start=np.array([0.7, 0.7, 0.0]), target=np.array([5.4, 2.3])
     )
     config = EpisodeConfig(
-        goal=_turning, mapper="classical", seed=1, max_steps=400,
+        goal=policy, mapper="classical", seed=1, max_steps=max_steps,
         simulator=SimulatorConfig(physics="kinematic", camera="embree"),
     )  # fmt: skip
+    return run_episode(building, places, task, config, look)[0]
+
+
+def test_fused_takes_over_where_the_network_stays_in_one_place():
+    """After 40 decisions on the spot, for good, and arrives; until then all actions are the network's."""
     actions, beliefs = [], []
 
     def look(_, decision) -> None:
         actions.append(decision.action)
         beliefs.append(decision.belief is not None)
 
-    log, _ = run_episode(building, places, task, config, look)
+    log = _search(_biased(Action.LEFT), 400, look)
     assert log.ended == "arrived"
     assert actions[:39] == [Action.LEFT] * 39 and Action.FORWARD in actions[39:]
     assert not any(beliefs[:39]) and all(beliefs[39:])
+
+
+def test_fused_takes_over_where_the_network_drives_round_what_it_has_seen():
+    """In the first decision that has seen less than 1 m2 more than 100 decisions before, and on the spot it was not.
+
+    Steps and turns to the left alike lead round circles of more than a metre.
+    """
+    seen_m2, beliefs, places = [], [], []
+
+    def look(_, decision) -> None:
+        frame = decision.estimate.frame
+        seen_m2.append(decision.estimate.explored.sum() * frame.resolution_m**2)
+        beliefs.append(decision.belief is not None)
+        places.append(decision.estimate.pose[:2].copy())
+
+    _search(_biased(Action.LEFT, Action.FORWARD), 300, look)
+    first = beliefs.index(True)
+    grown = np.array(seen_m2[100:]) - seen_m2[:-100]
+    assert first == 100 + int(np.argmax(grown < 1.0))
+    assert not any(beliefs[:first]) and all(beliefs[first:])
+    lately = np.array(places[first - 39 : first + 1])
+    assert (np.hypot(*(lately - lately[-1]).T) > 0.5).any()
