@@ -1,12 +1,14 @@
 """A wall's layers from a YAML file, for whoever has walls that are in no table.
 
-name: insulated
-layers:                  # from face to face, the same from both sides
-- {material: plasterboard, thickness_m: 0.013}
-- {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}
-- {material: plasterboard, thickness_m: 0.013}
-scattering: 0.3          # coefficient S of its faces, if the tracer scatters
-lobe: 4                  # exponent of the scattered lobe
+    name: insulated
+    layers:                  # from face to face, the same from both sides
+      - {material: plasterboard, thickness_m: 0.013}
+      - {relative_permittivity: 1.2, conductivity_spm: 0.01, thickness_m: 0.06}
+      - {material: plasterboard, thickness_m: 0.013}
+    scattering: 0.3          # coefficient S of its faces, if the tracer scatters
+    lobe: 4                  # exponent of the scattered lobe
+
+Only `layers` are needed.
 """
 
 from collections.abc import Mapping

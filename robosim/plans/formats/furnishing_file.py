@@ -1,18 +1,20 @@
 """What is placed in a building, as a YAML file: a list of pieces of furniture and of meshes, each at its place.
 
-- piece: table              # one of robosim.plans.furnishings.pieces.PIECES, and any of its sizes
-width_m: 1.6
-at: [2.0, 1.5]            # x, y of its middle [m], in the frame of the plan
-yaw_deg: 90               # counter-clockwise
-- mesh: chair.stl           # STL, OBJ, PLY, GLB, GLTF or OFF; relative to this file
-unit_m: 0.001             # of its coordinates; metres if not given
-up: z                     # y for GLB and GLTF if not given, z for others
-origin: middle            # of the mesh: the middle of its lowest level, or "own"
-at: [3.1, 1.5]
-z_m: 0.0                  # its lowest point above the floor
-material: plywood         # radio material: a name, or a file of layers relative to this file
-colour: [120, 90, 60]
-name: chair by the window
+    - piece: table              # one of robosim.plans.furnishings.pieces.PIECES, and any of its sizes
+      width_m: 1.6
+      at: [2.0, 1.5]            # x, y of its middle [m], in the frame of the plan
+      yaw_deg: 90               # counter-clockwise
+    - mesh: chair.stl           # STL, OBJ, PLY, GLB, GLTF or OFF; relative to this file
+      unit_m: 0.001             # of its coordinates; metres if not given
+      up: z                     # y for GLB and GLTF if not given, z for others
+      origin: middle            # of the mesh: the middle of its lowest level, or "own"
+      at: [3.1, 1.5]
+      z_m: 0.0                  # its lowest point above the floor
+      material: plywood         # radio material: a name, or a file of layers relative to this file
+      colour: [120, 90, 60]
+      name: chair by the window
+
+Only `piece` or `mesh`, and `at`, are needed.
 """
 
 from collections.abc import Mapping, Sequence
