@@ -204,9 +204,6 @@ def main() -> None:
         tab.get_by_text("of the strongest estimated path").wait_for()
         tab.evaluate(POINTER)
         time.sleep(5.0)  # all that is sent at first
-        for told in tab.locator(".mantine-Notification-closeButton").all():
-            told.click()  # that there is no graphics card
-        time.sleep(2.0)
         film = Film(tab)
         drag(page, film, options.drag)
         if options.picture:
