@@ -49,6 +49,7 @@ from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Listener
+from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Plan
 from slam.planning.rounds import Remedy, Rounds
 from wireless.paths import Paths
@@ -155,12 +156,11 @@ def check_weights(config: EpisodeConfig) -> None:
 def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:
     """Who chooses the goals; without a camera nothing was seen to be empty."""
     looks = config.simulator.camera != "none"
-    control, fused = control_of(config.simulator), config.fused
-    fused = replace(
-        fused,
-        cost=replace(fused.cost, radius_m=control.radius_m),
-        uses_camera=fused.uses_camera and looks,
-    )
+    control, fused, cost = control_of(config.simulator), config.fused, config.fused.cost
+    # One that was set on purpose counts; else it is the robot's own.
+    if cost.radius_m == CostConfig.radius_m:
+        cost = replace(cost, radius_m=control.radius_m)
+    fused = replace(fused, cost=cost, uses_camera=fused.uses_camera and looks)
     context = PolicyContext(explorer=navigator.explorer, fused=fused, control=control, target=target)
     return make_policy(config.goal, context)
 

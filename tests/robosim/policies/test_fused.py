@@ -5,13 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from robosim.episode import EpisodeConfig, check_weights
 from robosim.navigation import make_navigator
-from robosim.policies.fused import Fused
+from robosim.policies.fused import Fused, FusedConfig
+from robosim.policies.goals import PolicyContext
 from robosim.policies.situation import Situation
 from robosim.radio.measurement import Measurement
+from robosim.robot.robots import RobotConfig
 from robosim.simulator import SimulatorConfig
 from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
+from slam.planning.cost_map import CostConfig
 from tests.robosim.policies.test_belief import FRIIS_1M_DB, estimate, measurement, to, wall
 from wireless.paths import LinkState
 
@@ -86,3 +90,26 @@ def test_a_place_of_the_graph_that_turns_out_empty_is_let_go(fused):
 def test_a_free_wave_of_a_metre_has_the_power_that_these_tests_take_it_to_have():
     """61.4 dB at 28 GHz (Friis)."""
     assert pytest.approx(-61.4, abs=0.05) == FRIIS_1M_DB
+
+
+@pytest.mark.parametrize(("said_m", "counts_m"), [(None, 0.3), (0.2, 0.2)])
+def test_ways_are_rated_for_the_hull_of_the_robot_unless_another_is_said(said_m, counts_m):
+    """A robot of 0.3 m radius; where ways were rated for 0.1 m, it was sent through gaps that it does not fit."""
+    told = []
+
+    def policy(context: PolicyContext) -> Fused:
+        told.append((context.fused.cost.radius_m, context.control.radius_m))
+        return Fused(context.explorer, context.fused)
+
+    cost = CostConfig() if said_m is None else CostConfig(radius_m=said_m)
+    robot = RobotConfig(radius_m=0.3)
+    check_weights(
+        EpisodeConfig(
+            goal=policy,
+            mapper="classical",
+            explorer="gain",
+            simulator=SimulatorConfig(robot=robot),
+            fused=FusedConfig(cost=cost),
+        )
+    )
+    assert told == [(counts_m, 0.3)]
