@@ -76,6 +76,8 @@ def _first(
         sigma_log_range=float(_LOG_RANGE[beside]),
         shared_log_range=_SHARED_LOG_RANGE,
         direct=direct,
+        apart_rad=_BESIDE_RAD,
+        apart_m=_BESIDE_SAMPLES * speed_of_light * radio.sounding.sample_s,
         place_xy=place_xy,
     )
 

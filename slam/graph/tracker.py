@@ -14,12 +14,13 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
+from slam.graph.alongside import image_beside_rad
 from slam.graph.landmarks import Landmarks, Transmitter
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
 from slam.graph.submaps import (
@@ -124,6 +125,8 @@ _RECENT = 4
 #: How much a squared departure from the prediction, in variances, counts against a pose that was searched for, beside
 #: parts of the scan from 0 to 1.
 _OF_PRIOR = 0.03
+#: Standard deviation of a bearing by what mirror images beside it do to it, as a part of how far aside they appear.
+_PULLED = 0.5
 #: Submaps farther away are not matched to [m].
 _AROUND_M = 25.0
 
@@ -214,7 +217,14 @@ class Tracker:
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
         if self.config.radio:
-            self.landmarks.see(self.graph, self._here, self._spread + self._drift(), bearings)
+            told = [self._beside_walls(one) for one in bearings]
+            self.landmarks.see(self.graph, self._here, self._spread + self._drift(), told)
+
+    def _beside_walls(self, bearing: Bearing) -> Bearing:
+        """A bearing that is as uncertain as walls along it make it."""
+        points, normals, _ = self._around.fine.planes()
+        pulled_rad = _PULLED * image_beside_rad(bearing, self.pose, points, normals)
+        return replace(bearing, sigma_rad=min(math.hypot(bearing.sigma_rad, pulled_rad), math.pi))
 
     def _drift(self) -> Float[np.ndarray, "3 3"]:
         """How far poses have drifted since the submap was begun, beyond what matches tell: a covariance."""

@@ -40,6 +40,10 @@ class Bearing:
     shared_log_range: float = 0.0
     """Standard deviation of an error that the logarithms of all distances of one place have in common, beside
     `sigma_log_range`, unless they are wrong altogether, as off a wall that took power."""
+    apart_rad: float = 0.0
+    """Paths nearer to each other in azimuth than this [rad], and in length than `apart_m`, are one to the receiver."""
+    apart_m: float = 0.0
+    """The same of their lengths [m]."""
     place_xy: Float[np.ndarray, "2"] | None = None
     """Where the source stands in `map` [m], if that is known."""
 
@@ -54,3 +58,5 @@ class Bearing:
         check_number("shared_rad", self.shared_rad, 0, math.pi, "rad")
         check_number("shared_log_range", self.shared_log_range, 0, 10)
         check_number("sigma_m", self.sigma_m, 1e-4, 1e3, "m")
+        check_number("apart_rad", self.apart_rad, 0, math.pi, "rad")
+        check_number("apart_m", self.apart_m, 0, 1e6, "m")
