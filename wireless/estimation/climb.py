@@ -15,7 +15,7 @@ found to machine precision.
 """
 
 import numpy as np
-from jaxtyping import Complex, Int
+from jaxtyping import Complex
 
 from wireless.support.compiled import compiled
 
@@ -74,7 +74,7 @@ def place(
 def gain(
     table: Complex[np.ndarray, "nodes dims"],
     round_trip: bool,
-    part: Int[np.ndarray, " parts1"],
+    parts: int,
     v: Complex[np.ndarray, "dims others"],
     x: float,
     point: Complex[np.ndarray, " dims"],
@@ -85,7 +85,7 @@ def gain(
     Args:
         table: Nodes of the curve (`place`).
         round_trip: Whether the curve is closed.
-        part: Where each part's dimensions begin, and an end.
+        parts: Number of parts of the curve, one after the other, each with an oscillator of its own.
         v: The tensor contracted with the other coordinates.
         x: Coordinate, in intervals.
         point: Room for the curve's point, which is left there.
@@ -93,19 +93,25 @@ def gain(
     """
     place(table, round_trip, x, point, slope)
     norm, norm_slope, total, total_slope = 0.0, 0.0, 0.0, 0.0
-    for d in range(len(point)):
-        norm += point[d].real ** 2 + point[d].imag ** 2
-        norm_slope += 2 * (point[d].real * slope[d].real + point[d].imag * slope[d].imag)
-    for g in range(len(part) - 1):
-        for o in range(v.shape[1]):
-            q, dq = 0j, 0j
-            for d in range(part[g], part[g + 1]):
-                q += np.conj(point[d]) * v[d, o]
-                dq += np.conj(slope[d]) * v[d, o]
-            size = abs(q)
+    at, along = point.reshape(parts, -1), slope.reshape(parts, -1)
+    mine = v.reshape(parts, at.shape[1], -1)
+    for g in range(at.shape[0]):
+        for d in range(at.shape[1]):
+            c, s = at[g, d], along[g, d]
+            norm += c.real * c.real + c.imag * c.imag
+            norm_slope += 2 * (c.real * s.real + c.imag * s.imag)
+        for o in range(mine.shape[2]):
+            re, im, re_slope, im_slope = 0.0, 0.0, 0.0, 0.0
+            for d in range(at.shape[1]):
+                c, s, value = at[g, d], along[g, d], mine[g, d, o]
+                re += c.real * value.real + c.imag * value.imag
+                im += c.real * value.imag - c.imag * value.real
+                re_slope += s.real * value.real + s.imag * value.imag
+                im_slope += s.real * value.imag - s.imag * value.real
+            size = np.sqrt(re * re + im * im)
             if size > 0:
                 total += size
-                total_slope += (q.real * dq.real + q.imag * dq.imag) / size
+                total_slope += (re * re_slope + im * im_slope) / size
     if norm <= 0 or total <= 0:
         return 0.0, 0.0
     return total * total / norm, 2 * total_slope / total - norm_slope / norm
@@ -115,7 +121,7 @@ def gain(
 def climb(
     table: Complex[np.ndarray, "nodes dims"],
     round_trip: bool,
-    part: Int[np.ndarray, " parts1"],
+    parts: int,
     v: Complex[np.ndarray, "dims others"],
     x: float,
     step: float,
@@ -128,7 +134,7 @@ def climb(
     Args:
         table: Nodes of the curve (`place`).
         round_trip: Whether the curve is closed.
-        part: Where each part's dimensions begin, and an end.
+        parts: Number of parts of the curve.
         v: The tensor contracted with the other coordinates.
         x: Where to start, in intervals.
         step: Half the width of a bracket around a top.
@@ -141,14 +147,14 @@ def climb(
     for i in range(-n_steps, n_steps + 1):
         at = x + i * step
         if round_trip or 0 <= at <= end:
-            value, steep = gain(table, round_trip, part, v, at, point, slope)
+            value, steep = gain(table, round_trip, parts, v, at, point, slope)
             if value > best:
                 best, top, rise = value, at, steep
     low, high = (top, top + step) if rise > 0 else (top - step, top)
     if not round_trip:
         low, high = max(low, 0.0), min(high, float(end))
     edge = high if rise > 0 else low
-    edge_value, steep = gain(table, round_trip, part, v, edge, point, slope)
+    edge_value, steep = gain(table, round_trip, parts, v, edge, point, slope)
     if steep * rise >= 0:  # no top in the bracket: take the better end
         top = edge if edge_value > best else top
     else:
@@ -157,7 +163,7 @@ def climb(
         side = 0
         for _ in range(MAX_HALVINGS):
             top = (low * d_high - high * d_low) / (d_high - d_low)
-            _, steep = gain(table, round_trip, part, v, top, point, slope)
+            _, steep = gain(table, round_trip, parts, v, top, point, slope)
             if steep > 0:
                 moved, low, d_low = top - low, top, steep
                 if side > 0:

@@ -13,9 +13,20 @@ algorithm, IEEE JSAC 17 (1999).
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Complex, Float, Float32, Int
 
 from wireless.estimation.climb import climb, place
+from wireless.estimation.look import best_look
+from wireless.estimation.residual import (
+    Layout,
+    along_late,
+    energy_of,
+    exchange,
+    laid_out,
+    pattern_of,
+    take_off,
+    without_late,
+)
 from wireless.support.compiled import compiled
 
 #: Most rounds of refining all paths after each new one.
@@ -49,6 +60,8 @@ class Curves(NamedTuple):
     """Where these lie on the curve [intervals]."""
     tx_start: Float[np.ndarray, "tx_arrays tx_looks"]
     """Likewise at the transmitter."""
+    layout: Layout
+    """Numbers of ports and arrays."""
     late_step: float
     """Intervals of the delay's curve to a sample."""
     late_zero: float
@@ -68,35 +81,17 @@ class Scratch(NamedTuple):
     rx_slope: Complex[np.ndarray, " rx"]
     tx_slope: Complex[np.ndarray, " tx"]
     late_slope: Complex[np.ndarray, " window"]
+    old_late: Complex[np.ndarray, " window"]
+    pattern: Float32[np.ndarray, "2 pattern"]
+    old_pattern: Float32[np.ndarray, "2 pattern"]
 
 
 @compiled
-def _detect(x: Complex[np.ndarray, "rx window tx"], curves: Curves, at: Float[np.ndarray, "3"]) -> None:
+def _detect(x: Float32[np.ndarray, "window 2 pattern"], curves: Curves, at: Float[np.ndarray, "3"]) -> None:
     """Delay, arrival and departure (in intervals) of the best match on the grid go to `at`."""
-    n_late = x.shape[1]
-    flat = x.astype(np.complex64).reshape(x.shape[0], -1)
-    best = -1.0
-    for a in range(len(curves.rx_part) - 1):
-        seen = np.dot(curves.rx_grid[a], flat[curves.rx_part[a] : curves.rx_part[a + 1]])
-        seen = seen.reshape(-1, x.shape[2])
-        for b in range(len(curves.tx_part) - 1):
-            part = np.ascontiguousarray(seen[:, curves.tx_part[b] : curves.tx_part[b + 1]].T)
-            match = np.dot(curves.tx_grid[b], part)
-            for j in range(match.shape[0]):
-                for k in range(match.shape[1] // n_late):
-                    row = match[j, k * n_late : (k + 1) * n_late]
-                    for i in range(n_late):
-                        m = row[i]
-                        one = m.real**2 + m.imag**2
-                        two = 0.0
-                        if i < n_late - 1:
-                            p = m + row[i + 1]
-                            two = 0.5 * (p.real**2 + p.imag**2)
-                        if max(one, two) > best:
-                            best = max(one, two)
-                            half = 0.5 if two > one else 0.0
-                            at[0] = curves.late_zero + (i + half) * curves.late_step
-                            at[1], at[2] = curves.rx_start[a, k], curves.tx_start[b, j]
+    late, a, k, b, j = best_look(x, curves.layout, curves.rx_grid, curves.tx_grid)
+    at[0] = curves.late_zero + late * curves.late_step
+    at[1], at[2] = curves.rx_start[a, k], curves.tx_start[b, j]
 
 
 @compiled
@@ -109,84 +104,102 @@ def _unit(c: Complex[np.ndarray, " dims"]) -> float:
 
 
 @compiled
-def _along_late(x: Complex[np.ndarray, "rx window tx"], curves: Curves, s: Scratch) -> np.ndarray:
-    """The tensor contracted with arrival and departure: one column for each pair of arrays."""
-    n_late, n_tx = x.shape[1], len(curves.tx_part) - 1
-    scale = _unit(s.rx) * _unit(s.tx)
-    flat = x.reshape(x.shape[0], -1)
-    v = np.zeros((n_late, (len(curves.rx_part) - 1) * n_tx), np.complex128)
-    for a in range(len(curves.rx_part) - 1):
-        # Arrival first, over all else at once: these long sums of arrays are what processors do side by side.
-        seen = np.zeros(flat.shape[1], np.complex128)
-        for r in range(curves.rx_part[a], curves.rx_part[a + 1]):
-            weight = np.conj(s.rx[r]) * scale
-            for i in range(flat.shape[1]):
-                seen[i] += weight * flat[r, i]
-        for w in range(n_late):
-            row = seen[w * x.shape[2] : (w + 1) * x.shape[2]]
-            for b in range(n_tx):
-                for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
-                    v[w, a * n_tx + b] += np.conj(s.tx[t]) * row[t]
-    return v
+def _by_arrival(
+    z: Float32[np.ndarray, "2 pattern"], tx: Complex[np.ndarray, " tx"], layout: Layout
+) -> Complex[np.ndarray, "rx tx_arrays"]:
+    """A pattern contracted with the departure of unit norm: one column for each transmit array."""
+    n_rx, n_tx, rx_arrays, tx_arrays = layout
+    every, sent = (
+        z.reshape(2, n_rx, n_tx, rx_arrays, tx_arrays),
+        tx.reshape(layout.tx_arrays, layout.tx_ports),
+    )
+    v = np.empty((layout.rx_arrays, layout.rx_ports, layout.tx_arrays), np.complex128)
+    scale = _unit(tx)
+    for r in range(every.shape[1]):
+        for a in range(every.shape[3]):
+            for b in range(every.shape[4]):
+                re, im = 0.0, 0.0
+                for t in range(every.shape[2]):
+                    c, z_re, z_im = sent[b, t], every[0, r, t, a, b], every[1, r, t, a, b]
+                    re += c.real * z_re + c.imag * z_im
+                    im += c.real * z_im - c.imag * z_re
+                v[a, r, b] = complex(re * scale, im * scale)
+    return v.reshape(-1, layout.tx_arrays)
 
 
 @compiled
-def _without_late(x: Complex[np.ndarray, "rx window tx"], s: Scratch) -> Complex[np.ndarray, "rx tx"]:
-    """The tensor contracted with the delay's curve of unit norm."""
-    scale = _unit(s.late)
-    z = np.zeros((x.shape[0], x.shape[2]), np.complex128)
-    for r in range(x.shape[0]):
-        for w in range(x.shape[1]):
-            weight = np.conj(s.late[w]) * scale
-            for t in range(x.shape[2]):
-                z[r, t] += weight * x[r, w, t]
-    return z
-
-
-@compiled
-def _contracted(
-    z: Complex[np.ndarray, "dims other"], c: Complex[np.ndarray, " other"], part: Int[np.ndarray, " parts1"]
-) -> Complex[np.ndarray, "dims parts"]:
-    """A matrix contracted with each part of a curve, taken at unit norm."""
-    scale = _unit(c)
-    v = np.zeros((z.shape[0], len(part) - 1), np.complex128)
-    for d in range(z.shape[0]):
-        for g in range(len(part) - 1):
-            for t in range(part[g], part[g + 1]):
-                v[d, g] += np.conj(c[t]) * scale * z[d, t]
-    return v
+def _by_departure(
+    z: Float32[np.ndarray, "2 pattern"], rx: Complex[np.ndarray, " rx"], layout: Layout
+) -> Complex[np.ndarray, "tx rx_arrays"]:
+    """A pattern contracted with the arrival of unit norm: one column for each receive array."""
+    n_rx, n_tx, rx_arrays, tx_arrays = layout
+    every, seen = (
+        z.reshape(2, n_rx, n_tx, rx_arrays, tx_arrays),
+        rx.reshape(layout.rx_arrays, layout.rx_ports),
+    )
+    v = np.empty((layout.tx_arrays, layout.tx_ports, layout.rx_arrays), np.complex128)
+    scale = _unit(rx)
+    for t in range(every.shape[2]):
+        for a in range(every.shape[3]):
+            for b in range(every.shape[4]):
+                re, im = 0.0, 0.0
+                for r in range(every.shape[1]):
+                    c, z_re, z_im = seen[a, r], every[0, r, t, a, b], every[1, r, t, a, b]
+                    re += c.real * z_re + c.imag * z_im
+                    im += c.real * z_im - c.imag * z_re
+                v[b, t, a] = complex(re * scale, im * scale)
+    return v.reshape(-1, layout.rx_arrays)
 
 
 @compiled
 def _refine(
-    x: Complex[np.ndarray, "rx window tx"],
+    x: Float32[np.ndarray, "window 2 pattern"],
     curves: Curves,
     at: Float[np.ndarray, "3"],
     look: int,
     s: Scratch,
     size: Complex[np.ndarray, " pairs"],
+    inside: bool,
 ) -> float:
     """Climb along delay, arrival and departure in turn; `look` steps around at first.
 
-    Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned.
+    Complex sizes of the path in each pair of arrays, of one absolute value, go to `size`; its energy is returned. A
+    path that is `inside` is off the tensor, and counts as in it.
     """
-    v = _along_late(x, curves, s)
-    whole = np.array([0, x.shape[1]])
-    at[0] = climb(
-        curves.late, False, whole, v, at[0], 0.25 * curves.late_step, 2 * look, s.late, s.late_slope
-    )
-    z = _without_late(x, s)
+    v = along_late(x, s.pattern, s.late, inside, len(size))
+    s.old_late[:] = s.late
+    at[0] = climb(curves.late, False, 1, v, at[0], 0.25 * curves.late_step, 2 * look, s.late, s.late_slope)
+    z = without_late(x, s.late, s.pattern, s.old_late, inside)
     for again in range(2):
         n_steps = 2 * look if again == 0 else 0
-        v = _contracted(z, s.tx, curves.tx_part)
+        v = _by_arrival(z, s.tx, curves.layout)
         at[1] = climb(
-            curves.rx, True, curves.rx_part, v, at[1], 0.25 * curves.rx_step, n_steps, s.rx, s.rx_slope
+            curves.rx,
+            True,
+            curves.layout.rx_arrays,
+            v,
+            at[1],
+            0.25 * curves.rx_step,
+            n_steps,
+            s.rx,
+            s.rx_slope,
         )
-        v = _contracted(z.T, s.rx, curves.rx_part)
+        v = _by_departure(z, s.rx, curves.layout)
         at[2] = climb(
-            curves.tx, True, curves.tx_part, v, at[2], 0.25 * curves.tx_step, n_steps, s.tx, s.tx_slope
+            curves.tx,
+            True,
+            curves.layout.tx_arrays,
+            v,
+            at[2],
+            0.25 * curves.tx_step,
+            n_steps,
+            s.tx,
+            s.tx_slope,
         )
-    return _sizes(v, curves, s, size)
+    energy = _sizes(v, curves, s, size)
+    s.old_pattern[:] = s.pattern
+    pattern_of(s.rx, s.tx, size, curves.layout, s.pattern)
+    return energy
 
 
 @compiled
@@ -211,41 +224,8 @@ def _sizes(
 
 
 @compiled
-def _add(
-    x: Complex[np.ndarray, "rx window tx"],
-    curves: Curves,
-    s: Scratch,
-    size: Complex[np.ndarray, " pairs"],
-    sign: float,
-) -> None:
-    """Add a path to the tensor, or take it off."""
-    n_tx = len(curves.tx_part) - 1
-    flat = x.reshape(x.shape[0], -1)
-    sent = np.empty((x.shape[1], x.shape[2]), np.complex128)
-    for a in range(len(curves.rx_part) - 1):
-        for b in range(n_tx):
-            for w in range(x.shape[1]):
-                factor = sign * size[a * n_tx + b] * s.late[w]
-                for t in range(curves.tx_part[b], curves.tx_part[b + 1]):
-                    sent[w, t] = factor * s.tx[t]
-        row = sent.reshape(-1)
-        for r in range(curves.rx_part[a], curves.rx_part[a + 1]):
-            weight = s.rx[r]
-            for i in range(len(row)):
-                flat[r, i] += weight * row[i]
-
-
-@compiled
-def _energy(x: Complex[np.ndarray, "rx window tx"]) -> float:
-    total = 0.0
-    for value in x.flat:
-        total += value.real**2 + value.imag**2
-    return total
-
-
-@compiled
 def _round(
-    x: Complex[np.ndarray, "rx window tx"],
+    x: Float32[np.ndarray, "window 2 pattern"],
     curves: Curves,
     n: int,
     at: Float[np.ndarray, "paths 3"],
@@ -255,14 +235,13 @@ def _round(
 ) -> None:
     """Refine each path once with the others taken off; x is the residual before and after."""
     for p in range(n):
-        _add(x, curves, s[p], size[p], 1.0)
-        energy[p] = _refine(x, curves, at[p], 0, s[p], size[p])
-        _add(x, curves, s[p], size[p], -1.0)
+        energy[p] = _refine(x, curves, at[p], 0, s[p], size[p], True)
+        exchange(x, s[p].old_late, s[p].old_pattern, s[p].late, s[p].pattern)
 
 
 @compiled
 def _settle(
-    x: Complex[np.ndarray, "rx window tx"],
+    x: Float32[np.ndarray, "window 2 pattern"],
     curves: Curves,
     n: int,
     at: Float[np.ndarray, "paths 3"],
@@ -272,10 +251,10 @@ def _settle(
     share: float,
 ) -> None:
     """Refine all paths in turn until a round lowers the residual by no more than a share of it."""
-    before = _energy(x)
+    before = energy_of(x)
     for _ in range(ROUNDS if n > 1 else 0):
         _round(x, curves, n, at, size, energy, s)
-        after = _energy(x)
+        after = energy_of(x)
         if before - after < SETTLED + share * after:
             break
         before = after
@@ -291,15 +270,20 @@ def _scratch(curves: Curves) -> Scratch:
         np.zeros(n, np.complex128),
         np.zeros(m, np.complex128),
         np.zeros(w, np.complex128),
+        np.zeros(w, np.complex128),
+        np.zeros((2, n * m), np.float32),
+        np.zeros((2, n * m), np.float32),
     )
 
 
 @compiled
 def _start(curves: Curves, at: Float[np.ndarray, "3"], s: Scratch) -> None:
     """Put the curves of a path where it was detected."""
+    alike = np.ones((len(curves.rx_part) - 1) * (len(curves.tx_part) - 1), np.complex128)
     place(curves.late, False, at[0], s.late, s.late_slope)
     place(curves.rx, True, at[1], s.rx, s.rx_slope)
     place(curves.tx, True, at[2], s.tx, s.tx_slope)
+    pattern_of(s.rx, s.tx, alike, curves.layout, s.pattern)
 
 
 @compiled
@@ -330,16 +314,16 @@ def find_paths(
     size = np.zeros((most, pairs), np.complex128)
     s = [_scratch(curves) for _ in range(most)]
     for i in range(len(tensor)):
-        x = tensor[i].astype(np.complex128)
+        x = laid_out(tensor[i], curves.layout)
         n = 0
         while n < most:
             _detect(x, curves, at[i, n])
             _start(curves, at[i, n], s[n])
-            _refine(x, curves, at[i, n], 2, s[n], size[n])
-            energy[i, n] = _refine(x, curves, at[i, n], 0, s[n], size[n])
+            _refine(x, curves, at[i, n], 2, s[n], size[n], False)
+            energy[i, n] = _refine(x, curves, at[i, n], 0, s[n], size[n], False)
             if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * energy[i, :n].max()):
                 break
-            _add(x, curves, s[n], size[n], -1.0)
+            take_off(x, s[n].late, s[n].pattern)
             n += 1
             share = SETTLED_SHARE if n <= wanted else SETTLED_ROUGHLY
             _settle(x, curves, n, at[i], size, energy[i], s, share)

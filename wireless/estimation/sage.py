@@ -22,8 +22,9 @@ import numpy as np
 from jaxtyping import Complex, Float, Int
 
 from wireless.estimates import PathEstimates, wrapped
-from wireless.estimation import climb, loops
+from wireless.estimation import climb, look, loops, residual
 from wireless.estimation.loops import Curves, find_paths
+from wireless.estimation.residual import Layout
 from wireless.sounding import draw
 from wireless.sounding import sounder as sounder_module
 from wireless.sounding.sounder import Rays, Sounder
@@ -41,7 +42,7 @@ BLOCK_LINKS = 64
 #: Links without a path, from which the threshold is learnt, and the share of them that makes its tail.
 NOISE_LINKS, TAIL = 4000, 0.1
 #: Files that say how noise is drawn and what is found in it.
-_CODE = [Path(str(module.__file__)) for module in (climb, draw, loops, sounder_module)]
+_CODE = [Path(str(module.__file__)) for module in (climb, draw, look, loops, residual, sounder_module)]
 
 
 class SageEstimator:
@@ -213,6 +214,7 @@ def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "kept beams"]) -> Cu
         tx_grid=tx_grid,
         rx_start=rx_start,
         tx_start=tx_start,
+        layout=Layout(rx_grid.shape[2], tx_grid.shape[2], len(rx_grid), len(tx_grid)),
         late_step=float(SAMPLE_INTERVALS),
         late_zero=float(APRON * SAMPLE_INTERVALS),
         rx_step=float(rx_step),
