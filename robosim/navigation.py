@@ -10,7 +10,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import shapely
+from jaxtyping import Float
 
+import robosim
+import slam
+import wireless
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
 from robosim.robot.calibration import open_floor, run_actions
 from robosim.robot.kinematic import KinematicWorld
@@ -18,6 +23,7 @@ from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.assets import shipped_network
 from robosim.support.parts import Part
+from slam.actions import Action
 from slam.control.controller import ControlConfig, LocalPolicy
 from slam.control.learned import LearnedController, load_steering
 from slam.exploration.choosing import load_chooser
@@ -27,6 +33,7 @@ from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
+from wireless.support.kept import kept
 
 #: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
 CALIBRATION_RUNS = 1000
@@ -125,6 +132,24 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
 
 @cache
 def odometry_of(noise: NoiseModel) -> OdometryConfig:
-    """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions."""
-    runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
-    return calibrated(*runs)
+    """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions.
+
+    The runs are kept on disk, by all that they are made of.
+    """
+
+    def run() -> Float[np.ndarray, "2 actions runs 3"]:
+        world, rng = KinematicWorld(open_floor()), np.random.default_rng(0)
+        runs = run_actions(world, noise, range(CALIBRATION_RUNS), rng)
+        return np.array([[part[action] for action in Action] for part in runs])
+
+    made_of = [repr((noise, CALIBRATION_RUNS, shapely.__version__, shapely.geos_version)).encode()]
+    errors, motions = (
+        dict(zip(Action, part, strict=True)) for part in kept("odometry", made_of, _code_of_runs(), run)
+    )
+    return calibrated(errors, motions)
+
+
+def _code_of_runs() -> list[Path]:
+    """Files of Python that may say how the robot moves on the open floor, and how that is measured: all of ours."""
+    folders = [Path(str(package.__file__)).parent for package in (robosim, slam, wireless)]
+    return [file for folder in folders for file in sorted(folder.rglob("*.py"))]

@@ -8,7 +8,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 #: Rows of a table, and its columns.
@@ -65,6 +64,8 @@ def lists(table: pa.Table, name: str, kind: pa.DataType) -> tuple[np.ndarray, np
     Raises:
         ValueError: As `values` does.
     """
+    import pyarrow.compute as pc  # a tenth of a second, for which who reads no lists has no use
+
     column = _plain(table, name, kind).combine_chunks()
     column = pa.concat_arrays(column.chunks) if isinstance(column, pa.ChunkedArray) else column
     entries = column.flatten()
