@@ -13,7 +13,6 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-import robosim
 import slam
 import wireless
 from robosim.parts import CONTROLLER, EXPLORER, MAPPER
@@ -151,5 +150,5 @@ def odometry_of(noise: NoiseModel) -> OdometryConfig:
 
 def _code_of_runs() -> list[Path]:
     """Files of Python that may say how the robot moves on the open floor, and how that is measured: all of ours."""
-    folders = [Path(str(package.__file__)).parent for package in (robosim, slam, wireless)]
+    folders = [Path(str(file)).parent for file in (__file__, slam.__file__, wireless.__file__)]
     return [file for folder in folders for file in sorted(folder.rglob("*.py"))]

@@ -139,9 +139,7 @@ def walls_of(
     return np.array(walls), np.array(wall_face)
 
 
-def _rectangles(
-    s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float
-) -> bool:
+def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float) -> bool:
     """Whether triangles are halves of rectangles from floor to ceiling, two and two: then none leaves a gap.
 
     So almost all walls are. What it says no to may have no gaps either.

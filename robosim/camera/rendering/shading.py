@@ -21,8 +21,11 @@ Reference: Zhukov, Iones, Kronin, "An ambient light illumination model", Renderi
 
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib.metadata import version
+from pathlib import Path
 
 import numpy as np
+import scipy
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
@@ -37,6 +40,7 @@ from robosim.camera.rendering.decor import Decor
 from robosim.camera.rendering.placed import placed_patches
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.support.checks import SEED, check_numbers
+from wireless.support.kept import kept
 
 _SKIRTING_M = 0.10
 _STAIRS_M = 0.30
@@ -94,15 +98,30 @@ def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) 
         patches = Patches.joined([patches, placed])
         facing, albedo = np.vstack([facing, placed.normals]), np.vstack([albedo, paint])
         glass = np.concatenate([glass, np.zeros(len(paint), bool)])
-    light = ambient_light(patches, building.mesh, range_m=config.range_m, n_rays=config.n_rays)
+    light, sun = _arriving(patches, building.mesh, windows, config)
     # Four even steps around a room, warmer on the bright side.
     tint = 1.0 + (facing @ (0.75, 0.25, 0.15))[:, None] * np.array([0.25, 0.22, 0.17])
-    daylight = 1.0 - np.exp(-window_light(patches, building.mesh, windows) / _USED_TO)
+    daylight = 1.0 - np.exp(-sun / _USED_TO)
     colours = albedo * tint * (_DARK + _AMBIENT * light + _DAYLIGHT * daylight)[:, None]
     colours[glass] = albedo[glass]  # it shines by itself
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)
+
+
+def _arriving(
+    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"], config: ShadingConfig
+) -> Float[np.ndarray, "2 n"]:
+    """Ambient light and daylight at the patches' vertices; kept on disk, as it is most of what a scene costs."""
+    looks = [patches.vertices, patches.normals, patches.inward, mesh.triangles, windows]
+    made_of = [np.ascontiguousarray(one, float).tobytes() for one in looks]
+    made_of.append(repr((config.range_m, config.n_rays, version("embreex"), scipy.__version__)).encode())
+
+    def make() -> Float[np.ndarray, "2 n"]:
+        ambient = ambient_light(patches, mesh, range_m=config.range_m, n_rays=config.n_rays)
+        return np.stack([ambient, window_light(patches, mesh, windows)])
+
+    return kept("light", made_of, [Path(__file__)], make)
 
 
 def ambient_light(

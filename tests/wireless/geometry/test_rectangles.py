@@ -28,7 +28,7 @@ def test_two_halves_are_whole(diagonal):
 
 
 def test_what_may_have_gaps_is_not_taken_for_whole():
-    first, second = halves(0.0, 3.0, "up")
+    first, _ = halves(0.0, 3.0, "up")
     other, _ = halves(0.0, 3.0, "down")
     assert not whole([first, first])  # the same half twice
     assert not whole([first, other])  # halves of two diagonals overlap, and leave a gap
