@@ -1,19 +1,18 @@
 """How far the nearest obstacle is from any point, to better than a cell.
 
 Distances are taken to the surface inside each obstacle cell, where a mapper knows it, or else to its centre: in a
-doorway 5 cm wider than the hull this is the difference between passing and not. A k-d tree answers exactly for
-points; for whole maps a distance transform is near enough but where the hull just fits or just does not: there the
-obstacles around are gone through.
+doorway 5 cm wider than the hull this is the difference between passing and not. For points the cells around are gone
+through, as far as the nearest obstacle can be; for whole maps a distance transform is near enough but where the hull
+just fits or just does not: there the obstacles around are gone through.
 Beyond `LIMIT_M` space is open and distances are not told apart.
-Reference: Borgefors, Distance transformations in digital images, CVGIP 34, 1986; Bentley, CACM 18(9), 1975.
+Reference: Borgefors, Distance transformations in digital images, CVGIP 34, 1986.
 """
 
 from functools import cached_property
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Float32
-from scipy.spatial import KDTree
+from jaxtyping import Bool, Float, Float32, UInt8
 
 from slam.grid import GridFrame, MapEstimate
 from slam.support.compiled import compiled
@@ -43,10 +42,9 @@ class Clearance:
         self._offset_m = np.zeros((*frame.shape, 2), np.float32) if offset_m is None else offset_m
 
     @cached_property
-    def _tree(self) -> KDTree | None:
-        iy, ix = np.nonzero(self._obstacle)
-        points = self.frame.to_points(np.column_stack([ix, iy]) + 0.5) + self._offset_m[iy, ix]
-        return KDTree(points, balanced_tree=False, compact_nodes=False) if len(points) else None
+    def _steps(self) -> UInt8[np.ndarray, "ny nx"]:
+        """Steps of a king from each cell to the nearest obstacle."""
+        return _steps(self._obstacle)
 
     @classmethod
     def around(cls, estimate: MapEstimate, half_side_m: float, bumps: bool = True) -> "Clearance":
@@ -68,10 +66,12 @@ class Clearance:
 
     def at(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
         """Distance [m] from points (x, y) [m] to the nearest obstacle of the window, at most `LIMIT_M`."""
-        if self._tree is None:
-            return np.full(np.shape(points)[:-1], LIMIT_M)
-        gap = self._tree.query(points, distance_upper_bound=LIMIT_M)[0]
-        return np.asarray(np.minimum(gap, LIMIT_M))
+        every = np.asarray(points, float).reshape(-1, 2)
+        gap = np.empty(len(every))
+        (x, y), cell_m = self.frame.origin_xy, self.frame.resolution_m
+        grid = float(x), float(y), float(cell_m)
+        _gaps(every, self._obstacle, self._steps, self._offset_m, grid, LIMIT_M, gap)
+        return gap.reshape(np.shape(points)[:-1])
 
     def free_run_m(
         self, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
@@ -146,3 +146,68 @@ def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, most:
                 dy, dx = row + offset[row, column, 1] - y, column + offset[row, column, 0] - x
                 least = min(least, dy * dy + dx * dx)
     return np.sqrt(least)
+
+
+#: How far a surface may lie from the centre of its cell on either axis [cells], and a little for rounding.
+_OFF = 0.51
+
+
+@compiled
+def _steps(obstacle: np.ndarray) -> np.ndarray:
+    """Steps of a king on a chessboard from each cell to the nearest obstacle, at most 255: a sweep there, one back."""
+    ny, nx = obstacle.shape
+    steps = np.full((ny + 1, nx + 2), 255, np.uint8)
+    for y in range(ny):
+        for x in range(nx):
+            least = min(min(steps[y, x], steps[y, x + 1]), min(steps[y, x + 2], steps[y + 1, x]))
+            steps[y + 1, x + 1] = 0 if obstacle[y, x] else min(least, 254) + 1
+    for y in range(ny - 1, -1, -1):
+        for x in range(nx - 1, -1, -1):
+            least = steps[y + 1, x + 2]
+            if y + 1 < ny:
+                least = min(min(least, steps[y + 2, x]), min(steps[y + 2, x + 1], steps[y + 2, x + 2]))
+            steps[y + 1, x + 1] = min(steps[y + 1, x + 1], min(least, 254) + 1)
+    return steps[1:, 1:-1]
+
+
+@compiled
+def _gaps(
+    points: np.ndarray,
+    obstacle: np.ndarray,
+    steps: np.ndarray,
+    offset: np.ndarray,
+    grid: tuple[float, float, float],
+    limit: float,
+    gap: np.ndarray,
+) -> None:
+    """Distance of points (x, y) to the nearest surface, at most `limit`; all lengths in metres."""
+    x0, y0, cell = grid
+    ny, nx = obstacle.shape
+    reach = limit / cell + _OFF + 1
+    for k in range(len(points)):
+        x, y = points[k, 0], points[k, 1]
+        column, row = (x - x0) / cell, (y - y0) / cell
+        gap[k] = limit
+        # Not a number is near nothing.
+        if not (-reach < column < nx + reach and -reach < row < ny + reach):
+            continue
+        least = limit * limit
+        own_y, own_x = int(np.floor(row)), int(np.floor(column))
+        if 0 <= own_y < ny and 0 <= own_x < nx:
+            near = float(steps[own_y, own_x])
+            # From anywhere in the cell to anywhere in one that is so many steps away.
+            most = (near + 1.02) * cell
+            least = min(least, 2 * most * most)
+            if max((near - 1.02) * cell, 0.0) >= limit:
+                continue
+        found = limit * limit
+        half = np.sqrt(least) / cell + _OFF
+        for iy in range(max(int(np.floor(row - half - 0.5)), 0), min(int(row + half + 0.5), ny - 1) + 1):
+            for ix in range(
+                max(int(np.floor(column - half - 0.5)), 0), min(int(column + half + 0.5), nx - 1) + 1
+            ):
+                if obstacle[iy, ix]:
+                    dx = x - ((ix + 0.5) * cell + x0 + offset[iy, ix, 0])
+                    dy = y - ((iy + 0.5) * cell + y0 + offset[iy, ix, 1])
+                    found = min(found, dx * dx + dy * dy)
+        gap[k] = min(np.sqrt(found), limit)

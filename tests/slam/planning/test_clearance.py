@@ -36,12 +36,15 @@ def test_cells_are_exact_where_it_decides(density, sharp_m):
     np.testing.assert_allclose(found[close], np.minimum(best, LIMIT_M)[close], atol=1e-6)
 
 
-def test_points_are_exact():
-    """To a micrometre, and no more than the limit."""
-    clearance, surfaces = _strewn(0.03)
-    points = np.random.default_rng(4).uniform([1.0, -2.0], [4.5, 1.0], (500, 2))
+@pytest.mark.parametrize("density", [0.003, 0.03, 0.5])
+def test_points_are_exact(density):
+    """To rounding, and no more than the limit; within the window, at its rim and far outside."""
+    clearance, surfaces = _strewn(density)
+    points = np.random.default_rng(4).uniform([0.0, -3.0], [5.5, 2.0], (3000, 2))
     exact = np.minimum(cdist(points, surfaces).min(axis=1), LIMIT_M)
-    np.testing.assert_allclose(clearance.at(points), exact, atol=1e-6)
+    np.testing.assert_allclose(clearance.at(points), exact, rtol=1e-14)
+    np.testing.assert_array_equal(clearance.at(points.reshape(30, 100, 2)).ravel(), clearance.at(points))
+    assert clearance.at(np.array([np.nan, 0.0])) == LIMIT_M
 
 
 def test_without_obstacles_all_is_open():
