@@ -8,7 +8,7 @@ that have two sides.
 
 What side a point is on is counted along one direction that no building has a wall in (the parity of what a ray meets,
 M. Shimrat, Algorithm 112, Commun. ACM 5 (1962) 434), for all surfaces at once: each has a number of 64 random bits, and
-equal sums of these modulo two tell of the same sides, but once in 2^64.
+equal sums of these modulo two tell of the same sides, but once in 2^64. Faces that stand twice are met as one wall.
 """
 
 import numpy as np
@@ -32,25 +32,43 @@ class Sides:
     """
 
     def __init__(self, mesh: trimesh.Trimesh):
-        surface, closed = surfaces_of(mesh)
+        surface, closed, once = surfaces_of(mesh)
+        self.surface: Int[np.ndarray, " f"] = surface
+        """Surface of each face."""
         self.closed: Bool[np.ndarray, " f"] = closed[surface]
         """Whether each face is of a closed surface."""
         bits = np.random.default_rng(0).integers(
             1 << 63, 1 << 64, len(closed), dtype=np.uint64, endpoint=False
         )
-        own = np.flatnonzero(self.closed & (trimesh.triangles.area(mesh.triangles) > 0))
+        own = np.flatnonzero(self.closed & once & (trimesh.triangles.area(mesh.triangles) > 0))
         self._tree = make_tree(np.asarray(mesh.triangles)[own])
-        self._bits = bits[surface[own]][self._tree.number]
+        self._surface = surface[own][self._tree.number]
+        self._bits = bits[self._surface]
         self._way = _WAY / np.linalg.norm(_WAY) * 2 * np.linalg.norm(mesh.extents)
 
     def alike(self, points: Float[np.ndarray, "n 3"]) -> bool:
         """Whether points are on the same sides of all closed surfaces, and none is on one."""
-        sums, on = _sums(self._tree, self._bits, np.ascontiguousarray(points, float), self._way)
-        return not on and bool((sums == sums[0]).all())
+        sums, on = self._sums(points, np.full(len(points), -1))
+        return not on.any() and bool((sums == sums[0]).all())
+
+    def inside(
+        self, points: Float[np.ndarray, "n 3"], surface: Int[np.ndarray, " n"]
+    ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+        """Whether each point is inside a closed surface of its own, and whether it is on that."""
+        sums, on = self._sums(points, surface)
+        return sums != 0, on
+
+    def _sums(
+        self, points: Float[np.ndarray, "n 3"], only: Int[np.ndarray, " n"]
+    ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+        points = np.ascontiguousarray(points, float)
+        return _sums(self._tree, self._surface, self._bits, points, only, self._way)
 
 
-def surfaces_of(mesh: trimesh.Trimesh) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " s"]]:
-    """The surface of each face, and which surfaces are closed."""
+def surfaces_of(
+    mesh: trimesh.Trimesh,
+) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " s"], Bool[np.ndarray, " f"]]:
+    """The surface of each face, which surfaces are closed, and one each of faces with the same corners."""
     corner = np.sort(trimesh.Trimesh(mesh.vertices, mesh.faces).faces, axis=1)
     n = len(corner)
     ends = corner[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
@@ -60,19 +78,28 @@ def surfaces_of(mesh: trimesh.Trimesh) -> tuple[Int[np.ndarray, " f"], Bool[np.n
     pairs = coo_array((np.ones(3 * n), (face, n + edge)), shape=(size, size))
     parts, part = connected_components(pairs, directed=False)
     # Faces back to back are met in one point, as one wall: they count once.
-    _, once = np.unique(corner, axis=0, return_index=True)
+    once = np.zeros(n, bool)
+    once[np.unique(corner, axis=0, return_index=True)[1]] = True
     count = np.bincount(edge.reshape(n, 3)[once].ravel(), minlength=len(kinds))
     closed = np.ones(parts, bool)
     closed[part[n + np.flatnonzero(count % 2)]] = False
-    return part[:n].astype(np.int64), closed
+    return part[:n].astype(np.int64), closed, once
 
 
 @compiled
 def _sums(
-    tree: Tree, bits: UInt64[np.ndarray, " t"], points: Float[np.ndarray, "n 3"], way: Float[np.ndarray, "3"]
-) -> tuple[UInt64[np.ndarray, " n"], bool]:
-    """Sums modulo two of the bits of all triangles that ways from points meet; whether a point is on a triangle."""
-    sums, stack = np.zeros(len(points), np.uint64), np.empty(64, np.int64)
+    tree: Tree,
+    surface: Int[np.ndarray, " t"],
+    bits: UInt64[np.ndarray, " t"],
+    points: Float[np.ndarray, "n 3"],
+    only: Int[np.ndarray, " n"],
+    way: Float[np.ndarray, "3"],
+) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
+    """Sums modulo two of the bits of triangles that ways from points meet; whether a point is on a triangle.
+
+    Of those of one surface (`only`), or of all where that is -1.
+    """
+    sums, stack, on = np.zeros(len(points), np.uint64), np.empty(64, np.int64), np.zeros(len(points), np.bool_)
     low, high, child = tree.low, tree.high, tree.child
     normal, triangle, inward = tree.normal, tree.triangle, tree.inward
     for i in range(len(points)):
@@ -92,6 +119,8 @@ def _sums(
                 depth += 2
                 continue
             for t in range(-1 - one, -1 - one + other):
+                if only[i] >= 0 and surface[t] != only[i]:
+                    continue
                 off, rise, least = 0.0, 0.0, np.inf
                 for k in range(3):
                     off += normal[t, k] * (points[i, k] - triangle[t, 0, k])
@@ -107,7 +136,7 @@ def _sums(
                     )
                     least = min(least, into)
                 if abs(off) < NEAR_M and least >= -NEAR_M:
-                    return sums, True
+                    on[i] = True
                 if share > 0 and least >= 0:
                     sums[i] ^= bits[t]
-    return sums, False
+    return sums, on

@@ -194,6 +194,8 @@ def may_bend(
     sights: tuple[Int[np.ndarray, " q"], Float[np.ndarray, "q 3"], Float[np.ndarray, "q 2"]],
     pairs: Int[np.ndarray, "b 2"],
     ball: Float[np.ndarray, "p 4"],
+    plane: Float[np.ndarray, "p 4"],
+    side: Int[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " b"]:
     """Whether the edges of sights may bend rays to patches; rather yes than no.
 
@@ -202,6 +204,8 @@ def may_bend(
         sights: Edges, where their images are, and what these see of the edges.
         pairs: A sight and a patch each; those of one sight in a row.
         ball: Centre and radius of a ball around each patch [m].
+        plane: Unit normal and level of each patch.
+        side: Which side of each can be reached, see `wireless.geometry.backs.Backs.seen_from`.
     """
     ends, wedge, gap = surfaces
     edge, place, part = sights
@@ -213,6 +217,13 @@ def may_bend(
             last, e, z0, r0, low, high = j, edge[j], place[j, 0], place[j, 1], part[j, 0], part[j, 1]
             begin, end = np.hypot(z0 - low, r0), np.hypot(z0 - high, r0)
             c, s = np.cos(gap[e]), np.sin(gap[e])
+        if side[p] != 0:
+            one, other = -plane[p, 3], -plane[p, 3]
+            for i in range(3):
+                one += plane[p, i] * (ends[e, 0, i] + low * wedge[e, 0, i])
+                other += plane[p, i] * (ends[e, 0, i] + high * wedge[e, 0, i])
+            if max(side[p] * one, side[p] * other) < -WIDER_M:  # all of the edge is behind the patch
+                continue
         x, y, z, radius = 0.0, 0.0, 0.0, ball[p, 3] + WIDER_M
         for i in range(3):
             d = ball[p, i] - ends[e, 0, i]

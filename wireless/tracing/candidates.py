@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.em.reflected import most_reflected
+from wireless.geometry.backs import Backs
 from wireless.geometry.images import Space, all_views
 from wireless.geometry.neighbours import Neighbours, edge_neighbours, patch_neighbours, with_neighbours
 from wireless.geometry.occlusion import make_tree
@@ -78,6 +79,8 @@ class Candidates:
         self._near: tuple[Neighbours, Neighbours] | None = None
         if not self._few and RAYS_BESIDE * len(space.patch_boxes.number) <= rays:
             self._near = edge_neighbours(space), patch_neighbours(space)
+        tried = self._side >= 0 and (self._few or self._near is not None)
+        self._backs = Backs(space) if tried else None
         self._known: OrderedDict[bytes, Reach] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -160,6 +163,7 @@ class Candidates:
     def _behind(self, tx: Float[np.ndarray, "3"], sights: Sights) -> list[Bent]:
         """Patches behind the edges of sights."""
         space, bent, side = self._space, self._setting.edge_reflections, self._side
+        seen = np.zeros(len(space.patch_facet), np.int64) if self._backs is None else self._backs.seen_from(tx)
         found: list[Bent] = []
         for order in range(min(bent - 1, side) + 1):
             which = np.flatnonzero(sights.order == order)
@@ -170,7 +174,7 @@ class Candidates:
                 for first in range(0, len(which), at_once):
                     some = which[first : first + at_once]
                     pairs = np.column_stack([np.repeat(some, len(patch)), np.tile(patch, len(some))])
-                    pairs = self._bent(sights, pairs)
+                    pairs = self._bent(sights, pairs, seen)
                     found.append(Bent(pairs[:, 0], pairs[:, 1:]))
             if most > (1 if self._few else 0):
                 source = _images(self._space.panes.plane, tx, sights.over[which, :order])
@@ -179,12 +183,17 @@ class Candidates:
                 )
                 behind = [Bent(which[b.sight], b.chain) for b in rays]
                 if order == 0 and self._near is not None and behind:
-                    behind[0] = self._bent_beside(sights, which, behind[0], self._near)
+                    behind[0] = self._bent_beside(sights, which, behind[0], self._near, seen)
                 found += behind[1 if self._few else 0 :]
         return found
 
     def _bent_beside(
-        self, sights: Sights, which: Int[np.ndarray, " w"], bent: Bent, near: tuple[Neighbours, Neighbours]
+        self,
+        sights: Sights,
+        which: Int[np.ndarray, " w"],
+        bent: Bent,
+        near: tuple[Neighbours, Neighbours],
+        seen: Int[np.ndarray, " p"],
     ) -> Bent:
         """Patches behind edges that the transmitter itself sees, and what is beside these."""
         sight_of = np.full(len(self._space.surfaces.edge), -1)
@@ -192,7 +201,7 @@ class Candidates:
 
         def possible(pairs: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
             sight = sight_of[pairs[:, 0]]
-            able = self._bent(sights, np.column_stack([sight, pairs[:, 1]])[sight >= 0])
+            able = self._bent(sights, np.column_stack([sight, pairs[:, 1]])[sight >= 0], seen)
             return np.column_stack([sights.edge[able[:, 0]], able[:, 1]])
 
         pairs = np.column_stack([sights.edge[bent.sight], bent.chain[:, 0]])
@@ -216,8 +225,10 @@ class Candidates:
         seen = place_edges(self._space, tx, some[:, 0], some[:, 1:])
         return np.column_stack([seen.edge, seen.over[:, 0]])
 
-    def _bent(self, sights: Sights, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
-        """Pairs of a sight and a patch that its edge may bend rays to."""
+    def _bent(
+        self, sights: Sights, some: Int[np.ndarray, "n 2"], seen: Int[np.ndarray, " p"]
+    ) -> Int[np.ndarray, "m 2"]:
+        """Pairs of a sight and a patch that its edge may bend rays to, on the side of it that can be reached."""
         space, panes = self._space.surfaces, self._space.panes
         radius = np.linalg.norm(panes.high - panes.low, axis=1) / 2
         can = may_bend(
@@ -225,6 +236,8 @@ class Candidates:
             (sights.edge, sights.place, sights.part),
             some,
             np.column_stack([(panes.low + panes.high) / 2, radius]),
+            panes.plane,
+            seen,
         )
         return some[can]
 

@@ -44,11 +44,11 @@ def test_blocks_that_meet_in_an_edge_are_closed():
     blocks = joined(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
     blocks.merge_vertices()
     assert not blocks.is_watertight
-    surface, closed = surfaces_of(blocks)
+    surface, closed, _ = surfaces_of(blocks)
     assert closed.tolist() == [True] and (surface == 0).all()
     bowl = box((0, 0, 0), (1, 1, 1))
     bowl.update_faces(bowl.face_normals[:, 2] < 0.5)
-    surface, closed = surfaces_of(joined(bowl, box((3, 3, 3), (4, 4, 4))))
+    surface, closed, _ = surfaces_of(joined(bowl, box((3, 3, 3), (4, 4, 4))))
     assert sorted(closed.tolist()) == [False, True]
     sides = Sides(joined(bowl, box((3, 3, 3), (4, 4, 4))))
     assert sides.alike(np.array([(0.5, 0.5, 0.5), (0.5, 0.5, 2.0)]))
@@ -67,7 +67,7 @@ def test_a_sheet_with_two_faces_is_open():
     """Each of its triangles stands twice, back to back, as scans have them: one passes it as one wall."""
     corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
     sheet = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3), (2, 1, 0), (3, 2, 0)], process=False)
-    surface, closed = surfaces_of(joined(sheet, box((3, 3, 3), (4, 4, 4))))
+    surface, closed, _ = surfaces_of(joined(sheet, box((3, 3, 3), (4, 4, 4))))
     assert not closed[surface[:4]].any() and closed[surface[4:]].all()
 
 
@@ -79,3 +79,24 @@ def test_a_mesh_without_closed_surfaces_has_all_points_on_one_side():
     sides = Sides(sheet)
     assert not sides.closed.any()
     assert sides.alike(RNG.normal(size=(5, 3)))
+
+
+def test_a_face_that_stands_twice_is_met_once():
+    """Whichever face of a box is doubled, its inside stays inside."""
+    whole, places = box((0, 0, 0), (1, 1, 1)), np.array([(0.5, 0.5, 0.5), (3, 3, 3)])
+    for face in whole.faces:
+        for doubled in (face, face[::-1]):
+            sides = Sides(trimesh.Trimesh(whole.vertices, [*whole.faces, doubled], process=False))
+            assert sides.closed.all() and not sides.alike(places)
+
+
+def test_a_point_is_told_inside_one_of_two_bodies():
+    """Boxes that overlap: in each alone, in both, in none, and on the side of one."""
+    both = joined(box((0, 0, 0), (2, 2, 2)), box((1, 1, 1), (3, 3, 3)))
+    sides = Sides(both)
+    places = np.array([(0.5, 0.5, 0.5), (2.5, 2.5, 2.5), (1.5, 1.5, 1.5), (2.5, 0.5, 0.5), (2, 0.5, 0.5)])
+    first, second = (np.full(len(places), sides.surface[face]) for face in (0, 12))
+    inside, on = sides.inside(places, first)
+    assert inside[:4].tolist() == [True, False, True, False] and on.tolist() == [False] * 4 + [True]
+    inside, on = sides.inside(places, second)
+    assert inside.tolist() == [False, True, True, False, False] and not on.any()
