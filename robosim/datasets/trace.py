@@ -187,16 +187,17 @@ def _prepare(
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
     if scene.engine == "space":
-        console.print(
+        told = (
             f"{plan.name} is traced in space, some ten to a hundred times slower: not all of its "
-            f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings. A "
-            "reflection less (--max-reflections 2) makes it faster.",
-            highlight=False,
+            f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings."
         )
+        if (order := config.tracer.max_reflections) > 1:
+            told += f" A reflection less (--max-reflections {order - 1}) makes it faster."
+        console.print(told, highlight=False)
     transmitters = scene.places(tx, "tx")
     for at in transmitters:
-        if told := scene.cut_off(at):
-            console.print(told, style="yellow", highlight=False)
+        if part := scene.cut_off(at):
+            console.print(part, style="yellow", highlight=False)
     return scene, transmitters
 
 

@@ -10,7 +10,7 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.closed import Sides
-from wireless.geometry.images import Space
+from wireless.geometry.images import Panes, Space
 from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
 
@@ -38,8 +38,10 @@ class Backs:
         self._known[patch[surface != self._surface[patch]]] = False
         order = np.argsort(surface, kind="stable")
         start = np.searchsorted(surface[order], np.arange(surface.max(initial=0) + 2))
-        plane, panes = space.panes.plane, space.panes
-        _cross(plane, panes.low, panes.high, self._surface, space.triangle[order], start, self._known)
+        plane = space.panes.plane
+        self._known &= ~_crossed(
+            space.panes, space.window, space.corners, self._surface, space.triangle[order], start
+        )
         centre = space.triangle[first].mean(axis=1)
         (front, on), (back, also) = (
             self._sides.inside(centre + off * plane[:, :3], self._surface) for off in (_OFF_M, -_OFF_M)
@@ -57,28 +59,67 @@ class Backs:
 
 
 @compiled
-def _cross(
-    plane: Float[np.ndarray, "p 4"],
-    low: Float[np.ndarray, "p 3"],
-    high: Float[np.ndarray, "p 3"],
+def _crossed(
+    panes: Panes,
+    window: Float[np.ndarray, "p k 3"],
+    corners: Int[np.ndarray, " p"],
     surface: Int[np.ndarray, " p"],
     triangle: Float[np.ndarray, "t 3 3"],
     start: Int[np.ndarray, " s1"],
-    known: Bool[np.ndarray, " p"],
-) -> None:
-    """Take out of `known` each patch that other triangles of its surface, sorted by surface, might cross."""
+) -> Bool[np.ndarray, " p"]:
+    """Whether triangles of each patch's surface, sorted by surface, cross the window around it."""
+    plane, low, high, crossed = panes.plane, panes.low, panes.high, np.zeros(len(panes.plane), np.bool_)
+    off, ends = np.empty(3), np.empty((2, 3))
     for p in range(len(plane)):
-        t = start[surface[p]]
-        while known[p] and t < start[surface[p] + 1]:
-            beside, least, most = False, np.inf, -np.inf
+        for t in range(start[surface[p]], start[surface[p] + 1]):
+            beside = False
             for i in range(3):
                 a, b, c = triangle[t, 0, i], triangle[t, 1, i], triangle[t, 2, i]
                 beside = beside or min(a, b, c) > high[p, i] + NEAR_M or max(a, b, c) < low[p, i] - NEAR_M
-            if not beside:
-                for k in range(3):
-                    off = -plane[p, 3]
+            if beside:
+                continue
+            for k in range(3):
+                off[k] = -plane[p, 3]
+                for i in range(3):
+                    off[k] += plane[p, i] * triangle[t, k, i]
+            if min(off) >= -NEAR_M or max(off) <= NEAR_M:
+                continue
+            n = 0  # where sides of the triangle meet the plane
+            for k in range(3):
+                j = (k + 1) % 3
+                if (off[k] < 0) != (off[j] < 0):
+                    share = off[k] / (off[k] - off[j])
                     for i in range(3):
-                        off += plane[p, i] * triangle[t, k, i]
-                    least, most = min(least, off), max(most, off)
-                known[p] = least >= -NEAR_M or most <= NEAR_M
-            t += 1
+                        ends[n, i] = triangle[t, k, i] + share * (triangle[t, j, i] - triangle[t, k, i])
+                    n += 1
+            if _enters(ends, window[p, : corners[p]], plane[p]):
+                crossed[p] = True
+                break
+    return crossed
+
+
+@compiled
+def _enters(
+    ends: Float[np.ndarray, "2 3"], window: Float[np.ndarray, "k 3"], plane: Float[np.ndarray, "4"]
+) -> bool:
+    """Whether a line between two points of a plane enters a convex window there by more than rounding."""
+    first, last, n = 0.0, 1.0, len(window)
+    for k in range(n):
+        a, b, c = window[k], window[(k + 1) % n], window[(k + 2) % n]
+        depth, size, inner = np.zeros(2), 0.0, 0.0
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            across = plane[j] * (b[m] - a[m]) - plane[m] * (b[j] - a[j])
+            size += across * across
+            inner += across * (c[i] - a[i])
+            for e in range(2):
+                depth[e] += across * (ends[e, i] - a[i])
+        depth *= np.sign(inner) / np.sqrt(size)
+        one, other = depth[0] - NEAR_M, depth[1] - NEAR_M
+        if one < 0 and other < 0:
+            return False
+        if one < 0:
+            first = max(first, one / (one - other))
+        elif other < 0:
+            last = min(last, one / (one - other))
+    return first < last

@@ -69,11 +69,11 @@ def surfaces_of(
     mesh: trimesh.Trimesh,
 ) -> tuple[Int[np.ndarray, " f"], Bool[np.ndarray, " s"], Bool[np.ndarray, " f"]]:
     """The surface of each face, which surfaces are closed, and one each of faces with the same corners."""
-    corner = np.sort(trimesh.Trimesh(mesh.vertices, mesh.faces).faces, axis=1)
+    corner = np.sort(trimesh.Trimesh(mesh.vertices, mesh.faces).faces, axis=1).astype(np.int64)
     n = len(corner)
-    ends = corner[:, [0, 1, 1, 2, 0, 2]].reshape(-1, 2)
-    kinds, edge = np.unique(ends, axis=0, return_inverse=True)
-    edge, face = edge.ravel(), np.repeat(np.arange(n), 3)
+    first, last = corner[:, [0, 1, 0]].ravel(), corner[:, [1, 2, 2]].ravel()
+    kinds, edge = np.unique(first * (corner.max(initial=0) + 1) + last, return_inverse=True)
+    face = np.repeat(np.arange(n), 3)
     size = n + len(kinds)
     pairs = coo_array((np.ones(3 * n), (face, n + edge)), shape=(size, size))
     parts, part = connected_components(pairs, directed=False)
@@ -99,7 +99,11 @@ def _sums(
 
     Of those of one surface (`only`), or of all where that is -1.
     """
-    sums, stack, on = np.zeros(len(points), np.uint64), np.empty(64, np.int64), np.zeros(len(points), np.bool_)
+    sums, stack, on = (
+        np.zeros(len(points), np.uint64),
+        np.empty(64, np.int64),
+        np.zeros(len(points), np.bool_),
+    )
     low, high, child = tree.low, tree.high, tree.child
     normal, triangle, inward = tree.normal, tree.triangle, tree.inward
     for i in range(len(points)):

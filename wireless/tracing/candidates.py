@@ -163,7 +163,9 @@ class Candidates:
     def _behind(self, tx: Float[np.ndarray, "3"], sights: Sights) -> list[Bent]:
         """Patches behind the edges of sights."""
         space, bent, side = self._space, self._setting.edge_reflections, self._side
-        seen = np.zeros(len(space.patch_facet), np.int64) if self._backs is None else self._backs.seen_from(tx)
+        seen = (
+            np.zeros(len(space.patch_facet), np.int64) if self._backs is None else self._backs.seen_from(tx)
+        )
         found: list[Bent] = []
         for order in range(min(bent - 1, side) + 1):
             which = np.flatnonzero(sights.order == order)

@@ -40,6 +40,8 @@ _SHAPES, _BESIDE_CORNERS = (
     re.compile(rb"/[^\s]*|#[^\n]*"),
 )
 _LONGEST_LINE = 20_000
+#: Bytes of a binary STL file before its triangles, and of each.
+_STL_HEAD, _STL_TRIANGLE = 84, 50
 _DRACO = "KHR_draco_mesh_compression"
 
 
@@ -58,6 +60,8 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
     suffix, resolver = path.suffix.lower(), None
     if suffix == ".obj":
         content = _corners_and_faces(content)
+    if suffix == ".stl":
+        _check_stl(content)
     if suffix == ".off":  # text in any encoding; only its comments can be of another one
         content = content.decode("utf-8", errors="replace").encode()
     if suffix in (".gltf", ".glb"):
@@ -76,7 +80,10 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
         n_wrong = np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2)))
         raise ValueError(f"{n_wrong} of {len(triangles)} triangles have a vertex that is not finite")
     if (farthest := float(np.abs(triangles).max())) > FARTHEST_M:
-        raise ValueError(f"a vertex lies {farthest:.3g} m away, expected at most {FARTHEST_M:g} m")
+        raise ValueError(
+            f"a vertex lies {farthest:.3g} m away, expected at most {FARTHEST_M:g} m; pass unit_m=0.001 (--unit 0.001) "
+            "if its numbers are mm"
+        )
     return triangles
 
 
@@ -113,6 +120,15 @@ def _corners_and_faces(content: bytes) -> bytes:
     if max(map(len, lines), default=0) > _LONGEST_LINE:
         raise ValueError(f"a face has more corners than fit in {_LONGEST_LINE} bytes")
     return _BESIDE_CORNERS.sub(b"", b"\n".join(lines))
+
+
+def _check_stl(content: bytes) -> None:
+    """Refuse a binary file that was cut off, of which trimesh makes a text without triangles."""
+    if len(content) < _STL_HEAD or content[:5].lower() == b"solid":
+        return
+    (count,) = struct.unpack_from("<L", content, _STL_HEAD - 4)
+    if (held := (len(content) - _STL_HEAD) // _STL_TRIANGLE) < count:
+        raise ValueError(f"it says {count} triangles, but only {held} are in it: the file was cut off")
 
 
 def _json_of_glb(content: bytes) -> bytes:

@@ -2,7 +2,8 @@
 
 A cell is free if there is floor under its centre and no surface reaches into it between the two heights;
 occupied if one does; unknown otherwise. Small holes in a scanned floor are free. Closed pockets of
-floor inside solid walls are not free: leaving there, one comes out of more solids than one goes into.
+floor inside solid walls are not free: leaving there, one comes out of more solids than one goes into. Nor are those
+inside of closed bodies that stand in a room (`robosim.plans.formats.mesh_bodies`).
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
 standard and are taken to have z upwards, as in robotics. Many files break this custom: the other one of the
@@ -14,7 +15,7 @@ Reference: glTF 2.0 specification, 3.4 (axes and units).
 """
 
 import logging
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -23,6 +24,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
+from robosim.plans.formats.mesh_bodies import in_bodies
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
 from robosim.plans.formats.scanline import Windings
@@ -78,7 +80,7 @@ def read_mesh(
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
     if not (np.isfinite(unit_m) and unit_m > 0):
         raise ValueError(f"unit_m is {unit_m:g}, expected a positive number of metres, such as 0.001 for mm.")
-    remedy = "Export it again, as GLB, PLY, OBJ or STL, or pass unit_m=0.001 (--unit 0.001) for mm."
+    remedy = "Export it again, as GLB, PLY, OBJ or STL."
     with reading(path, "a mesh", remedy, most_bytes=MOST_BYTES, kind=MapError) as file:
         triangles = load_triangles(file.read(), path, unit_m)
         axis = up if up != "auto" else _likely_up(path, triangles)
@@ -113,6 +115,16 @@ def _likely_up(path: Path, triangles: Triangles) -> str:
         for axis in _OTHER
     }
     if largest[_OTHER[usual]] <= 2 * largest[usual]:
+        if largest[_OTHER[usual]] > largest[usual]:
+            logger.warning(
+                "%s: the %s axis is taken to point up, as usual in such files, but the largest floor has %.0f m2 then, "
+                "and %.0f m2 if the %s axis does. If this is wrong, pass up=%r (--up %s).",
+                path,
+                usual,
+                largest[usual],
+                largest[_OTHER[usual]],
+                *(_OTHER[usual],) * 3,
+            )
         return usual
     logger.warning(
         "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s "
@@ -212,11 +224,16 @@ def _slice(
     origin = lower - resolution_m
     scale, shift = np.array([1 / resolution_m, 1 / resolution_m, 1.0]), np.append(origin, 0.0)
     has_floor = _covers(((polygons - shift) * scale for polygons in floor()), (ny, nx))
-    triangles = (triangles - shift) * scale
-    occupied = cells_touched(triangles, top, height + high, (ny, nx))
+    flat, middle = (triangles - shift) * scale, (top + height + high) / 2
+    occupied = cells_touched(flat, top, height + high, (ny, nx))
     free = _with_holes_closed(has_floor & ~occupied, occupied, resolution_m)
-    solid = _inside_solids(triangles, (top + height + high) / 2, (ny, nx))
-    return _without_pockets(free, solid, resolution_m), occupied, (float(origin[0]), float(origin[1]))
+    free = _without_pockets(free, _inside_solids(flat, middle, (ny, nx)), resolution_m)
+    del flat
+
+    def places(cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 3"]:
+        return np.insert(origin + (cells[:, ::-1] + 0.5) * resolution_m, 2, middle, axis=1)
+
+    return _without_bodies(free, triangles, places), occupied, (float(origin[0]), float(origin[1]))
 
 
 def _with_holes_closed(
@@ -275,3 +292,24 @@ def _without_pockets(
     pocket = np.bincount(part[free & solid], minlength=n + 1) > size / 2
     left = free & ~pocket[part]
     return left if np.count_nonzero(left) * resolution_m**2 > _LEFT_M2 else free
+
+
+def _without_bodies(
+    free: Bool[np.ndarray, "ny nx"],
+    triangles: Triangles,
+    places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
+) -> Bool[np.ndarray, "ny nx"]:
+    """Free cells without the closed parts that are in something that stands in another, such as a cupboard.
+
+    Args:
+        free: Free cells.
+        triangles: Of the mesh [m].
+        places: Tells where the middles of cells, by row and column, are in the slice [m].
+    """
+    part, n = ndimage.label(free)
+    if n < 2:
+        return free
+    # The middle of a part is farthest from all that bounds it.
+    depth = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1]
+    middle = places(np.array(ndimage.maximum_position(depth, part, np.arange(1, n + 1)), float))
+    return free & ~np.append(False, in_bodies(triangles, middle))[part]

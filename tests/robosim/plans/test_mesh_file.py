@@ -178,3 +178,12 @@ def test_mirrored_meshes_keep_their_faces_outside(tmp_path):
     )
     normals = np.cross(*np.diff(load_triangles(path.read_bytes(), path), axis=1).transpose(1, 0, 2))
     np.testing.assert_allclose(np.sign(normals.sum(axis=1)), np.sign(mesh.face_normals.sum(axis=1)))
+
+
+@pytest.mark.parametrize("kept", [84, 84 + 50 * 3, 84 + 50 * 9 + 20])
+def test_an_stl_file_that_was_cut_off_is_refused(tmp_path, kept):
+    """What is left is taken for a text by trimesh; the message says how many of the ten triangles are there."""
+    whole = trimesh.Trimesh(CORNERS, FACES).export(file_type="stl")
+    assert len(load_triangles(whole, tmp_path / "room.stl")) == 10
+    told = refusal(tmp_path / "room.stl", whole[:kept])
+    assert "it says 10 triangles" in told and f"only {(kept - 84) // 50} are in it" in told

@@ -234,6 +234,45 @@ def test_rooms_under_single_sheets_stay(tmp_path):
     assert plan_from_triangles(triangles, resolution_m=0.1).free.sum() > 37 * 27
 
 
+def box(low, high, inwards=False):
+    made = trimesh.creation.box(bounds=[low, high])
+    if inwards:
+        made.invert()
+    return np.array(made.triangles)
+
+
+@pytest.mark.parametrize("room_inwards", [True, False])
+@pytest.mark.parametrize("faces", ["out", "in", "both"])
+def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
+    """2 m tall, so that neither top nor bottom is in the slice; whichever way faces of room and cupboard point."""
+    cupboard = box((1, 1, 0), (2, 2, 2), inwards=faces == "in")
+    if faces == "both":
+        cupboard = np.concatenate([cupboard, cupboard[:, ::-1]])
+    whole = np.concatenate([box((0, 0, 0), (4, 3, 2.5), room_inwards), cupboard])
+    sliced = plan_from_triangles(whole, resolution_m=0.1)
+    assert 1000 <= sliced.free.sum() <= 1100
+    cells = sliced.to_cells(np.mgrid[1.15:1.9:0.1, 1.15:1.9:0.1].reshape(2, -1).T)
+    inside = np.floor(cells).astype(int)
+    assert not sliced.free[inside[:, 1], inside[:, 0]].any()
+
+
+def test_rooms_that_are_closed_surfaces_stay():
+    """Two rooms as shells of their own, also beside open ground; a cupboard in the smaller one; a room in a room."""
+    rooms = [box((0, 0, 0), (4, 3, 2.5), True), box((4.2, 0, 0), (7, 3, 2.5), True)]
+    both = plan_from_triangles(np.concatenate(rooms), resolution_m=0.1).free.sum()
+    assert both > 38 * 28 + 26 * 28
+    cupboard = box((5, 1, 0), (6, 2, 2))
+    less = plan_from_triangles(np.concatenate([*rooms, cupboard]), resolution_m=0.1).free.sum()
+    assert 100 <= both - less <= 144
+    hollow = [box((1, 1, 0), (3, 2.5, 2.4)), box((1.1, 1.1, 0), (2.9, 2.4, 2.3), True)]
+    with_pod = plan_from_triangles(np.concatenate([rooms[0], *hollow]), resolution_m=0.1)
+    assert with_pod.free.sum() > 39 * 29 - 21 * 16 + 16 * 11
+    ground = [[(-9, -9, 0), (9, -9, 0), (9, 9, 0)], [(-9, -9, 0), (9, 9, 0), (-9, 9, 0)]]
+    outside = plan_from_triangles(np.concatenate([rooms[0], ground]), resolution_m=0.1)
+    x, y = np.floor(outside.to_cells(np.array([[2.0, 1.5]]))[0]).astype(int)
+    assert outside.free[y, x]
+
+
 def test_small_holes_in_the_floor_are_closed_but_not_stairwells():
     """A hole of 0.2 m x 0.2 m in a scan is free; one of 1 m x 1 m is not."""
     walls = room()

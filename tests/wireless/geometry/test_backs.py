@@ -57,9 +57,11 @@ def test_open_and_crossing_surfaces_are_seen_from_both_sides():
     star = np.column_stack([np.cos(turn), np.sin(turn)])
     low, high = (np.column_stack([star, np.full(5, z)]) for z in (0.5, 1.5))
     top = [(0, i, i + 1) for i in range(1, 4)]
-    sides = [(i, (i + 1) % 5, 5 + i) for i in range(5)] + [(5 + i, (i + 1) % 5, 5 + (i + 1) % 5) for i in range(5)]
+    sides = [(i, (i + 1) % 5, 5 + i) for i in range(5)] + [
+        (5 + i, (i + 1) % 5, 5 + (i + 1) % 5) for i in range(5)
+    ]
     faces = np.array([*top, *(5 + np.array(top)), *sides])
-    crossed = trimesh.Trimesh(np.vstack([low, high]) + (3, 2, 0), faces, process=False)
+    crossed = trimesh.Trimesh(np.vstack([low, high]) + np.array([3, 2, 0]), faces, process=False)
     space, side = seen(trimesh.util.concatenate([ROOM.copy(), crossed]), (6, 4, 2))
     upright = np.abs(space.panes.plane[:, 2]) < 0.5
     small = np.linalg.norm(space.panes.high - space.panes.low, axis=1) < 2.5
@@ -71,7 +73,8 @@ def test_open_and_crossing_surfaces_are_seen_from_both_sides():
 def test_bodies_that_let_paths_through_are_seen_from_both_sides():
     """Only the ball of metal hides what is in it."""
     mesh = trimesh.util.concatenate([ball(3, 2, 1.2), ball(5, 2, 1.2)])
-    tracer = Tracer(mesh, materials=("partition", "metal"), face_material=np.repeat([0, 1], 320), config=TracerConfig(scene="space", max_transmissions=1))
+    made_of = {"materials": ("partition", "metal"), "face_material": np.repeat([0, 1], 320)}
+    tracer = Tracer(mesh, config=TracerConfig(scene="space", max_transmissions=1), **made_of)
     space = tracer.scene.space
     side = Backs(space).seen_from(np.array([0, 2.0, 1.2]) - tracer.scene.origin)
     through = space.passes[space.patch_facet]
@@ -94,7 +97,12 @@ def test_no_path_is_lost(seed):
     found = []
     for search in ("rays", "exhaustive"):
         config = TracerConfig(
-            scene="space", search=search, max_reflections=2, max_transmissions=0, floor_ceiling=True, max_paths=500
+            scene="space",
+            search=search,
+            max_reflections=2,
+            max_transmissions=0,
+            floor_ceiling=True,
+            max_paths=500,
         )
         found.append(Tracer(mesh, config=config).trace(places[:1], places[1:]))
     rays, every = found

@@ -1,0 +1,56 @@
+"""Which places of a mesh are inside of something that stands in a room, whichever way its faces are turned.
+
+Many files have faces that point anywhere. What closed surfaces places are in tells without them: whoever is in a
+cupboard is in all that somebody in the room around it is in, and in the cupboard too. Of two rooms that are closed
+surfaces of their own neither is in the other. Where a room is in none, as between solid walls or under the open sky,
+faces have to tell a body, which they point out of, from another room.
+"""
+
+import numpy as np
+import trimesh
+from jaxtyping import Bool, Float
+
+from robosim.plans.formats.mesh_file import Triangles
+from wireless.geometry.closed import Sides
+
+
+def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
+    """Whether places are in bodies that others of them, around, are not in.
+
+    Args:
+        triangles: Corners of the mesh's triangles [m].
+        places: A place in each room and in whatever may be a body [m].
+    """
+    within, points_out = _within(triangles, places)
+    kinds, kind = np.unique(within, axis=0, return_inverse=True)
+    body = np.zeros(len(kinds), bool)
+    for k in np.argsort(kinds.sum(axis=1), kind="stable"):
+        around = (kinds <= kinds[k]).all(axis=1) & ~body
+        # Of a hollow body one is in the inner surface too.
+        around &= (kinds[k].sum() - kinds.sum(axis=1)) % 2 == 1
+        if around.any() and not kinds[around].any():
+            around &= points_out[kind == k].all()
+        body[k] = around.any()
+    return body[kind.ravel()]
+
+
+def _within(
+    triangles: Triangles, places: Float[np.ndarray, "k 3"]
+) -> tuple[Bool[np.ndarray, "k s"], Bool[np.ndarray, " k"]]:
+    """Closed surfaces that places are in, and whether the faces of the smallest of them point out of it."""
+    corners = triangles.reshape(-1, 3)
+    sides = Sides(trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False))
+    faces = np.flatnonzero(sides.closed)
+    surface, which = np.unique(sides.surface[faces], return_inverse=True)
+    low, high = np.full((len(surface), 3), np.inf), np.full((len(surface), 3), -np.inf)
+    np.minimum.at(low, which, triangles[faces].min(axis=1))
+    np.maximum.at(high, which, triangles[faces].max(axis=1))
+    volume = np.bincount(which, np.linalg.det(triangles[faces] - low[which][:, None]) / 6, len(surface))
+    place, body = np.nonzero(((places[:, None] > low) & (places[:, None] < high)).all(axis=2))
+    inside, _ = sides.inside(places[place], surface[body])
+    within = np.zeros((len(places), len(surface)), bool)
+    within[place[inside], body[inside]] = True
+    if not len(surface):
+        return within, np.zeros(len(places), bool)
+    innermost = np.where(within, np.abs(volume), np.inf).argmin(axis=1)
+    return within, volume[innermost] > 0
