@@ -47,7 +47,8 @@ def test_settings_are_compared_with_the_fullest(plan, tmp_path):
         assert row["live_s"] <= row["live_95_s"] and row["receivers"] > 500
     assert 0.1 < report["peak_memory_gb"] < 4
     assert [row["facets"] for row in report["space"]["speed"]] == [12, 92]
-    assert min(row[key] for row in report["space"]["speed"] for key in row) > 0
+    assert min(row[key] for row in report["space"]["speed"] for key in row if key != "false") > 0
+    assert [(row["recall"], row["false"]) for row in report["space"]["speed"]] == [(1, 0), (1, 0)]
     for name in ("wireless", "space"):
         assert (tmp_path / f"{name}.png").stat().st_size > 10_000
     console = Console(record=True, width=150, file=io.StringIO())
