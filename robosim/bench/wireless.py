@@ -25,7 +25,7 @@ import shapely
 import trimesh
 from jaxtyping import Float
 from matplotlib.figure import Figure
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
@@ -394,13 +394,19 @@ def _plot(rows: list[dict[str, Any]], speeds: list[dict[str, Any]], path: Path) 
         ax.set_ylim(bottom=0)
     for i, plan in enumerate(dict.fromkeys(row["plan"] for row in speeds)):
         mine = sorted((row for row in speeds if row["plan"] == plan), key=lambda row: row["walls"])
-        x = [row["walls"] for row in mine]
-        axes[3].plot(x, [1e3 / row["links_per_s_1"] for row in mine], "o-", color=f"C{i}", label=plan)
-        axes[3].plot(x, [1e3 * row["live_s"] for row in mine], "s--", color=f"C{i}")
+        for key, line, straight, label in (("links_per_s_1", "o-", "o", plan), ("live_s", "s--", "s", None)):
+            of = {row["walls"]: 1e3 * (row[key] if key == "live_s" else 1 / row[key]) for row in mine}
+            rest = [row["walls"] for row in mine if row["tolerance_m"] is not None]
+            axes[3].plot(rest, [of[n] for n in rest], line, color=f"C{i}", label=label)
+            alone = [row["walls"] for row in mine if row["tolerance_m"] is None]
+            axes[3].plot(alone, [of[n] for n in alone], straight, color=f"C{i}", mfc="white", ms=8)
     axes[3].set(xscale="log", yscale="log", xlabel="walls", ylabel="time per link [ms]")
+    axes[3].xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes[3].xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     axes[3].xaxis.set_minor_formatter(NullFormatter())
     axes[3].plot([], [], "o-", color="0.4", label="in a grid, one worker")
     axes[3].plot([], [], "s--", color="0.4", label="alone")
+    axes[3].plot([], [], "o", color="0.4", mfc="white", ms=8, label="straight walls")
     axes[3].legend(fontsize="x-small")
     for ax in axes:
         ax.grid(True, which="both", lw=0.3)
