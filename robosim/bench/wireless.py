@@ -394,10 +394,10 @@ def _plot(rows: list[dict[str, Any]], speeds: list[dict[str, Any]], path: Path) 
         ax.set_ylim(bottom=0)
     for i, plan in enumerate(dict.fromkeys(row["plan"] for row in speeds)):
         mine = sorted((row for row in speeds if row["plan"] == plan), key=lambda row: row["walls"])
-        for key, marker, line in (("links_per_s_1", "o", "-"), ("live_s", "s", "--")):
+        for key, marker, style in (("links_per_s_1", "o", "-"), ("live_s", "s", "--")):
             of = {row["walls"]: 1e3 * (row[key] if key == "live_s" else 1 / row[key]) for row in mine}
             kept = [row["walls"] for row in mine if row["tolerance_m"] is not None]
-            axes[3].plot(kept, [of[n] for n in kept], marker + line, color=f"C{i}")
+            axes[3].plot(kept, [of[n] for n in kept], marker + style, color=f"C{i}")
             straight = [row["walls"] for row in mine if row["tolerance_m"] is None]
             axes[3].plot(straight, [of[n] for n in straight], marker, color=f"C{i}", mfc="white", ms=8)
         axes[3].plot([], [], "o-", color=f"C{i}", label=plan)

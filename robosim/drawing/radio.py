@@ -26,6 +26,7 @@ from matplotlib.path import Path as PathOutline
 from robosim.building.building import Building
 from robosim.drawing.plots import save_figure
 from robosim.radio.receivers import ReceiverGrid
+from robosim.support.colours import FURNISHING
 from wireless.paths import Interaction, LinkState, Paths
 
 WALL = "0.25"
@@ -138,7 +139,7 @@ def draw_power(
     _shade_free(axes, building)
     _frame(axes, building, "power of the strongest path")
     _mark(axes, tx_position)
-    _legend(axes, [_tx_handle(), _nothing_handle("no path")])
+    _legend(axes, building, [_tx_handle(), _nothing_handle("no path")])
 
 
 def draw_state(
@@ -159,6 +160,7 @@ def draw_state(
     share = 100 * np.bincount(state, minlength=4) / len(state)
     _legend(
         axes,
+        building,
         [
             _tx_handle(),
             *(
@@ -209,7 +211,7 @@ def draw_arrival(
     arrow = Line2D(
         [], [], color="black", marker=r"$\rightarrow$", ms=10, lw=0, label="points to where it is from"
     )
-    _legend(axes, [_tx_handle(), arrow, _nothing_handle("no path")])
+    _legend(axes, building, [_tx_handle(), arrow, _nothing_handle("no path")])
 
 
 def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx_power_dbm: float) -> None:
@@ -250,7 +252,7 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
     many = "1 path" if len(link) == 1 else f"{len(link)} paths"
     _frame(axes, building, f"{many} of one link ({state})")
     _zoom(axes, np.vstack([ends[0][:2], ends[1][:2], *lines]))
-    _legend(axes, handles)
+    _legend(axes, building, handles)
 
 
 def _overview(building: Building, draw: list[Callable[[Axes], None]]) -> Figure:
@@ -334,10 +336,11 @@ def _nothing_handle(label: str) -> Patch:
     return Patch(label=label, **_NO_PATH)
 
 
-def _legend(axes: Axes, handles: Sequence[Artist]) -> None:
-    """Legend below the axes, where it hides nothing."""
+def _legend(axes: Axes, building: Building, handles: Sequence[Artist]) -> None:
+    """Legend below the axes, where it hides nothing; names the outlines of what is placed in the building."""
+    placed = [Line2D([], [], color=FURNISHING, lw=1.5, label="furniture")] if building.furnishings else []
     axes.legend(
-        handles=handles,
+        handles=[*handles, *placed],
         loc="upper center",
         bbox_to_anchor=(0.5, -0.11),
         ncols=3,
