@@ -1,5 +1,6 @@
 """Light and texture baked into a building: same surfaces, no cracks, light as in closed forms."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from robosim.camera.rendering.shading import ShadingConfig, ambient_light, cosin
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
+from wireless.support import kept
 
 FLOOR, WALL = KINDS.index("floor"), KINDS.index("wall")
 
@@ -206,3 +208,16 @@ def test_impossible_settings_are_refused(arguments, message):
     """Each message names the field and its value."""
     with pytest.raises(ValueError, match=message):
         ShadingConfig(**arguments)
+
+
+def test_light_from_disk_is_the_light(tmp_path, monkeypatch):
+    """Computed, kept, read: the same colours to the bit, and others where a wall stands elsewhere."""
+    monkeypatch.setattr(kept, "folders_of", lambda source: (tmp_path,))
+    building, elsewhere = make_building(plan()), replace(plan(), occupancy=plan().occupancy[::-1].copy())
+    found = []
+    for one in (building, building, make_building(elsewhere)):
+        shaded_mesh.cache_clear()
+        found.append(shaded_mesh(one).visual.vertex_colors)
+    assert len(list(tmp_path.glob("light-*.kept"))) == 2
+    np.testing.assert_array_equal(found[0], found[1])
+    assert found[2].shape != found[0].shape or (found[2] != found[0]).any()

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
+from robosim.navigation import CALIBRATION_RUNS, odometry_of
 from robosim.robot.calibration import COLUMNS, open_floor, read_runs, run_actions
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
@@ -14,6 +15,7 @@ from robosim.support.reading import FileError
 from slam.actions import Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
+from wireless.support import kept
 
 
 def test_a_simulated_robot_finds_the_published_errors():
@@ -23,6 +25,18 @@ def test_a_simulated_robot_finds_the_published_errors():
         mean, deviation = (np.array(one) * [0.01, 0.01, np.radians(1)] for one in PUBLISHED_SENSOR[action])
         assert (np.abs(np.array(error.mean) - mean) < 4 * deviation / np.sqrt(1000)).all()
         np.testing.assert_allclose(np.sqrt(np.diag(error.covariance)), deviation, rtol=0.1)
+
+
+def test_runs_from_disk_are_the_runs(tmp_path, monkeypatch):
+    """Computed, kept, read: the same errors to the bit, and others for another noise."""
+    monkeypatch.setattr(kept, "folders_of", lambda source: (tmp_path,))
+    noise = NoiseModel()
+    runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
+    for _ in range(2):
+        odometry_of.cache_clear()
+        assert odometry_of(noise) == calibrated(*runs)
+        assert len(list(tmp_path.glob("odometry-*.kept"))) == 1
+    assert odometry_of(NoiseModel(level=2.0)) != calibrated(*runs)
 
 
 def written(path, rows):
