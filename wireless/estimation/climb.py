@@ -93,17 +93,16 @@ def gain(
     """
     place(table, round_trip, x, point, slope)
     norm, norm_slope, total, total_slope = 0.0, 0.0, 0.0, 0.0
-    at, along = point.reshape(parts, -1), slope.reshape(parts, -1)
-    mine = v.reshape(parts, at.shape[1], -1)
-    for g in range(at.shape[0]):
-        for d in range(at.shape[1]):
-            c, s = at[g, d], along[g, d]
+    ports = len(point) // parts
+    for g in range(parts):
+        for d in range(g * ports, (g + 1) * ports):
+            c, s = point[d], slope[d]
             norm += c.real * c.real + c.imag * c.imag
             norm_slope += 2 * (c.real * s.real + c.imag * s.imag)
-        for o in range(mine.shape[2]):
+        for o in range(v.shape[1]):
             re, im, re_slope, im_slope = 0.0, 0.0, 0.0, 0.0
-            for d in range(at.shape[1]):
-                c, s, value = at[g, d], along[g, d], mine[g, d, o]
+            for d in range(g * ports, (g + 1) * ports):
+                c, s, value = point[d], slope[d], v[d, o]
                 re += c.real * value.real + c.imag * value.imag
                 im += c.real * value.imag - c.imag * value.real
                 re_slope += s.real * value.real + s.imag * value.imag

@@ -109,22 +109,20 @@ def _by_arrival(
 ) -> Complex[np.ndarray, "rx tx_arrays"]:
     """A pattern contracted with the departure of unit norm: one column for each transmit array."""
     n_rx, n_tx, rx_arrays, tx_arrays = layout
-    every, sent = (
-        z.reshape(2, n_rx, n_tx, rx_arrays, tx_arrays),
-        tx.reshape(layout.tx_arrays, layout.tx_ports),
-    )
-    v = np.empty((layout.rx_arrays, layout.rx_ports, layout.tx_arrays), np.complex128)
-    scale = _unit(tx)
-    for r in range(every.shape[1]):
-        for a in range(every.shape[3]):
-            for b in range(every.shape[4]):
+    v = np.empty((rx_arrays * n_rx, tx_arrays), np.complex128)
+    scale, pairs = _unit(tx), rx_arrays * tx_arrays
+    for r in range(n_rx):
+        for a in range(rx_arrays):
+            for b in range(tx_arrays):
+                i = r * n_tx * pairs + a * tx_arrays + b
                 re, im = 0.0, 0.0
-                for t in range(every.shape[2]):
-                    c, z_re, z_im = sent[b, t], every[0, r, t, a, b], every[1, r, t, a, b]
+                for t in range(b * n_tx, (b + 1) * n_tx):
+                    c, z_re, z_im = tx[t], z[0, i], z[1, i]
                     re += c.real * z_re + c.imag * z_im
                     im += c.real * z_im - c.imag * z_re
-                v[a, r, b] = complex(re * scale, im * scale)
-    return v.reshape(-1, layout.tx_arrays)
+                    i += pairs
+                v[a * n_rx + r, b] = complex(re * scale, im * scale)
+    return v
 
 
 @compiled
@@ -133,22 +131,20 @@ def _by_departure(
 ) -> Complex[np.ndarray, "tx rx_arrays"]:
     """A pattern contracted with the arrival of unit norm: one column for each receive array."""
     n_rx, n_tx, rx_arrays, tx_arrays = layout
-    every, seen = (
-        z.reshape(2, n_rx, n_tx, rx_arrays, tx_arrays),
-        rx.reshape(layout.rx_arrays, layout.rx_ports),
-    )
-    v = np.empty((layout.tx_arrays, layout.tx_ports, layout.rx_arrays), np.complex128)
-    scale = _unit(rx)
-    for t in range(every.shape[2]):
-        for a in range(every.shape[3]):
-            for b in range(every.shape[4]):
+    v = np.empty((tx_arrays * n_tx, rx_arrays), np.complex128)
+    scale, pairs = _unit(rx), rx_arrays * tx_arrays
+    for t in range(n_tx):
+        for a in range(rx_arrays):
+            for b in range(tx_arrays):
+                i = t * pairs + a * tx_arrays + b
                 re, im = 0.0, 0.0
-                for r in range(every.shape[1]):
-                    c, z_re, z_im = seen[a, r], every[0, r, t, a, b], every[1, r, t, a, b]
+                for r in range(a * n_rx, (a + 1) * n_rx):
+                    c, z_re, z_im = rx[r], z[0, i], z[1, i]
                     re += c.real * z_re + c.imag * z_im
                     im += c.real * z_im - c.imag * z_re
-                v[b, t, a] = complex(re * scale, im * scale)
-    return v.reshape(-1, layout.rx_arrays)
+                    i += n_tx * pairs
+                v[b * n_tx + t, a] = complex(re * scale, im * scale)
+    return v
 
 
 @compiled

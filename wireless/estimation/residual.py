@@ -55,20 +55,15 @@ def pattern_of(
 ) -> None:
     """Signatures of both ends times the size in each pair of arrays go to `pattern`."""
     n_rx, n_tx, rx_arrays, tx_arrays = layout
-    to = pattern.reshape(2, n_rx, n_tx, rx_arrays, tx_arrays)
-    seen, part = rx.reshape(layout.rx_arrays, -1), tx.reshape(layout.tx_arrays, -1)
-    sent, sizes = np.empty(to.shape[2:], np.complex128), size.reshape(layout.rx_arrays, -1)
-    for t in range(to.shape[2]):
-        for a in range(to.shape[3]):
-            for b in range(to.shape[4]):
-                sent[t, a, b] = part[b, t] * sizes[a, b]
-    for r in range(to.shape[1]):
-        for t in range(to.shape[2]):
-            for a in range(to.shape[3]):
-                for b in range(to.shape[4]):
-                    c, d = seen[a, r], sent[t, a, b]
-                    to[0, r, t, a, b] = c.real * d.real - c.imag * d.imag
-                    to[1, r, t, a, b] = c.real * d.imag + c.imag * d.real
+    i = 0
+    for r in range(n_rx):
+        for t in range(n_tx):
+            for a in range(rx_arrays):
+                for b in range(tx_arrays):
+                    c, d = rx[a * n_rx + r], tx[b * n_tx + t] * size[a * tx_arrays + b]
+                    pattern[0, i] = c.real * d.real - c.imag * d.imag
+                    pattern[1, i] = c.real * d.imag + c.imag * d.real
+                    i += 1
 
 
 @compiled
