@@ -37,7 +37,7 @@ from wireless.tracing.table import Setting, Table
 
 #: All is tried where a patch takes no longer than so many rays; else what is beside the pairs that rays find, where it
 #: takes no longer than so many: among 100,000 patches that is a million of pairs, which few receivers need.
-RAYS_A_PATCH, RAYS_BESIDE = 64, 16
+RAYS_A_PATCH, RAYS_BESIDE = 16, 8
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
 #: Pairs of a sight and a patch that are asked about at once: some 40 bytes each.
