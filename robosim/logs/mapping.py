@@ -73,16 +73,34 @@ class LogConfig:
     """Farther points are not matched [m]."""
     sigma_m: float = 0.02
     """Standard deviation of a point from its surface [m]."""
+    drift_m: float = 0.02
+    """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]: a real robot's
+    scans lie a metre apart, and are taken as it moves."""
+    drift_rad: float = math.radians(0.3)
+    """The same for their turn [rad]."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, resolution_m=(0.005, 0.5, "m"), range_m=(1, 1000, "m"), sigma_m=(1e-4, 1, "m"))
+        check_numbers(
+            self,
+            resolution_m=(0.005, 0.5, "m"),
+            range_m=(1, 1000, "m"),
+            sigma_m=(1e-4, 1, "m"),
+            drift_m=(0, 10, "m"),
+            drift_rad=(0, math.pi, "rad"),
+        )
 
     def tracker(self, loops: bool) -> TrackerConfig:
         """What the tracker is told."""
         match = MatchConfig(
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
-        return TrackerConfig(cell_m=self.resolution_m, loops=loops, match=match)
+        return TrackerConfig(
+            cell_m=self.resolution_m,
+            loops=loops,
+            match=match,
+            drift_m=self.drift_m,
+            drift_rad=self.drift_rad,
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float
 
-from slam.matching.levels import SurfaceLevels, matches
+from slam.matching.levels import SurfaceLevels, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
 
@@ -41,6 +41,12 @@ class View:
     """Directions in the robot's frame [rad], in order, rising."""
     range_m: Float[np.ndarray, " w"]
     """How far away the surface seen is [m]; negative where there is none: nothing up to that range then."""
+
+    def ends(self) -> Float[np.ndarray, "n 2"]:
+        """Points (x, y) [m] of the robot's frame at which a surface was seen, with a normal or without."""
+        seen = np.flatnonzero(self.range_m > 0)
+        bearing, reached = self.bearing_rad[seen], self.range_m[seen]
+        return np.column_stack([reached * np.cos(bearing), reached * np.sin(bearing)])
 
 
 @dataclass(kw_only=True, eq=False)
@@ -73,13 +79,20 @@ class Submap:
 
 def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[np.ndarray, "3 3"]:
     """What a fit really says of a pose: its information without what the noise of normals makes of a bare wall."""
-    # A turn moves points as far as a shift does at their distance from the robot.
-    arm_m = max(0.1, float(np.sqrt((scan.points**2).sum(axis=1).mean()))) if len(scan.points) else 1.0
-    scale = np.diag([1.0, 1.0, 1.0 / arm_m])
-    values, vectors = np.linalg.eigh(scale @ information @ scale)
-    values = np.maximum(values - _OF_NORMALS * max(values[-1], 0.0), 0.0)
-    back = np.diag([1.0, 1.0, arm_m])
-    return np.asarray(back @ (vectors * values) @ vectors.T @ back)
+    # Told of the point about which shifts and turns are apart: of the robot itself, all points to one side, turns and
+    # shifts are so much alike that a corner would pass for a bare wall.
+    values, axes = np.linalg.eigh(information[:2, :2])
+    noise = _OF_NORMALS * max(values[-1], 0.0)
+    values = np.maximum(values - noise, 0.0)
+    along = axes.T @ information[:2, 2]
+    told = values > 0
+    lever = np.where(told, along / np.where(told, values + noise, 1.0), 0.0)
+    spread = (
+        float(((scan.points - scan.points.mean(axis=0)) ** 2).sum(axis=1).mean()) if len(scan.points) else 1.0
+    )
+    turn = max(float(information[2, 2] - along @ lever) - 2 * noise * max(spread, 0.01), 0.0)
+    shift = np.column_stack([axes.T, lever])
+    return np.asarray(shift.T @ (values[:, None] * shift) + np.diag([0.0, 0.0, turn]))
 
 
 def least_covariance(least_m: float) -> Float[np.ndarray, "3 3"]:
@@ -132,7 +145,7 @@ def fit(
     if len(outline.points) < matching.min_pairs:
         return None
     best: Fit | None = None
-    for match in matches(other.levels, outline, predicted, covariance, matching):
+    for match in matches(other.levels, outline, predicted, covariance, matching, most_paired):
         if not match.paired.any():
             continue
         overlap, agreement = _judged(one, other, match.pose)

@@ -21,6 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from slam.graph.alongside import image_beside_rad
+from slam.graph.judging import Judge
 from slam.graph.landmarks import Landmarks, Transmitter
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
 from slam.graph.submaps import (
@@ -31,11 +32,10 @@ from slam.graph.submaps import (
     covariance_of,
     fit,
     least_covariance,
-    seen_by,
 )
 from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
-from slam.poses import between, compose, rotation, to_map, wrap
+from slam.poses import between, compose, rotation, wrap
 from slam.sensing.bearings import Bearing
 from slam.support.checks import check_numbers
 
@@ -122,9 +122,6 @@ _LOOSENED = 9.0
 _OFF_M, _OFF_RAD = 0.1, math.radians(3.0)
 #: Scans before by which a pose that was searched for is judged.
 _RECENT = 4
-#: How much a squared departure from the prediction, in variances, counts against a pose that was searched for, beside
-#: parts of the scan from 0 to 1.
-_OF_PRIOR = 0.03
 #: Standard deviation of a bearing by what mirror images beside it do to it, as a part of how far aside they appear.
 _PULLED = 0.5
 #: Submaps farther away are not matched to [m].
@@ -185,8 +182,9 @@ class Tracker:
         """
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
         # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
-        found = matches(self._around, scan, self.pose, prior, self.config.match, _LOOSENED)
-        return found[0] if len(found) == 1 else self._best(found, scan, view, prior)
+        judge = self._judge(view, prior)
+        found = matches(self._around, scan, self.pose, prior, self.config.match, judge, _LOOSENED)
+        return found[0] if len(found) == 1 else max(found, key=judge)
 
     def accept(self, match: Match, scan: ScanPoints, view: View) -> bool:
         """Take in a scan where it was matched.
@@ -304,31 +302,14 @@ class Tracker:
         anchors = zip(self.graph.poses, self.submaps, strict=True)
         return np.array([compose(anchor, pose) for anchor, submap in anchors for pose in submap.poses])
 
-    def _best(
-        self, found: list[Match], scan: ScanPoints, view: View, prior: Float[np.ndarray, "3 3"]
-    ) -> Match:
-        """The match at which most of the scan lies on surfaces and least contradicts what was seen last."""
-        information = np.linalg.inv(prior)
+    def _judge(self, view: View, prior: Float[np.ndarray, "3 3"]) -> Judge:
+        """What tells poses apart that were searched for: the last scans."""
         recent = [
-            (compose(anchor, pose), before, points)
+            (compose(anchor, pose), before)
             for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
-            for pose, before, points in zip(submap.poses, submap.views, submap.scans, strict=True)
+            for pose, before in zip(submap.poses, submap.views, strict=True)
         ][-_RECENT:]
-        told = [(pose, points.points) for pose, _, points in recent if len(points.points)]
-
-        def rated(match: Match) -> float:
-            away = difference(match.pose, self.pose, 1.0)
-            confirmed, through = seen_by(
-                ((pose, before) for pose, before, _ in recent), to_map(match.pose, scan.points)
-            )
-            against = float((through & ~confirmed).mean())
-            for pose, points in told:
-                same, through = seen_by([(match.pose, view)], to_map(pose, points))
-                against += float((through & ~same).mean()) / len(told)
-            agrees = float(match.paired.mean()) + float(confirmed.mean())
-            return agrees - against - _OF_PRIOR * float(away @ information @ away)
-
-        return max(found, key=rated)
+        return Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
 
     def _begin(self) -> bool:
         """Close the submap, and begin the next where the robot is; whether poses of the past were moved."""

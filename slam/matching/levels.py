@@ -7,6 +7,7 @@ Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 """
 
 import math
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -22,13 +23,15 @@ _COARSER = 4
 #: Distance at which a turn moves points as far as a shift does, for comparing both [m].
 ARM_M = 3.0
 #: Step of the lattice [m], points tried on it, and how many of its poses are refined.
-_STEP_M, _TRIED, _REFINED = 0.25, 120, 16
+_STEP_M, _TRIED, _REFINED = 0.25, 120, 24
 #: Of those, how many are fitted to the fine cells.
 _FITTED = 5
 #: Poses nearer than this are one [m].
 _ONE_M = 0.05
 #: Standard deviations searched to each side.
 _SIGMAS = 3.0
+#: Poses of the lattice at most, half a second of them: where more is uncertain, only the middle of it is searched.
+_MOST = 500_000
 #: The fine cells find what is off by no more than this in all [m]; the coarse ones find four times as much.
 _FINE_M = 0.06
 
@@ -38,12 +41,15 @@ class SurfaceLevels:
 
     def __init__(self, cell_m: float) -> None:
         self.fine, self.coarse = (_empty(size * cell_m) for size in (1, _COARSER))
+        self._loose: list[Float[np.ndarray, "n 2"]] = []
         self._near: tuple[GridFrame, Float[np.ndarray, "ny nx"]] | None = None
 
     def enter(self, pose: Float[np.ndarray, "3"], scan: ScanPoints) -> None:
         """Enter a scan at a pose."""
         for surfaces in (self.fine, self.coarse):
             _enter(surfaces, pose, scan)
+        if scan.loose is not None:
+            self._loose.append(to_map(pose, scan.loose))
         self._near = None
 
     def take(self, other: "SurfaceLevels", pose: Float[np.ndarray, "3"]) -> None:
@@ -51,12 +57,13 @@ class SurfaceLevels:
         for mine, theirs in ((self.fine, other.fine), (self.coarse, other.coarse)):
             points, normals, weights = theirs.planes()
             _enter(mine, pose, ScanPoints(points=points, normals=normals, weights=weights))
+        self._loose += [to_map(pose, points) for points in other._loose]
         self._near = None
 
     def nearness(self) -> tuple[GridFrame, Float[np.ndarray, "ny nx"]]:
         """How near to a surface each cell is: 1 on it, exp(-1/2) a step of the lattice away."""
         if self._near is None:
-            points, _, _ = self.fine.planes()
+            points = np.concatenate([self.fine.planes()[0], *self._loose])
             if not len(points):
                 points = np.zeros((1, 2))
             cell = 0.5 * _STEP_M
@@ -87,6 +94,7 @@ def matches(
     predicted: Float[np.ndarray, "3"],
     covariance: Float[np.ndarray, "3 3"],
     config: MatchConfig,
+    rated: Callable[[Match], float],
     loosened: float = 1.0,
 ) -> list[Match]:
     """Poses at which a scan lies on surfaces, found in the way that the uncertainty of the prediction asks for.
@@ -97,6 +105,7 @@ def matches(
         predicted: x [m], y [m], yaw [rad].
         covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
         config: How far scans are trusted.
+        rated: Which matches to the coarse cells are worth fitting to the fine ones: those it gives most.
         loosened: How many times the covariance a fit may depart by, where the prediction is so sure that there is no
             other to be taken for it.
 
@@ -112,9 +121,10 @@ def matches(
         return [match_scan(levels.fine, scan, predicted, loosened * covariance, config)]
     starts = [predicted]
     if off_m > _COARSER * _FINE_M and len(scan.points):
-        starts += _lattice(scan.points, levels, predicted, _SIGMAS * deviation, arm_m)
+        starts += _lattice(scan.every(), levels, predicted, _SIGMAS * deviation, arm_m)
     near = [match_scan(levels.coarse, scan, predicted, covariance, config, start) for start in starts]
-    near.sort(key=lambda match: -int(match.paired.sum()))
+    if len(near) > 1:
+        near.sort(key=rated, reverse=True)
     kept: list[Match] = []
     for match in near:
         if all(math.hypot(*difference(match.pose, other.pose, arm_m)) > _ONE_M for other in kept):
@@ -122,6 +132,11 @@ def matches(
         if len(kept) == _FITTED:
             break
     return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in kept]
+
+
+def most_paired(match: Match) -> float:
+    """Rates a match by how many points lie on surfaces."""
+    return float(match.paired.sum())
 
 
 def difference(
@@ -142,9 +157,12 @@ def _lattice(
     frame, near = levels.nearness()
     some = points[np.linspace(0, len(points) - 1, min(_TRIED, len(points))).astype(int)]
     step_rad = _STEP_M / arm_m
-    dx, dy = (np.arange(-n, n + 1) * _STEP_M for n in np.ceil(half[:2] / _STEP_M).astype(int))
     count = min(math.ceil(half[2] / step_rad), math.ceil(math.pi / step_rad))
     turns = np.arange(-count, count + 1) * step_rad
+    most = int(math.sqrt(_MOST / len(turns))) // 2
+    dx, dy = (
+        np.arange(-n, n + 1) * _STEP_M for n in np.minimum(np.ceil(half[:2] / _STEP_M), most).astype(int)
+    )
     shift = np.stack(np.meshgrid(dx, dy), axis=-1).reshape(-1, 2)
     cells = shift / frame.resolution_m
     # The field with a rim of nothing: what lies outside counts nothing.

@@ -24,6 +24,13 @@ from slam.poses import to_map, wrap
 from slam.sensing.projection import Scan
 from slam.support.checks import check_numbers
 
+#: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
+#: slanted by no more than this (secant) and a third point lies in line with them within this [m].
+_JUMP_M, _SLANT, _STRAIGHT_M = 0.3, 2.0, 0.06
+
+#: How far beams point from where they are said to [rad]: it moves what is grazed far away off its surface.
+_AIM_RAD = 0.0017
+
 
 @dataclass(frozen=True, kw_only=True)
 class MatchConfig:
@@ -70,11 +77,19 @@ class ScanPoints:
     """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
     sigma_m: Float[np.ndarray, " n"] | None = None
     """Standard deviation of each from its surface [m]; None where `MatchConfig.sigma_m` says it for all."""
+    loose: Float[np.ndarray, "m 2"] | None = None
+    """Points without a normal: edges, posts, what is grazed. They help to search, not to fit."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
         """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""
         heading = np.array([0.0, 0.0, pose[2]])
-        return replace(self, points=to_map(pose, self.points), normals=to_map(heading, self.normals))
+        loose = None if self.loose is None else to_map(pose, self.loose)
+        placed, turned = to_map(pose, self.points), to_map(heading, self.normals)
+        return replace(self, points=placed, normals=turned, loose=loose)
+
+    def every(self) -> Float[np.ndarray, "k 2"]:
+        """Points with a normal and without."""
+        return self.points if self.loose is None else np.concatenate([self.points, self.loose])
 
     def with_more(self, *others: "ScanPoints") -> "ScanPoints":
         """These points and others', all of known deviations."""
@@ -160,19 +175,26 @@ def points_of_beams(
     reach = np.clip(np.rint(0.08 / np.maximum(spacing, 1e-3)), 1, 6).astype(int)
     before, after = np.maximum(i - reach, 0), np.minimum(i + reach, n - 1)
     chord = points[before] - points[after]
-    # A jump between the two neighbours, or a lost column, means that they are not one surface.
-    torn = np.append(0, np.cumsum((step > 0.3) | (np.diff(columns) > 1)))
+    # A jump between the two neighbours, or a lost column, means that they are not one surface. Far away beams lie
+    # farther apart than the steps of a surface: there it takes three points in a line.
+    widest = np.maximum(_JUMP_M, _SLANT * np.minimum(reached[1:], reached[:-1]) * np.diff(bearing))
+    torn = np.append(0, np.cumsum((step > widest) | (np.diff(columns) > 1)))
     length = np.hypot(*chord.T)
     normals = np.column_stack([chord[:, 1], -chord[:, 0]]) / np.maximum(length, 1e-9)[:, None]
     inward = -(normals * points).sum(axis=1) / np.maximum(reached, 1e-9)
     normals = np.where(inward[:, None] < 0, -normals, normals)
-    good = (torn[before] == torn[after]) & (length > 1e-6) & (np.abs(inward) > 0.12)
+    wide = step > _JUMP_M
+    wide = np.append(wide, False) | np.insert(wide, 0, False)
+    aside = np.abs((normals * (points - points[before])).sum(axis=1))
+    straight = ~wide | ((aside < _STRAIGHT_M) & (before < i) & (i < after))
+    good = straight & (torn[before] == torn[after]) & (length > 1e-6) & (np.abs(inward) > 0.12)
     weights = np.minimum(spacing[good] / cell_m, 1.0)
     return ScanPoints(
         points=points[good],
         normals=normals[good],
         weights=weights,
-        sigma_m=np.full(len(weights), float(sigma_m)),
+        sigma_m=np.hypot(sigma_m, (_AIM_RAD * reached * np.sqrt(np.maximum(1 - inward**2, 0.0)))[good]),
+        loose=points[~good],
     )
 
 

@@ -145,7 +145,7 @@ class SageEstimator:
 
 
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
-    """Orthonormal rows, array by array, that waves of zero elevation excite among the beams of an array.
+    """Orthonormal rows, as many for each array, that level waves excite among its beams; filled up with zeros.
 
     Eigenvectors of a small matrix rather than singular vectors of a tall one, which libraries split over threads: their
     last bits would depend on the number of cores.
@@ -160,13 +160,9 @@ def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
         found = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
         rows.append(np.zeros((len(found), sounder.tx.n_beams), complex))
         rows[-1][:, mine] = found
-    return np.concatenate(rows)
-
-
-def _parts(basis: Complex[np.ndarray, "kept beams"], array: Int[np.ndarray, " beams"]) -> np.ndarray:
-    """Where each array's rows begin, and an end."""
-    owner = array[np.abs(basis).argmax(axis=1)]
-    return np.searchsorted(owner, np.arange(array.max() + 2))
+    # Where beams do not divide evenly among the arrays, some have fewer.
+    most = max(map(len, rows))
+    return np.concatenate([np.pad(one, ((0, most - len(one)), (0, 0))) for one in rows])
 
 
 def _looks(
@@ -193,8 +189,10 @@ def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "kept beams"]) -> Cu
     """What paths look like to this sounder."""
     azimuth = 2 * np.pi * np.arange(3 * TURN_INTERVALS) / (3 * TURN_INTERVALS)
     rx, tx = sounder.rx_response(azimuth), sounder.tx_response(azimuth) @ tx_basis.T
-    rx_part = np.arange(len(sounder.rx.platform.face_rad) + 1) * len(sounder.rx_basis)
-    tx_part = _parts(tx_basis, sounder.tx.beam_array)
+    rx_part, tx_part = (
+        np.linspace(0, curve.shape[1], len(end.platform.face_rad) + 1).astype(int)
+        for curve, end in ((rx, sounder.rx), (tx, sounder.tx))
+    )
     half = sounder.config.half_window
     reach = half + APRON
     late = np.arange(2 * reach * 3 * SAMPLE_INTERVALS + 1) / (3 * SAMPLE_INTERVALS) - reach

@@ -1,0 +1,60 @@
+"""Which of several poses a scan was taken from: it lies on surfaces there, and contradicts least what was seen lately.
+
+A surface that one of two scans looked through is a contradiction, whether either could tell its normal or not.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+
+from slam.graph.submaps import View, seen_by
+from slam.matching.levels import difference
+from slam.matching.scan_matching import Match
+from slam.poses import to_map
+
+#: How much a part of the scan that contradicts counts against a pose, beside parts from 0 to 1 that agree.
+_OF_AGAINST = 2.0
+#: The same of a squared departure from the prediction, in variances.
+_OF_PRIOR = 0.03
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judge:
+    """Rates matches of a scan."""
+
+    view: View
+    """How far the scan saw."""
+    recent: Sequence[tuple[Float[np.ndarray, "3"], View]]
+    """Poses of the last scans, and how far each saw."""
+    predicted: Float[np.ndarray, "3"]
+    """Where the scan was taken by odometry: x [m], y [m], yaw [rad]."""
+    covariance: Float[np.ndarray, "3 3"]
+    """Of that."""
+
+    def __call__(self, match: Match) -> float:
+        """How well a match explains the scan and the last ones: more is better."""
+        if not len(self._ends):
+            return 0.0
+        confirmed, through = seen_by(self.recent, to_map(match.pose, self._ends))
+        against = float((through & ~confirmed).mean())
+        for points in self._told:
+            same, through = seen_by([(match.pose, self.view)], points)
+            against += float((through & ~same).mean()) / len(self._told)
+        agrees = float(match.paired.mean()) + float(confirmed.mean())
+        away = difference(match.pose, self.predicted, 1.0)
+        return (
+            agrees - _OF_AGAINST * against - _OF_PRIOR * float(away @ np.linalg.solve(self.covariance, away))
+        )
+
+    @cached_property
+    def _ends(self) -> Float[np.ndarray, "n 2"]:
+        return self.view.ends()
+
+    @cached_property
+    def _told(self) -> list[Float[np.ndarray, "m 2"]]:
+        """What the last scans saw, in `map` [m]."""
+        told = [to_map(pose, view.ends()) for pose, view in self.recent]
+        return [points for points in told if len(points)]
