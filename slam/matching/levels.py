@@ -30,7 +30,7 @@ _FITTED = 5
 _ONE_M = 0.05
 #: Standard deviations searched to each side.
 _SIGMAS = 3.0
-#: Poses of the lattice at most, half a second of them: where more is uncertain, only the middle of it is searched.
+#: Most poses of the lattice, some tenths of a second: where more is uncertain, only the middle of it is searched.
 _MOST = 500_000
 #: The fine cells find what is off by no more than this in all [m]; the coarse ones find four times as much.
 _FINE_M = 0.06

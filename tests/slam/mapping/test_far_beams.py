@@ -52,7 +52,7 @@ def test_a_judge_prefers_where_nothing_is_contradicted() -> None:
     def match(pose: np.ndarray) -> Match:
         return Match(pose=pose, information=np.eye(3), paired=np.ones(10, bool))
 
-    assert judge(match(true)) > judge(match(true + [1.0, 0.0, 0.0])) + 0.3
+    assert judge(match(true)) > judge(match(true + np.array([1.0, 0.0, 0.0]))) + 0.3
     nothing = View(bearing_rad=BEARING, range_m=np.full(len(BEARING), -RANGE_M))
     blind = Judge(view=nothing, recent=judge.recent, predicted=true, covariance=judge.covariance)
     assert blind(match(true)) == 0
@@ -65,7 +65,7 @@ def test_a_pose_of_which_nothing_is_known_is_searched_in_bounded_memory() -> Non
     levels.enter(np.zeros(3), scan)
     true = np.array([0.4, 0.3, 0.2])
     other, _ = seen(ranges(ROOM, true))
-    predicted = true + [1.0, -0.5, math.radians(60)]
+    predicted = true + np.array([1.0, -0.5, math.radians(60)])
     found = matches(levels, other, predicted, np.diag([100.0, 100.0, 3.0]) ** 2, MATCHING, most_paired)
     best = max(found, key=most_paired)
     assert np.hypot(*(best.pose - true)[:2]) < 0.03
