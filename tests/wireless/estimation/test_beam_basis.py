@@ -3,11 +3,16 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from wireless import Sounder, SoundingConfig, terminal_named
-from wireless.estimation.sage import _beam_basis
+from wireless.antennas.codebook import Terminal
+from wireless.estimates import wrapped
+from wireless.estimation.sage import SageEstimator, _beam_basis
+from wireless.sounding.sounder import Rays
 
 CODE = """
 import hashlib
@@ -41,3 +46,20 @@ def test_its_bits_do_not_depend_on_the_number_of_cores():
         )  # fmt: skip
         told.add(done.stdout)
     assert len(told) == 1
+
+
+@pytest.mark.parametrize(("faces", "n_beams"), [((0.0, 1.0, 2.5, 4.4), 21), ((0.1, 1.7, 4.0), 50)])
+def test_beams_that_do_not_divide_evenly_among_arrays_do(faces: tuple[float, ...], n_beams: int) -> None:
+    """Arrays with more and fewer beams than others: lone paths are found, at both ends to 0.1 degrees."""
+    ue = terminal_named("ue")
+    odd = Terminal(platform=replace(ue.platform, face_rad=faces), n_beams=n_beams)
+    sounder = Sounder(odd, ue)
+    rng = np.random.default_rng(1)
+    aoa, aod = rng.uniform(-3, 3, (2, 6, 1))
+    level = np.zeros((6, 1))
+    rays = Rays(
+        gain=level + 1e-4 + 0j, delay_s=level + 2e-8, aoa_az=aoa, aoa_el=level, aod_az=aod, aod_el=level
+    )
+    found = SageEstimator(sounder, workers=1).estimate(sounder.measure(rays, rng, workers=1))
+    assert np.abs(wrapped(found.aoa_rad[:, 0] - aoa[:, 0])).max() < np.radians(0.1)
+    assert np.abs(wrapped(found.aod_rad[:, 0] - aod[:, 0])).max() < np.radians(0.1)
