@@ -245,6 +245,8 @@ class Page:
                 return
             at, to = radio.places["robot"], radio.places["transmitter"]
             way = (to - at) / max(float(np.hypot(*(to - at))), 0.1)
+            # What a slow window still tells of its view from above would have it look there again.
+            self._turned.pop(event.client.client_id, None)
             _look(event.client, np.array([*(at - BEHIND_M * way), EYE_M]), np.array([*(at + way), 1.0]))
 
 
