@@ -94,11 +94,13 @@ class ScanPoints:
     def with_more(self, *others: "ScanPoints") -> "ScanPoints":
         """These points and others', all of known deviations."""
         every = (self, *others)
+        loose = [each.loose for each in every if each.loose is not None]
         return ScanPoints(
             points=np.concatenate([each.points for each in every]),
             normals=np.concatenate([each.normals for each in every]),
             weights=np.concatenate([each.weights for each in every]),
             sigma_m=np.concatenate([each.sigma_m for each in every if each.sigma_m is not None]),
+            loose=np.concatenate(loose) if loose else None,
         )
 
 

@@ -39,6 +39,8 @@ def test_far_posts_have_none() -> None:
     scan = points_of_beams(BEARING, reach, 40.0, 0.05, 0.02)
     assert scan.loose is not None
     assert len(scan.points) < 0.15 * len(BEARING) < 0.8 * len(BEARING) < len(scan.loose)
+    both = scan.with_more(scan).at(np.array([1.0, 2.0, 0.5]))
+    assert len(both.every()) == 2 * len(BEARING)
 
 
 def test_a_judge_prefers_where_nothing_is_contradicted() -> None:
