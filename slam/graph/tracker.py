@@ -215,14 +215,17 @@ class Tracker:
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
         if self.config.radio:
-            told = [self._beside_walls(one) for one in bearings]
+            told = self._beside_walls(bearings)
             self.landmarks.see(self.graph, self._here, self._spread + self._drift(), told)
 
-    def _beside_walls(self, bearing: Bearing) -> Bearing:
-        """A bearing that is as uncertain as walls along it make it."""
+    def _beside_walls(self, bearings: Sequence[Bearing]) -> list[Bearing]:
+        """Bearings that are as uncertain as walls along them make them."""
         points, normals, _ = self._around.fine.planes()
-        pulled_rad = _PULLED * image_beside_rad(bearing, self.pose, points, normals)
-        return replace(bearing, sigma_rad=min(math.hypot(bearing.sigma_rad, pulled_rad), math.pi))
+        told = []
+        for one in bearings:
+            pulled_rad = _PULLED * image_beside_rad(one, self.pose, points, normals) if one.apart_rad else 0.0
+            told.append(replace(one, sigma_rad=min(math.hypot(one.sigma_rad, pulled_rad), math.pi)))
+        return told
 
     def _drift(self) -> Float[np.ndarray, "3 3"]:
         """How far poses have drifted since the submap was begun, beyond what matches tell: a covariance."""
