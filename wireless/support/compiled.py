@@ -10,7 +10,7 @@ if the loop ran in the main thread, an array would be made of no class, and the 
 fault. While functions compile, a signal waits for the one at hand: LLVM calls back into Python, where the
 exception would be printed and lost.
 
-This file and `compiled_files` stand in `slam` and in `wireless` alike, as neither imports the other; a test
+This file, `compiled_files` and `linked` stand in `slam` and in `wireless` alike, as neither imports the other; a test
 compares them.
 """
 
@@ -30,6 +30,7 @@ from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from .compiled_files import CompiledFiles
+from .linked import OptimisedOnce
 
 F = TypeVar("F", bound=Callable[..., object])
 
@@ -56,7 +57,7 @@ class _Part(CPUDispatcher):
         local_types: dict[str, Any] | None,
         options: dict[str, Any],
     ):
-        super().__init__(function, local_types, options)
+        super().__init__(function, local_types, options, OptimisedOnce)
         self._cache = CompiledFiles(self, between=_signals.let_in)
 
     def compile(self, sig: Any) -> Any:

@@ -22,10 +22,12 @@ import slam.learning.restoring
 import slam.support.axes
 import slam.support.compiled
 import slam.support.compiled_files
+import slam.support.linked
 import wireless.linkstate.learning.restoring
 import wireless.support.axes
 import wireless.support.compiled
 import wireless.support.compiled_files
+import wireless.support.linked
 from wireless.support.compiled_files import KEPT
 
 #: A package of two files, of which one calls the other's functions.
@@ -81,7 +83,7 @@ def mini(tmp_path, monkeypatch):
     for name, text in SOURCES.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(textwrap.dedent(text))
-    for module in (wireless.support.compiled, wireless.support.compiled_files):
+    for module in (wireless.support.compiled, wireless.support.compiled_files, wireless.support.linked):
         shutil.copy(inspect.getfile(module), folder)
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
@@ -353,6 +355,47 @@ def test_the_first_loop_that_is_not_on_disk_is_told(mini):
     assert [calls(), calls()] == [1, 0]
 
 
+def machine_code():
+    """Whether functions have machine code of their own: the one that another calls, and the one that calls it."""
+    functions = (sys.modules["mini.parts.inner"].inner._part, sys.modules["mini.loops"].outer)
+    made = [next(iter(function.overloads.values())).library for function in functions]
+    return [any(not one.is_declaration for one in library._final_module.functions) for library in made]
+
+
+def test_what_only_other_loops_call_is_linked_into_them(mini):
+    """And has no machine code of its own."""
+    assert run() == (1025.0, True)
+    if not sys.modules["mini.linked"].works():
+        pytest.skip("this version of numba has no such parts, or others")
+    assert machine_code() == [False, True]
+
+
+@pytest.mark.parametrize(
+    ("part", "other"),
+    [
+        ('"JITCodeLibrary"', '"CodeLibraryOfAnotherName"'),
+        ("_function_pass_manager(opt=_TIDY)", "_function_pass_manager(another_option=_TIDY)"),
+        ("self._get_module_for_linking()", "self._another_method()"),
+        ('"_ZN7cpython"', '"_ZN12another_name"'),
+    ],
+)
+def test_where_numba_has_other_parts_its_own_way_serves(mini, part, other):
+    """Without a word; what is kept then serves as well where it has them, and the other way round."""
+    edit(mini / "linked.py", part, other)
+    assert run() == (1025.0, True)
+    assert not sys.modules["mini.linked"].works()
+    assert machine_code() == [True, True]
+    edit(mini / "linked.py", other, part)
+    assert run() == (1025.0, False)
+    [kept] = (mini / "__pycache__").glob("mini.loops.outer-*.compiled")
+    kept.unlink()
+    assert run() == (1025.0, True)
+    [kept] = (mini / "__pycache__").glob("mini.loops.outer-*.compiled")
+    kept.unlink()
+    edit(mini / "linked.py", part, other)
+    assert run() == (1025.0, True)
+
+
 def test_no_garbage_is_looked_for_while_a_loop_compiles(mini, monkeypatch):
     """And again afterwards, also if nothing can be compiled."""
     import gc
@@ -504,10 +547,11 @@ def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
     [
         (wireless.support.compiled, slam.support.compiled),
         (wireless.support.compiled_files, slam.support.compiled_files),
+        (wireless.support.linked, slam.support.linked),
         (wireless.linkstate.learning.restoring, slam.learning.restoring),
         (wireless.support.axes, slam.support.axes),
     ],
-    ids=["compiled", "compiled_files", "restoring", "axes"],
+    ids=["compiled", "compiled_files", "linked", "restoring", "axes"],
 )
 def test_slam_and_wireless_have_one_text(one, other):
     """Neither package imports the other, so that both have these files."""
