@@ -45,7 +45,7 @@ def compiled(function: F) -> F:
     config: Any = numba.config
     if config.DISABLE_JIT:  # for debuggers
         return cast(F, plain)
-    return cast(F, _Loop(plain, None, _OPTIONS))
+    return cast(F, _Loop(plain, {}, _OPTIONS))
 
 
 class _Part(CPUDispatcher):
@@ -54,7 +54,7 @@ class _Part(CPUDispatcher):
     def __init__(
         self,
         function: Callable[..., object],
-        local_types: dict[str, Any] | None,
+        local_types: dict[str, Any],
         options: dict[str, Any],
     ):
         super().__init__(function, local_types, options, OptimisedOnce)
@@ -75,7 +75,7 @@ class _Loop(_Part):
     def __init__(
         self,
         function: Callable[..., object],
-        local_types: dict[str, Any] | None,
+        local_types: dict[str, Any],
         options: dict[str, Any],
     ):
         super().__init__(function, local_types, options)

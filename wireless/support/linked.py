@@ -81,8 +81,8 @@ class OptimisedOnce(Compiler):
 def works() -> bool:
     """Whether numba has the parts that `LinkedCode` needs: one function that calls another returns what it should."""
     parts = {"nopython": True, "no_cpython_wrapper": True}
-    inner: Any = CPUDispatcher(lambda x: 2.0 * x, None, parts)
-    outer: Any = CPUDispatcher(lambda x: inner(x) + 1.0, None, {**parts, "no_cpython_wrapper": False})
+    inner: Any = CPUDispatcher(lambda x: 2.0 * x, {}, parts)
+    outer: Any = CPUDispatcher(lambda x: inner(x) + 1.0, {}, {**parts, "no_cpython_wrapper": False})
     try:
         with _linked():
             compiled = outer.compile((types.float64,))
