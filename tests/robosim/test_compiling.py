@@ -18,10 +18,11 @@ from slam.support import compiled as of_slam
 from wireless.support import compiled as of_wireless
 
 for package in (of_slam, of_wireless):
-    def compile(self, sig, before=package._Part.compile):
+    # What loops call of others is compiled only where it is not on disk, by whichever process is the first.
+    def compile(self, sig, before=package._Loop.compile):
         sys.stdout.write(f"{self._cache._name} {sig}" + chr(10))  # whole lines, whatever the thread
         return before(self, sig)
-    package._Part.compile = compile
+    package._Loop.compile = compile
 
 config = EpisodeConfig(seed=2, max_steps=12)
 if sys.argv[1] == "beside":
