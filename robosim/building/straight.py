@@ -33,6 +33,9 @@ _SHORT = 0.1
 #: Around a place where straight walls cross, none is made within so many cells; how often that is tried.
 _APART, _TRIES = 3.0, 20
 
+#: Corners of all slopes and offsets that a line through an edge may have.
+_SQUARE = np.array([[-1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [-1.0, 0.5]])
+
 
 class Ring(NamedTuple):
     """A closed line along edges of cells, edge by edge."""
@@ -251,8 +254,8 @@ def _segments(
         if longest == 0:
             continue
         end, slope, offset = _reach(step, fixed, first, first + longest, axis)
-        spans[found] = first, end, axis
-        lines[found] = slope, offset
+        spans[found, 0], spans[found, 1], spans[found, 2] = first, end, axis
+        lines[found, 0], lines[found, 1] = slope, offset
         found += 1
         if high - low == 2 * n:  # the first one: the rest of the ring goes from its end to its beginning
             open_first.append(end)
@@ -287,7 +290,8 @@ def _reach(
         return first, 0.0, 0.0
     # Corners of the preimage, in order; an offset is that in the middle of the first edge.
     kept, new, half = np.empty((16, 2)), np.empty((16, 2)), np.empty((16, 2))
-    kept[:4] = np.array([[-1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [-1.0, 0.5]])
+    for i in range(4):
+        kept[i, 0], kept[i, 1] = _SQUARE[i, 0], _SQUARE[i, 1]
     count, end, edges, level, side, stepped = 4, first + 1, 0, 0, 0, False
     for i in range(first + 1, last):
         across = step[i, 1 - axis]
@@ -306,11 +310,12 @@ def _reach(
         count, end, stepped = some, i + 1, False
     area, slope, offset = 0.0, 0.0, 0.0
     for i in range(2, count):
-        a, b = kept[i - 1] - kept[0], kept[i] - kept[0]
-        part = a[0] * b[1] - a[1] * b[0]
+        a0, a1 = kept[i - 1, 0] - kept[0, 0], kept[i - 1, 1] - kept[0, 1]
+        b0, b1 = kept[i, 0] - kept[0, 0], kept[i, 1] - kept[0, 1]
+        part = a0 * b1 - a1 * b0
         area += part
-        slope += part * (a[0] + b[0]) / 3
-        offset += part * (a[1] + b[1]) / 3
+        slope += part * (a0 + b0) / 3
+        offset += part * (a1 + b1) / 3
     return end, kept[0, 0] + slope / area, kept[0, 1] + offset / area
 
 
@@ -321,13 +326,16 @@ def _clip(
     """The part of a preimage whose lines lie to one side of a cell's centre, and how many corners it has."""
     n, found = len(polygon), 0
     for i in range(n):
-        here, then = polygon[i], polygon[(i + 1) % n]
-        gap = sign * (here[0] * edges + here[1]) - least
-        next_gap = sign * (then[0] * edges + then[1]) - least
+        slope, offset = polygon[i, 0], polygon[i, 1]
+        next_slope, next_offset = polygon[(i + 1) % n, 0], polygon[(i + 1) % n, 1]
+        gap = sign * (slope * edges + offset) - least
+        next_gap = sign * (next_slope * edges + next_offset) - least
         if gap > _LEAST:
-            out[found] = here
+            out[found, 0], out[found, 1] = slope, offset
             found += 1
         if (gap > _LEAST) != (next_gap > _LEAST):
-            out[found] = here + (then - here) * ((gap - _LEAST) / (gap - next_gap))
+            way = (gap - _LEAST) / (gap - next_gap)
+            out[found, 0] = slope + (next_slope - slope) * way
+            out[found, 1] = offset + (next_offset - offset) * way
             found += 1
     return found
