@@ -33,7 +33,7 @@ from robosim.parts import (
 from robosim.policies.belief import TargetBelief
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
-from robosim.policies.reason import KEPT, UNTOLD, Reason
+from robosim.policies.reason import KEPT, UNTOLD, GoalKind, Reason
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.policies.situation import Situation
 from robosim.radio.bearings import bearings_of
@@ -218,14 +218,14 @@ def drive(
             return turn, True
         with watch.stage("planner"):
             asked, goal = goal, rounds.goal(goal, estimate.pose)
-            plan = planner.plan(estimate, goal)
+            # A policy that somebody has written may not say.
+            reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
+            plan = planner.plan(estimate, goal, look=reason.kind is GoalKind.EXPLORE)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
             own = policy.action() if isinstance(policy, Driver) else None
             action = controller.act(estimate.pose, plan) if own is None else own
         paths = simulator.radio.paths if simulator.radio else None
-        # A policy that somebody has written may not say.
-        reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
         other = on_decision(
             Decision(
                 **vars(turn),

@@ -61,6 +61,8 @@ class ExplorerConfig:
     """Frontiers whose way is priced exactly."""
     every: int = 8
     """Decisions after which frontiers are rated anew even if the goal still stands."""
+    near_m: float = 1.1
+    """A frontier nearer than this is looked at [m]; the planner stops a little before that."""
     patience: int = 12
     """Decisions near a frontier that show nothing new after which it is given up."""
 
@@ -77,6 +79,7 @@ class ExplorerConfig:
             keep=(0, 1e6, "decisions"),
             candidates=(1, 10_000, "frontiers"),
             every=(1, 1_000_000, "decisions"),
+            near_m=(0, 100, "m"),
             patience=(1, 1_000_000, "decisions"),
         )
 
@@ -169,7 +172,7 @@ class FrontierExplorer:
         unseen = ~estimate.explored[rows, columns] & (estimate.obstacle_probability[rows, columns] <= 0.5)
         if not unseen.any():
             return False
-        near = math.hypot(*(goal - estimate.pose[:2])) < 0.6
+        near = math.hypot(*(goal - estimate.pose[:2])) < self.config.near_m
         self._waited = self._waited + 1 if near else 0
         if self._waited > self.config.patience or self._budget < 0:
             self._given_up.append((float(x), float(y)))

@@ -8,7 +8,8 @@ enough for doors just wider than the hull; what lies behind is taken from the fa
 depends little on the size of the building. Fields are kept as long as the goal stays and nothing comes in the way.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
-strictly: a way that stopped the robot once is tried again.
+strictly: a way that stopped the robot once is tried again. Where a goal is only to be looked at, the way ends before it,
+with room to turn: a robot that drives into a niche to see its end touches walls as it turns out again.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 
@@ -52,6 +53,10 @@ class PlannerConfig:
     """Half side of the window around the robot in which obstacles are checked at every decision [m]."""
     max_far_m: float = 20.0
     """A goal farther outside of the known map is replaced by a point on the way to it [m]; bounds the work."""
+    look_from_m: float = 1.0
+    """Where it is enough to look at the goal, the way ends at most so far before it [m] ..."""
+    look_room_m: float = 0.1
+    """... at the first place with this much space beside the hull, to turn in [m]; at the roomiest if there is none."""
 
     def __post_init__(self) -> None:
         check_numbers(
@@ -64,6 +69,8 @@ class PlannerConfig:
             far_every=(1, 1_000_000, "decisions"),
             look_m=(0.05, 100, "m"),
             max_far_m=(0, 1000, "m"),
+            look_from_m=(0, 100, "m"),
+            look_room_m=(0, 10, "m"),
         )
         if not self.near_m[0] < self.near_m[1]:
             raise ValueError(f"near_m is {self.near_m}, expected two rising distances.")
@@ -121,12 +128,13 @@ class Planner:
         self._closely = False
         """Whether coarse cells have led this way through a neck that is too narrow."""
 
-    def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"]) -> Plan:
+    def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"], *, look: bool = False) -> Plan:
         """The way from the robot to a goal.
 
         Args:
             estimate: Map and pose.
             goal_xy: The goal (x, y) [m] in `map`; need not be free, nor on the map.
+            look: Whether it is enough to look at the goal: the path then ends before it where there is room to turn.
 
         Returns:
             The plan. Where no way leads anywhere, the path stays at the robot and the length is inf.
@@ -152,12 +160,26 @@ class Planner:
         else:
             plan = self._solve_near(estimate, self._far)
         self._plan = _completed(plan, estimate)
-        return self._plan
+        return self._before_goal(self._plan, estimate) if look else self._plan
 
     def look_closely(self) -> None:
         """Plan the next way, and those to the same goal that come, on the map's own cells throughout."""
         self._closely = True
         self._near_age, self._far_age = self.config.near_every, self.config.far_every
+
+    def _before_goal(self, plan: Plan, estimate: MapEstimate) -> Plan:
+        """The plan with a path that ends where the hull has room to turn, in a straight line before the goal."""
+        if plan.length_m > self.config.look_m:
+            return plan
+        back = along(plan.path[::-1], estimate.frame.resolution_m, self.config.look_from_m)
+        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(back, axis=0).T)))
+        bent = np.hypot(*(back - back[0]).T) < 0.95 * gone
+        straight = back[: int(np.argmax(bent))] if bent.any() else back
+        room = plan.clearance.at(straight) - self.config.cost.radius_m
+        k = int(np.argmax(np.minimum(room, self.config.look_room_m)))
+        corners = np.append(0.0, np.cumsum(np.hypot(*np.diff(plan.path, axis=0).T)))
+        path = np.vstack([plan.path[corners < corners[-1] - gone[k]], back[k]])
+        return _completed(replace(plan, path=path), estimate)
 
     def _around(self, estimate: MapEstimate) -> Clearance:
         return Clearance.around(estimate, self.config.look_m, bumps=self._bumps)
