@@ -9,7 +9,7 @@ Reference: Chaplot et al., ICLR 2020 (coverage at 1000 steps); Efron, Annals of 
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -166,6 +166,12 @@ def area_under(coverage: Float[np.ndarray, " n"]) -> float:
     return float(np.trapezoid(coverage) / (len(coverage) - 1))
 
 
+def bumps_in_100_m(rows: Sequence[Mapping[str, Any]]) -> float:
+    """Actions that ended at something, for 100 m driven in all episodes together."""
+    driven_m = sum(row["path_length_m"] for row in rows)
+    return 100 * sum(row["collisions"] for row in rows) / max(driven_m, 1e-9)
+
+
 def gain_over(
     own: Float[np.ndarray, " n"], other: Float[np.ndarray, " n"], draws: int = 2000
 ) -> tuple[float, float, float]:
@@ -195,7 +201,7 @@ def table(rows: list[dict[str, Any]]) -> Table:
     grid.add_column("explorer")
     for name in ("plans", *(f"seen after {n} [%]" for n in MILESTONES), "least after 1000 [%]"):
         grid.add_column(name, justify="right")
-    for name in ("area under curve", "over the first [%]", "collisions", "decisions/s"):
+    for name in ("area under curve", "over the first [%]", "bumps in 100 m", "decisions/s"):
         grid.add_column(name, justify="right")
     first: np.ndarray | None = None
     for name, own in _by_explorer(rows).items():
@@ -210,7 +216,7 @@ def table(rows: list[dict[str, Any]]) -> Table:
             f"{100 * curves[:, -1].min():.1f}",
             f"{area.mean():.4f}",
             "-" if area is first else f"{more:+.1f} ({low:+.1f} to {high:+.1f})",
-            f"{np.mean([row['collisions'] for row in own]):.1f}",
+            f"{bumps_in_100_m(own):.1f}",
             f"{np.median([row['decisions_per_s'] for row in own]):.0f}",
         )
     return grid

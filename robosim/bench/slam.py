@@ -16,7 +16,7 @@ from rich.console import Console, Group
 from rich.table import Table
 from rich.text import Text
 
-from robosim.bench.exploration import MILESTONES, area_under, gain_over, held
+from robosim.bench.exploration import MILESTONES, area_under, bumps_in_100_m, gain_over, held
 from robosim.bench.slam_pictures import plot_coverage, plot_map, plot_reliability
 from robosim.bench.slam_plan import EVERY, MATCHED, TELLERS, TOLD_AT, Floor, SlamSettings, measure_plan
 from robosim.bench.slam_speed import SpeedSettings, speed_table, speeds
@@ -166,6 +166,7 @@ def _walks(rows: list[dict[str, Any]], name: str) -> dict[str, float]:
         "seen_least": float(curves[:, -1].min()),
         "area_under_curve": float(np.mean([area_under(curve) for curve in curves])),
         "collisions": float(np.mean([walk["collisions"] for walk in own])),
+        "bumps_in_100_m": bumps_in_100_m(own),
         "decisions_per_s": float(np.median([walk["decisions_per_s"] for walk in own])),
         "ate_m": float(np.median([walk["ate_m"] for walk in own])),
         **{f"{stage}_ms": value for stage, value in stages.items()},
@@ -255,7 +256,12 @@ def _walk_table(rows: list[dict[str, Any]], summary: dict[str, Any]) -> Table:
     }
     more, low, high = (100 * value for value in gain_over(areas["learned"], areas["classical"]))
     caption = f"Area of the learned over the classical one's: {more:+.1f} % ({low:+.1f} to {high:+.1f})"
-    columns = [*(f"seen after {n} [%]" for n in MILESTONES), "least [%]", "area under curve", "collisions"]
+    columns = [
+        *(f"seen after {n} [%]" for n in MILESTONES),
+        "least [%]",
+        "area under curve",
+        "bumps in 100 m",
+    ]
     table = _numbers("Exploring with each map", "map", [*columns, "ATE [m]", "decisions/s"], caption)
     for name, walk in summary["walks"].items():
         table.add_row(
@@ -263,7 +269,7 @@ def _walk_table(rows: list[dict[str, Any]], summary: dict[str, Any]) -> Table:
             *(f"{100 * walk[f'seen_after_{n}']:.1f}" for n in MILESTONES),
             f"{100 * walk['seen_least']:.1f}",
             f"{walk['area_under_curve']:.4f}",
-            f"{walk['collisions']:.1f}",
+            f"{walk['bumps_in_100_m']:.1f}",
             f"{walk['ate_m']:.3f}",
             f"{walk['decisions_per_s']:.0f}",
         )

@@ -221,6 +221,7 @@ def _walk(log: EpisodeLog) -> dict[str, Any]:
     return {
         "ended": log.ended,
         "steps": log.steps,
+        "path_length_m": float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()),
         "collisions": sum(motion.collided for motion in log.motions),
         "coverage": np.round(log.coverage, 4),
         "stage_ms": {stage: 1000 * log.seconds.get(stage, 0.0) / decisions for stage in LOOP_STAGES},

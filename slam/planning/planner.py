@@ -8,8 +8,8 @@ enough for doors just wider than the hull; what lies behind is taken from the fa
 depends little on the size of the building. Fields are kept as long as the goal stays and nothing comes in the way.
 
 A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
-strictly: a way that stopped the robot once is tried again. Where a goal is only to be looked at, the way ends before it,
-with room to turn: a robot that drives into a niche to see its end touches walls as it turns out again.
+strictly: a way that stopped the robot once is tried again. Where a goal is only to be looked at, the way ends before
+it, with room to turn: a robot that drives into a niche to see its end touches walls as it turns out again.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 

@@ -32,13 +32,14 @@ def test_the_gain_is_paired_by_plan():
 
 
 def test_the_table_says_by_how_much_the_first_is_exceeded():
-    """Constant coverage of 0.8 against 0.5: area as such, +60 %."""
+    """Constant coverage of 0.8 against 0.5: area as such, +60 %. Three bumps in twice 25 m are 6 in 100 m."""
     rows = [
         {
             "explorer": name,
             "plan": plan,
             "coverage": held(np.array([seen])),
-            "collisions": 0,
+            "collisions": 1 if plan == "a" else 2,
+            "path_length_m": 25.0,
             "decisions_per_s": 9,
         }
         for name, seen in (("nearest", 0.5), ("gain", 0.8))
@@ -49,6 +50,7 @@ def test_the_table_says_by_how_much_the_first_is_exceeded():
     assert cells[0] == ["nearest", "gain"]
     assert cells[6] == ["0.5000", "0.8000"]
     assert cells[7][1].startswith("+60.0")
+    assert cells[8] == ["6.0", "6.0"]
 
 
 def test_a_run_writes_its_files_and_reads_kept_episodes(tmp_path, monkeypatch, in_process):

@@ -112,6 +112,28 @@ def test_a_goal_off_the_map_gives_a_finite_path(goal):
     assert np.abs(plan.path[-1]).max() < 3.0
 
 
+def _niche(pose) -> MapEstimate:
+    """A hall, off which a niche leads along +x from x = 0: 0.3 m wide, 1.5 m deep, 5 cm beside the hull."""
+    return floor(pose, walls=[(0.0, -2.0, 1.5, -0.1), (0.0, 0.15, 1.5, 2.0)])
+
+
+def test_a_goal_to_be_looked_at_is_looked_at_from_where_the_hull_can_turn():
+    """The goal is 0.7 m deep in a niche with 5 cm beside the hull: the way ends before that, in line with it."""
+    estimate, goal = _niche((-1.5, 0.0, 0.0)), np.array([0.7, 0.02])
+    into, look = Planner().plan(estimate, goal), Planner().plan(estimate, goal, look=True)
+    np.testing.assert_allclose(into.path[-1], goal, atol=0.03)
+    assert 0.0 < -look.path[-1][0] < 0.31
+    assert look.length_m == pytest.approx(_length(look.path))
+    assert float(look.clearance.at(look.path[-1])) >= RADIUS_M + 0.1 - 0.01
+    np.testing.assert_array_equal(look.asked_xy, goal)
+
+
+def test_in_the_open_a_goal_is_looked_at_from_itself():
+    """There is room everywhere, so nothing is cut off."""
+    plan = Planner().plan(floor(), np.array([1.5, 1.2]), look=True)
+    np.testing.assert_allclose(plan.path[-1], [1.5, 1.2], atol=1e-9)
+
+
 def test_on_a_map_of_nothing_the_way_is_straight():
     """All unknown: passable, so the straight line."""
     frame = GridFrame(origin_xy=(-4.0, -4.0), shape=(160, 160))
