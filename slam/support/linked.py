@@ -2,8 +2,8 @@
 
 Numba optimises each function and makes machine code of it; links it into what calls it, and optimises it there once
 more, and so on in all callers of these. Of functions that Python never calls nothing but the linked copies runs. So
-they are only tidied here, and handed on; loops are the same machine code, instruction for instruction or nearly, and
-what an episode needs is compiled in some three fifths of the time (see the results on speed).
+they are only tidied here, and handed on: what an episode needs is compiled in three fifths of the time, is as fast,
+and has the same results to the bit (see the results on speed).
 
 That goes by private parts of numba, which may be others in another version. Two small functions are compiled first,
 to see that it works; if not, all is compiled as numba does it.
