@@ -32,6 +32,9 @@ from slam.support.checks import check_choice, check_numbers
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
 
+#: Whoever is nearer to a frontier stands before it [m]; the camera sees what is off its middle by less [rad].
+_BEFORE_M, _FACING_RAD = 0.6, math.radians(40.0)
+
 ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
 
 
@@ -61,8 +64,8 @@ class ExplorerConfig:
     """Frontiers whose way is priced exactly."""
     every: int = 8
     """Decisions after which frontiers are rated anew even if the goal still stands."""
-    near_m: float = 1.1
-    """A frontier nearer than this is looked at [m]; the planner stops a little before that."""
+    near_m: float = 1.4
+    """A frontier nearer than this is looked at when the robot faces it [m]; the planner stops before that."""
     patience: int = 12
     """Decisions near a frontier that show nothing new after which it is given up."""
 
@@ -172,13 +175,22 @@ class FrontierExplorer:
         unseen = ~estimate.explored[rows, columns] & (estimate.obstacle_probability[rows, columns] <= 0.5)
         if not unseen.any():
             return False
-        near = math.hypot(*(goal - estimate.pose[:2])) < self.config.near_m
-        self._waited = self._waited + 1 if near else 0
+        if self._looked_at(goal, estimate.pose):
+            self._waited += 1
+        elif math.hypot(*(goal - estimate.pose[:2])) > self.config.near_m:
+            self._waited = 0
         if self._waited > self.config.patience or self._budget < 0:
             self._given_up.append((float(x), float(y)))
             self._waited = 0
             return False
         return True
+
+    def _looked_at(self, goal: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> bool:
+        """Whether the robot stands right before a frontier, or faces it from where it is looked at."""
+        x, y = goal - pose[:2]
+        away = math.hypot(x, y)
+        facing = abs(wrap(math.atan2(y, x) - pose[2])) < _FACING_RAD
+        return bool(away < _BEFORE_M or (away < self.config.near_m and facing))
 
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The goal of the best frontier; where none can be reached, the map is taken less strictly."""

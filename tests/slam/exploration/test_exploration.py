@@ -38,7 +38,7 @@ def _explore(world: GridWorld, decisions: int, hidden=None):
             return np.array(goals), np.array(poses), True
         goals.append(goal)
         poses.append(world.pose.copy())
-        world.act(controller.act(world.pose.copy(), planner.plan(world.estimate(), goal)))
+        world.act(controller.act(world.pose.copy(), planner.plan(world.estimate(), goal, look=True)))
     return np.array(goals), np.array(poses), False
 
 
