@@ -220,7 +220,9 @@ def drive(
             asked, goal = goal, rounds.goal(goal, estimate.pose)
             # A policy that somebody has written may not say.
             reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
-            plan = planner.plan(estimate, goal, look=reason.kind is GoalKind.EXPLORE)
+            # Floor is seen from before a niche; a target that is searched may stand in it.
+            look = reason.kind is GoalKind.EXPLORE and not policy.seeks_target
+            plan = planner.plan(estimate, goal, look=look)
             if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
             own = policy.action() if isinstance(policy, Driver) else None
