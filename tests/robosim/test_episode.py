@@ -16,6 +16,7 @@ from robosim.run import record_episode
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.task.tasks import make_task
 from slam.actions import Action
+from slam.planning.planner import Planner
 from tests.plans import two_rooms
 
 KINEMATIC = SimulatorConfig(physics="kinematic")
@@ -80,6 +81,21 @@ def test_exploration_sees_both_rooms_and_stops():
     result = _run(EpisodeConfig(goal="explore", simulator=KINEMATIC, max_steps=400)).result()
     assert result["ended"] == "explored"
     assert result["coverage"] > 0.95
+
+
+@pytest.mark.parametrize(("goal", "looks"), [("explore", True), ("visual", False)])
+def test_only_a_robot_that_searches_nothing_looks_at_the_edge_from_before_it(goal, looks, monkeypatch):
+    """A target may stand in a niche, so that a search drives up to where the map ends."""
+    asked, plan = [], Planner.plan
+
+    def told(self, estimate, goal_xy, *, look=False):
+        asked.append(look)
+        return plan(self, estimate, goal_xy, look=look)
+
+    monkeypatch.setattr(Planner, "plan", told)
+    _run(EpisodeConfig(goal=goal, max_steps=3))
+    assert asked == [looks] * len(asked)
+    assert asked
 
 
 def test_one_seed_gives_one_episode_bit_for_bit():
