@@ -90,7 +90,7 @@ class GridWalk:
         """The way to a goal, kept for some decisions."""
         self._age += 1
         if self._plan is None or self._age >= _REPLAN or math.hypot(*(goal - self._plan.asked_xy)) > 0.02:
-            self._plan, self._age = self._planner.plan(estimate, goal), 0
+            self._plan, self._age = self._planner.plan(estimate, goal, look=True), 0
             self._corners = [*self._plan.path[1:]]
         return self._plan
 
