@@ -56,6 +56,7 @@ from slam.mapping.occupancy import OccupancyGrid
 from slam.mapping.odometry import OdometryConfig
 from slam.mapping.relocalization import RelocalizationConfig
 from slam.networks.scores import PatchScores
+from slam.planning.paths import length
 from slam.sensing.egocentric import AHEAD, belief_ahead, egocentric_map
 from slam.sensing.projection import scan_from_depth
 
@@ -221,7 +222,7 @@ def _walk(log: EpisodeLog) -> dict[str, Any]:
     return {
         "ended": log.ended,
         "steps": log.steps,
-        "path_length_m": float(np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()),
+        "path_length_m": length(poses[:, :2]),
         "collisions": sum(motion.collided for motion in log.motions),
         "coverage": np.round(log.coverage, 4),
         "stage_ms": {stage: 1000 * log.seconds.get(stage, 0.0) / decisions for stage in LOOP_STAGES},

@@ -111,6 +111,11 @@ def onward(path: Float[np.ndarray, "n 2"], here: Float[np.ndarray, "2"]) -> Floa
     return np.vstack([here, path[k + 1 :]])
 
 
+def gone(path: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """How far along a path each of its points lies [m]."""
+    return np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+
+
 def length(path: Float[np.ndarray, "n 2"]) -> float:
     """Length of a path [m]."""
     return float(np.hypot(*np.diff(path, axis=0).T).sum()) if len(path) > 1 else 0.0

@@ -23,7 +23,7 @@ from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
 from slam.planning.known_ground import ways_to
-from slam.planning.paths import along, downhill, length, onward, taut
+from slam.planning.paths import along, downhill, gone, length, onward, taut
 from slam.planning.travel_time import TravelTime
 from slam.support.checks import check_numbers
 
@@ -172,13 +172,13 @@ class Planner:
         if plan.length_m > self.config.look_m:
             return plan
         back = along(plan.path[::-1], estimate.frame.resolution_m, self.config.look_from_m)
-        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(back, axis=0).T)))
-        bent = np.hypot(*(back - back[0]).T) < 0.95 * gone
+        before_m = gone(back)
+        bent = np.hypot(*(back - back[0]).T) < 0.95 * before_m
         straight = back[: int(np.argmax(bent))] if bent.any() else back
         room = plan.clearance.at(straight) - self.config.cost.radius_m
         k = int(np.argmax(np.minimum(room, self.config.look_room_m)))
-        corners = np.append(0.0, np.cumsum(np.hypot(*np.diff(plan.path, axis=0).T)))
-        path = np.vstack([plan.path[corners < corners[-1] - gone[k]], back[k]])
+        corners_m = gone(plan.path)
+        path = np.vstack([plan.path[corners_m < corners_m[-1] - before_m[k]], back[k]])
         return _completed(replace(plan, path=path), estimate)
 
     def _around(self, estimate: MapEstimate) -> Clearance:
@@ -305,10 +305,10 @@ class Planner:
         """Which point of the far way the near field leads to: the roomiest within a range of distances."""
         if len(way) < 2:
             return max(len(way) - 1, 0)
-        gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(way, axis=0).T)))
-        if gone[-1] < self.config.near_m[1]:
+        at_m = gone(way)
+        if at_m[-1] < self.config.near_m[1]:
             return len(way) - 1
-        range_ = np.flatnonzero((gone >= self.config.near_m[0]) & (gone <= self.config.near_m[1]))
+        range_ = np.flatnonzero((at_m >= self.config.near_m[0]) & (at_m <= self.config.near_m[1]))
         iy, ix = far.window.frame.index(way[range_])
         return int(range_[int(np.argmin(far.window.cost[iy, ix]))])
 
