@@ -1,15 +1,16 @@
 """The discrete actions of a robot that explores, and what each is meant to do.
 
-One step forward or a turn on the spot, the set that Active Neural SLAM and Habitat use. There is no stop
-action: arrival is judged from the pose. The amounts are nominal; what an action really does is up to the
-robot that carries it out.
+One step forward or a turn on the spot is the set that Active Neural SLAM and Habitat use, and what networks choose
+among here (`PUBLISHED`). A robot that has driven into a gap as narrow as itself cannot turn there without touching
+something, if it turns beside its middle: it can step back too. There is no stop action: arrival is judged from the
+pose. The amounts are nominal; what an action really does is up to the robot that carries it out.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
 """
 
 import math
 from enum import IntEnum
 
-#: Distance of a step forward [m].
+#: Distance of a step forward, or back [m].
 FORWARD_M = 0.25
 #: Angle of a turn [rad].
 TURN_RAD = math.radians(10.0)
@@ -24,3 +25,9 @@ class Action(IntEnum):
     """Turn counter-clockwise by `TURN_RAD`."""
     RIGHT = 2
     """Turn clockwise by `TURN_RAD`."""
+    BACKWARD = 3
+    """Go back by `FORWARD_M`."""
+
+
+#: The actions of the published system.
+PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)

@@ -39,6 +39,7 @@ from robosim.support.text_in import read_json
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
 from slam.exploration.explorer import ExplorerName
+from slam.planning.paths import length
 
 #: Decisions of an episode, and those at which coverage is told.
 DECISIONS = 1000
@@ -144,13 +145,15 @@ def _episode(path: Path, explorer: ExplorerName, settings: ExplorationSettings) 
     task = make_task(places, np.random.default_rng([config.seed, 0]))
     log, _ = run_episode(building, places, task, config)
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
+    poses = np.array(log.poses)
     return {
         "plan": plan.name,
         "explorer": explorer,
         **asdict(settings),
         **log.result(),
         "coverage": held(np.array(log.coverage)).round(4),
-        "poses": np.array(log.poses).round(3),
+        "poses": poses.round(3),
+        "path_length_m": length(poses[:, :2]),  # of the whole walk, which may have passed the target
         "decisions_per_s": log.steps / loop_s,
     }
 

@@ -16,7 +16,6 @@ from robosim.commands.terminal import (
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
 from robosim.support.checks import SEED, check_number
-from slam.actions import Action
 
 
 def calibrate(
@@ -37,8 +36,9 @@ def calibrate(
     Example: robosim calibrate --robot locobot --noise.level 2 --out out/locobot
 
     Args:
-        measured: Table of runs of a real robot (.csv) with columns action (forward, left, right), measured_x_m,
-            measured_y_m, measured_yaw_rad, true_x_m, true_y_m, true_yaw_rad: in the robot's frame before the action.
+        measured: Table of runs of a real robot (.csv) with columns action (forward, left, right, and backward if it was
+            run), measured_x_m, measured_y_m, measured_yaw_rad, true_x_m, true_y_m, true_yaw_rad: in the robot's frame
+            before the action.
         runs: How often a simulated robot runs each action.
         seed: Seed of its noise.
         base: What the options below start from.
@@ -65,9 +65,10 @@ def calibrate(
         draw_errors(done, folder / "odometry.png")
     table = Table("action", "runs", "mean x, y [mm]", "yaw [deg]", "std x, y [mm]", "yaw [deg] ")
     rows = []
-    for action, error in zip(Action, found.of_actions, strict=True):
+    for action, errors in done.errors.items():
+        error = found.of_actions[action]
         mean, std = np.array(error.mean), np.sqrt(np.diag(error.covariance))
-        name, count = action.name.lower(), len(done.errors[action])
+        name, count = action.name.lower(), len(errors)
         rows.append({"action": name, "runs": count, "mean": mean, "std": std})
         cells = [f"{1000 * v[0]:.2f}, {1000 * v[1]:.2f}" for v in (mean, std)]
         turns = [f"{round(np.degrees(v[2]), 3) + 0.0:.3f}" for v in (mean, std)]  # no -0.000

@@ -19,7 +19,7 @@ from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, check_choice, check_numbers
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
-from slam.actions import Action
+from slam.actions import PUBLISHED
 
 Driver = Literal["way", "random"]
 #: Folder of the data set within that of the run, as Minari names it.
@@ -141,7 +141,11 @@ def _driven(
     search: TargetSearch, config: CollectSearchesConfig, info: dict[str, Any], rng: np.random.Generator
 ) -> int:
     """The next action."""
-    strays, any_action, often_forward = rng.random(), rng.integers(len(Action)), rng.choice([0, 0, 0, 1, 2])
+    strays, any_action, often_forward = (
+        rng.random(),
+        rng.integers(len(PUBLISHED)),
+        rng.choice([0, 0, 0, 1, 2]),
+    )
     if config.driver == "random":
         return int(often_forward)
     if strays < config.stray:

@@ -24,7 +24,7 @@ from robosim.radio.measurement import Interpreter
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.task.coverage import Coverage
 from robosim.task.tasks import ARRIVAL_M, Task, make_task
-from slam.actions import Action
+from slam.actions import PUBLISHED, Action
 from wireless.paths import LinkState
 
 #: Full scale of continuous actions, and how long one is held.
@@ -268,7 +268,7 @@ def spaces_of(
         lidar = LIDAR.make(simulator.lidar, [_somewhere()], simulator.laser, field="lidar")
     observed = senses.space_of(config, simulator, lidar)
     actions: spaces.Space[Any] = (
-        spaces.Box(-1.0, 1.0, (2,), np.float32) if config.continuous else spaces.Discrete(len(Action))
+        spaces.Box(-1.0, 1.0, (2,), np.float32) if config.continuous else spaces.Discrete(len(PUBLISHED))
     )
     return observed, actions
 

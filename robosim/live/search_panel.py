@@ -29,9 +29,11 @@ FROM_CLICKS = "as clicked; the rest from the seed"
 #: The page turns its view by arrow keys too; the letters drive and leave it as it is.
 _KEYS: tuple[tuple[Any, Action, str], ...] = (
     ("arrowup", Action.FORWARD, "forward"),
+    ("arrowdown", Action.BACKWARD, "back"),
     ("arrowleft", Action.LEFT, "left"),
     ("arrowright", Action.RIGHT, "right"),
     ("I", Action.FORWARD, "forward (I)"),
+    ("K", Action.BACKWARD, "back (K)"),
     ("J", Action.LEFT, "left (J)"),
     ("L", Action.RIGHT, "right (L)"),
 )

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 from robosim.policies.search_senses import INPUTS
-from slam.actions import Action
+from slam.actions import PUBLISHED
 from slam.networks.onnx_graph import OnnxGraph
 from slam.networks.runtime import OnnxRunner
 from slam.support.weights import Weights, read_weights
@@ -53,8 +53,8 @@ def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "
         "memory.input_bias": zeros(3 * HIDDEN, np.float32),
         "memory.own_weight": drawn(HIDDEN, 3 * HIDDEN, 1.0),
         "memory.own_bias": zeros(3 * HIDDEN, np.float32),
-        "action.weight": drawn(HIDDEN, len(Action), 0.01),
-        "action.bias": zeros(len(Action), np.float32),
+        "action.weight": drawn(HIDDEN, len(PUBLISHED), 0.01),
+        "action.bias": zeros(len(PUBLISHED), np.float32),
         "value.weight": drawn(HIDDEN, 1, 1.0),
         "value.bias": zeros(1, np.float32),
     }
@@ -84,7 +84,9 @@ class SearchNetwork:
         """
         batch = told.shape[:-1]
         found = self._run(told=told.reshape(-1, INPUTS), memory=memory.reshape(-1, HIDDEN))
-        scores, value, after = np.split(found.reshape(*batch, -1), [len(Action), len(Action) + 1], axis=-1)
+        scores, value, after = np.split(
+            found.reshape(*batch, -1), [len(PUBLISHED), len(PUBLISHED) + 1], axis=-1
+        )
         return Answer(scores, value[..., 0], after)
 
 
@@ -120,7 +122,7 @@ def likelihood(scores: Float32[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*b
 def drawn_actions(scores: Float32[np.ndarray, "n 3"], rng: np.random.Generator) -> np.ndarray:
     """Actions drawn by their probabilities, (n,) int."""
     below = np.cumsum(likelihood(scores), axis=-1)
-    return np.minimum((below < rng.random((len(scores), 1))).sum(axis=-1), len(Action) - 1)
+    return np.minimum((below < rng.random((len(scores), 1))).sum(axis=-1), len(PUBLISHED) - 1)
 
 
 def load_search(path: Path) -> SearchNetwork:

@@ -72,18 +72,22 @@ def run_actions(
     start = np.array([_SIDE_M / 2, _SIDE_M / 2, 0.0])
     errors: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
     motions: dict[Action, list[np.ndarray]] = {action: [] for action in Action}
+    (backwards,) = rng.spawn(1)  # of its own: the published actions err the same with it and without
     for _ in runs:
         for action in Action:
+            drawn = backwards if action is Action.BACKWARD else rng
             world.reset(start)
-            world.move(noise.actuation(action, rng))
+            world.move(noise.actuation(action, drawn))
             moved = between(start, world.pose)
-            errors[action].append(noise.sense(action, moved, rng) - moved)
+            errors[action].append(noise.sense(action, moved, drawn) - moved)
             motions[action].append(moved)
     return _runs(errors, motions)
 
 
 def read_runs(path: Path) -> Runs:
-    """Runs from a table, a row a run, with `COLUMNS`; action is forward, left or right.
+    """Runs from a table, a row a run, with `COLUMNS`; action is forward, left, right or backward.
+
+    Of a step back there need be none: it is taken for a step forward driven the other way.
 
     Raises:
         FileError: If the file is damaged, a column is missing, a value is none that a displacement has, or an action
@@ -111,7 +115,11 @@ def read_runs(path: Path) -> Runs:
 
 def _runs(errors: Mapping[Action, list[np.ndarray]], motions: Mapping[Action, list[np.ndarray]]) -> Runs:
     both = [
-        {action: np.array(found).reshape(-1, 3) for action, found in some.items()}
+        {
+            action: np.array(found).reshape(-1, 3)
+            for action, found in some.items()
+            if found or action is not Action.BACKWARD
+        }
         for some in (errors, motions)
     ]
     return Runs(*both)

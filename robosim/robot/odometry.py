@@ -14,7 +14,8 @@ with them, undone in ``"corrected"``:
   seen by odometry twice, where with the other sign it would not be seen at all.
 
 Left out: covariances and second mixture components, which were not printed with the means and deviations
-used here, so components are independent Gaussians; noise of continuous driving, which was not measured.
+used here, so components are independent Gaussians; noise of continuous driving, which was not measured. Nor was a step
+back: it is taken for a step forward driven the other way, its means negated.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.1 and
 published models.
 """
@@ -38,6 +39,7 @@ NOMINAL = {
     Action.FORWARD: np.array([FORWARD_M, 0.0, 0.0]),
     Action.LEFT: np.array([0.0, 0.0, TURN_RAD]),
     Action.RIGHT: np.array([0.0, 0.0, -TURN_RAD]),
+    Action.BACKWARD: np.array([-FORWARD_M, 0.0, 0.0]),
 }
 
 _Table = Mapping[Action, tuple[tuple[float, float, float], tuple[float, float, float]]]
@@ -117,6 +119,9 @@ class NoiseModel:
 def _moments(
     variant: NoiseVariant, sensed: bool, action: Action
 ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    if action is Action.BACKWARD:
+        mean, deviation = _moments(variant, sensed, Action.FORWARD)
+        return -mean, deviation
     mean, deviation = (np.array(row) * _TO_SI for row in (_SENSOR if sensed else _ACTUATION)[action])
     if variant == "corrected":
         if action == Action.FORWARD:

@@ -36,7 +36,7 @@ from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
-from slam.actions import Action
+from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.control.learned import HIDDEN, INPUTS, LearnedController, initial_weights
 from slam.planning.planner import Plan
@@ -138,7 +138,7 @@ def lesson(
     """What was sensed on a drive, and what the deterministic controller advised."""
     robot = SimulatorConfig().robot
     rng = np.random.default_rng([recipe.seed, home, 7])
-    pupil = Watched(weights, own, rng, ControlConfig(radius_m=robot.radius_m))
+    pupil = Watched(weights, own, rng, ControlConfig(radius_m=robot.radius_m, reverses=False))
     drive_home(home, recipe, pupil)
     senses = np.array([senses for senses, _ in pupil.told], np.float32).reshape(-1, INPUTS)
     return senses, np.array([int(advised) for _, advised in pupil.told], np.int64)
@@ -176,7 +176,7 @@ def read_round(path: Path) -> tuple[Float32[np.ndarray, "n k"], Int[np.ndarray, 
     """
     with reading(path, "decisions of a round", "Delete it to drive again.") as file:
         arrays = read_npz(file, _ROUND)
-        if not np.isin(arrays["advised"], list(Action)).all():
+        if not np.isin(arrays["advised"], PUBLISHED).all():
             raise ValueError("an advice is no action")
         return arrays["senses"], arrays["advised"]
 

@@ -25,7 +25,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
-from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
 from slam.control.swing import pushes, swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
@@ -49,11 +49,13 @@ class ControlConfig:
     """Nominal distance of a step forward [m]; what it really does is learned."""
     turn_rad: float = TURN_RAD
     """Nominal angle of a turn [rad]."""
-    motions: tuple[tuple[float, float, float] | None, ...] = (None, None, None)
+    motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(Action)
     """What each action does in the mean, in the order of `Action`: x, y [m], yaw [rad], as a calibration finds it; None
-    for nominal."""
+    for nominal. The step back may be left out."""
     push_price: float = 2.0
     """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
+    reverses: bool = True
+    """Whether the robot steps back to where it can turn without pushing."""
     arrived_m: float = 0.15
     """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
     stuck_decisions: int = 45
@@ -81,6 +83,10 @@ class ControlConfig:
             speed_mps=(0.001, 10, "m/s"),
             turn_rate_radps=(0.001, 20, "rad/s"),
         )
+        if len(self.motions) not in (len(PUBLISHED), len(Action)):
+            raise ValueError(
+                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(Action)} with a step back."
+            )
         if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
             raise ValueError(
                 f"slacks_m is {self.slacks_m} and slack_prices {self.slack_prices}, expected as many prices as "
@@ -96,8 +102,13 @@ _CALIBRATED, _SURE = 50, 5
 #: A turn that moves the hull by less than this does not swing it [m].
 _SWING_M = 0.008
 
+#: It steps back no more often than this before a turn.
+_MOST_BACK = 4
 #: Sides to look around to, the one that is preferred first; and room beside the hull on a step out of a niche [m].
 _SIDES, _CLEAR_M = (Action.LEFT, Action.RIGHT), 0.02
+
+#: What is done without a turn.
+_STEPS = (Action.FORWARD, Action.BACKWARD)
 
 #: Places at which one step of a run is checked against obstacles.
 PARTS = 4
@@ -124,9 +135,10 @@ class Controller:
     def reset(self) -> None:
         """Forget the past."""
         turn = self.config.turn_rad
-        self.motion = np.array([[self.config.forward_m, 0, 0], [0, 0, turn], [0, 0, -turn]], float)
+        ahead = self.config.forward_m
+        self.motion = np.array([[ahead, 0, 0], [0, 0, turn], [0, 0, -turn], [-ahead, 0, 0]], float)
         self._motions = np.ones(len(Action))
-        for action, known in zip(Action, self.config.motions, strict=True):
+        for action, known in zip(Action, self.config.motions, strict=False):
             if known is not None and self._usual(action, np.array(known)):
                 self.motion[action], self._motions[action] = known, _CALIBRATED
         self._last: Action | None = None
@@ -135,6 +147,7 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking: Action | None = None
+        self._aside_m = 0.0  # how far it has stepped back from the end of the way to look around
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -150,10 +163,10 @@ class Controller:
             action = self._escape(pose, plan)
         elif self._committed:
             action = self._committed.popleft()
-        elif plan.length_m < self.config.arrived_m:
+        elif plan.length_m < self.config.arrived_m + self._aside_m:
             action = self._face(pose, plan)
         else:
-            self._looking = None
+            self._looking, self._aside_m = None, 0.0
             action = self._best(pose, plan)
         self._last, self._last_pose = action, pose.copy()
         self._recent.append(action)
@@ -183,8 +196,9 @@ class Controller:
         swing_m = math.hypot(*self.motion[action][:2])
         ahead_m = float(moved[:2] @ self.motion[action][:2]) / max(swing_m, 1e-9)
         # A turn swings the hull aside; what it swings against stops that, though not the turn.
-        known = action is Action.FORWARD or (swing_m > _SWING_M and self._motions[action] >= _SURE)
-        if known and ahead_m < (0.6 if action is Action.FORWARD else 0.4) * swing_m:
+        steps = action in _STEPS
+        known = steps or (swing_m > _SWING_M and self._motions[action] >= _SURE)
+        if known and ahead_m < (0.6 if steps else 0.4) * swing_m:
             touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
             heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
             self._bumps.append((float(after[0]), float(after[1]), heading, touch))
@@ -194,8 +208,10 @@ class Controller:
 
     def _usual(self, action: Action, moved: Float[np.ndarray, "3"]) -> bool:
         """Whether a displacement is about what the action is meant to do."""
-        nominal = self.config.forward_m if action is Action.FORWARD else self.config.turn_rad
-        done = moved[0] if action is Action.FORWARD else moved[2] * (1 if action is Action.LEFT else -1)
+        nominal = self.config.forward_m if action in _STEPS else self.config.turn_rad
+        done = (moved[0] if action in _STEPS else moved[2]) * (
+            1 if action in (Action.FORWARD, Action.LEFT) else -1
+        )
         return bool(0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m)
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
@@ -228,11 +244,38 @@ class Controller:
             self._committed.extend([_first(turns)] * abs(turns) + [Action.FORWARD])
             self._recent.clear()
             return self._committed.popleft()
-        return _first(turns)
+        return self._turning(pose, turns, plan.clearance)
+
+    def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
+        """First of some turns, or of steps back before them where those spare the hull pushes."""
+        side, back = _first(turns), self._steps_back(pose, turns, clearance)
+        if not back:
+            return side
+        # All of it: half a way back the turn may still push, and forward may look better again.
+        self._committed.extend([Action.BACKWARD] * (back - 1) + [side] * abs(turns))
+        return Action.BACKWARD
+
+    def _steps_back(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> int:
+        """How many steps back, with the hull clear all the way, spare it as many pushes in some turns, or none."""
+        side = _first(turns)
+        if not self.config.reverses or side is Action.FORWARD:
+            return 0
+        here = int(self._pushes(pose, side, abs(turns), clearance)[-1])
+        if not here:
+            return 0
+        room = self._room_along(pose, Action.BACKWARD, _MOST_BACK, clearance)
+        for step in range(1, _MOST_BACK + 1):
+            if room[1 : step * PARTS + 1].min() <= min(room[0], _CLEAR_M):
+                break
+            there = pose.copy()
+            there[:2] += step * self._displaced(pose, Action.BACKWARD)
+            if here - int(self._pushes(there, side, abs(turns), clearance)[-1]) >= step:
+                return step
+        return 0
 
     def _wavers(self) -> bool:
         """Whether it has lately turned to one side and to the other time and again."""
-        turns = [action for action in self._recent if action is not Action.FORWARD]
+        turns = [action for action in self._recent if action not in _STEPS]
         return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
 
     def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
@@ -301,7 +344,7 @@ class Controller:
         """Turn to the short-term goal, and try to go there: all that is left where no run is clear."""
         dx, dy = plan.short_term_goal - pose[:2]
         off = wrap(math.atan2(dy, dx) - pose[2])
-        return _first(round(off / self.config.turn_rad))
+        return self._turning(pose, round(off / self.config.turn_rad), plan.clearance)
 
     def _face(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """At the end of the way: turn to the goal asked for, then look around."""
@@ -309,7 +352,7 @@ class Controller:
         turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
         if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking is not None:
             return self._look_around(pose, plan)
-        return _first(turns)
+        return self._turning(pose, turns, plan.clearance)
 
     def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
@@ -317,17 +360,29 @@ class Controller:
             once = turns_round(self.config.turn_rad)
             pushed = [int(self._pushes(pose, side, once, plan.clearance)[-1]) for side in _SIDES]
             self._looking = _SIDES[int(np.argmin(pushed))]
-            if min(pushed) and self._roomier_ahead(pose, plan.clearance):
-                return Action.FORWARD
+            if min(pushed):
+                room = self._room_along(pose, Action.FORWARD, 1, plan.clearance)
+                if room[-1] > room[0] and room[1:].min() > min(room[0], _CLEAR_M):
+                    return Action.FORWARD
+                back = self._steps_back(pose, once if self._looking is Action.LEFT else -once, plan.clearance)
+                self._aside_m = back * self.config.forward_m
+                self._committed.extend([Action.BACKWARD] * back)
+                if back:
+                    return self._committed.popleft()
         return self._looking
 
-    def _roomier_ahead(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> bool:
-        """Whether a step forward leads to a place with more room, with the hull clear of everything on the way."""
-        dx, dy, _ = self.motion[Action.FORWARD]
+    def _displaced(self, pose: Float[np.ndarray, "3"], action: Action) -> Float[np.ndarray, "2"]:
+        """Which way a step leads in `map` [m]."""
+        dx, dy, _ = self.motion[action]
         c, s = math.cos(pose[2]), math.sin(pose[2])
-        part = np.linspace(0, 1, PARTS + 1)[:, None]
-        room = clearance.at(pose[:2] + part * [c * dx - s * dy, s * dx + c * dy]) - self.config.radius_m
-        return bool(room[-1] > room[0] and room[1:].min() > min(room[0], _CLEAR_M))
+        return np.array([c * dx - s * dy, s * dx + c * dy])
+
+    def _room_along(
+        self, pose: Float[np.ndarray, "3"], action: Action, steps: int, clearance: Clearance
+    ) -> Float[np.ndarray, " n"]:
+        """Room beside the hull here and at each part of some steps [m]."""
+        part = np.arange(steps * PARTS + 1)[:, None] / PARTS
+        return clearance.at(pose[:2] + part * self._displaced(pose, action)) - self.config.radius_m
 
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""

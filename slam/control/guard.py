@@ -7,7 +7,7 @@ that swings aside as it turns, if it pushes the hull against something.
 import numpy as np
 from jaxtyping import Bool
 
-from slam.actions import FORWARD_M, Action
+from slam.actions import FORWARD_M, PUBLISHED, Action
 from slam.control.controller import ControlConfig
 from slam.control.swing import pushes, swung
 from slam.grid import MapEstimate
@@ -25,19 +25,19 @@ class Guard:
         self._radius_m = control.radius_m
         self._turns = {
             action: np.array(motion)
-            for action, motion in zip(Action, control.motions, strict=True)
+            for action, motion in zip(PUBLISHED, control.motions, strict=False)
             if motion is not None and action is not Action.FORWARD
         }
 
     def bumps(self, estimate: MapEstimate) -> Bool[np.ndarray, "3"]:
-        """Whether each action would end at something.
+        """Whether each of the published actions would end at something.
 
         Args:
             estimate: Map and pose.
         """
         near = Clearance.around(estimate, FORWARD_M + 2 * self._radius_m)
         ahead_m = near.free_run_m(estimate.pose[:2], estimate.pose[2:], self._radius_m - _ERROR_M)
-        found = np.zeros(len(Action), bool)
+        found = np.zeros(len(PUBLISHED), bool)
         found[Action.FORWARD] = ahead_m[0] < FORWARD_M - 1e-6
         for action, motion in self._turns.items():
             found[action] = pushes(swung(estimate.pose, motion, 1), near, self._radius_m)[1]

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.actions import Action
+from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
 from slam.planning.clearance import LIMIT_M
 from slam.planning.planner import Plan
@@ -27,12 +27,12 @@ _DISTANCES_M, _DIRECTIONS = (0.12, 0.25, 0.4, 0.6, 0.9), 24
 #: Distances along the way at which the network is told where it goes [m].
 _ALONG_M = (0.15, 0.3, 0.6, 1.0, 1.8)
 HIDDEN = 96
-INPUTS = len(_DISTANCES_M) * _DIRECTIONS + 1 + 2 * len(_ALONG_M) + 3 + len(Action) + 1
+INPUTS = len(_DISTANCES_M) * _DIRECTIONS + 1 + 2 * len(_ALONG_M) + 3 + len(PUBLISHED) + 1
 
 
 def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "..."]]:
     """Weights that know nothing."""
-    sizes = (INPUTS, HIDDEN, HIDDEN, len(Action))
+    sizes = (INPUTS, HIDDEN, HIDDEN, len(PUBLISHED))
     weights: dict[str, Float32[np.ndarray, ...]] = {}
     for k, (rows, columns) in enumerate(pairwise(sizes)):
         drawn = rng.standard_normal((rows, columns)) * math.sqrt(2 / rows)
@@ -66,8 +66,8 @@ class LearnedController(Controller):
         off = float(downhill) - pose[2]
         left = min(float(cost_m), 2.0) / 2
         bumped = any(math.hypot(pose[0] - x, pose[1] - y) < 0.15 for x, y, _, _ in self._bumps)
-        last = np.zeros(len(Action))
-        if self._last is not None:
+        last = np.zeros(len(PUBLISHED))
+        if self._last in PUBLISHED:
             last[self._last] = 1.0
         parts = (room, along.ravel(), (math.cos(off), math.sin(off), left), last, (float(bumped),))
         return np.concatenate(parts).astype(np.float32)

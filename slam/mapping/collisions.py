@@ -1,6 +1,6 @@
-"""What the robot runs into and the camera does not see: marks on the map where a step forward fell short.
+"""What the robot runs into and the camera does not see: marks on the map where a step fell short.
 
-A step forward that odometry measures as too short was stopped by something. If an obstacle that is already on
+A step, forward or back, that odometry measures as too short was stopped by something. If an obstacle that is already on
 the map touches the hull there, nothing new was learned, unless it happens again and again: then the way is narrower
 than the map says. Otherwise a strip of cells before the hull is marked; it grows wider while the robot goes on bumping
 into the same place. Marks fade after a while, because a mark made beside
@@ -27,11 +27,11 @@ class CollisionConfig:
     radius_m: float = 0.10
     """Radius of the hull [m]."""
     short_m: float = 0.8 * FORWARD_M
-    """A step forward measured shorter than this was stopped [m]."""
+    """A step measured shorter than this was stopped [m]."""
     touch_m: float = 0.05
     """An obstacle on the map this near to the hull explains the stop [m]."""
     depth_m: float = 0.10
-    """Depth of the marked strip, from the hull forward [m]."""
+    """Depth of the marked strip, from the hull on [m]."""
     max_width_m: float = 0.45
     """Width to which the strip grows [m]; it begins as one cell."""
     patience: int = 3
@@ -96,7 +96,7 @@ class CollisionMarks:
             Whether the robot was stopped.
         """
         self._forget(step)
-        if action != Action.FORWARD:
+        if action not in (Action.FORWARD, Action.BACKWARD):
             return False
         stopped = bool(math.hypot(moved[0], moved[1]) < self.config.short_m)
         if not stopped:
@@ -104,6 +104,8 @@ class CollisionMarks:
             return False
         stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
         self._stops = self._stops + 1 if stuck else 1
+        if action is Action.BACKWARD:
+            pose = np.array([pose[0], pose[1], pose[2] + math.pi])  # it met something behind it
         if self._stops >= self.config.patience or not self._explained(pose, probability):
             cell = self.frame.resolution_m
             self._width_m = min(self._width_m + 2 * cell, self.config.max_width_m) if stuck else cell

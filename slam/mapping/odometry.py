@@ -15,7 +15,7 @@ Feng, Measurement and correction of systematic odometry errors in mobile robots,
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -53,6 +53,13 @@ class ActionError:
         if not np.allclose(matrix, matrix.T, rtol=1e-6, atol=1e-15) or np.linalg.eigvalsh(matrix)[0] < -1e-12:
             raise ValueError("covariance is not symmetric and positive, as covariances are.")
 
+    @property
+    def the_other_way(self) -> "ActionError":
+        """Of the same action undone: constant parts change their signs, the random part does not."""
+        x, y, yaw = self.mean
+        back = None if self.motion is None else (-self.motion[0], -self.motion[1], -self.motion[2])
+        return replace(self, mean=(-x, -y, -yaw), motion=back)
+
 
 @dataclass(frozen=True, kw_only=True)
 class OdometryConfig:
@@ -64,6 +71,8 @@ class OdometryConfig:
     """Of a turn to the left."""
     right: ActionError = field(default_factory=ActionError)
     """Of a turn to the right."""
+    backward: ActionError | None = None
+    """Of a step back. None where it was not measured: as of a step forward driven the other way."""
     runs: int = 0
     """Measured actions of each kind that the numbers above come from; 0 if they are guessed."""
     guess_position_std_m: float = 0.02
@@ -82,7 +91,13 @@ class OdometryConfig:
     @property
     def of_actions(self) -> tuple[ActionError, ...]:
         """In the order of `Action`."""
-        by_action = {Action.FORWARD: self.forward, Action.LEFT: self.left, Action.RIGHT: self.right}
+        back = self.backward or self.forward.the_other_way
+        by_action = {
+            Action.FORWARD: self.forward,
+            Action.LEFT: self.left,
+            Action.RIGHT: self.right,
+            Action.BACKWARD: back,
+        }
         return tuple(by_action[action] for action in Action)
 
 
@@ -95,6 +110,7 @@ def calibrated(
     Args:
         errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame
             before it; what is true comes from a motion capture, a total station, marks on the floor, or a simulator.
+            A step back may be missing.
         motions: The true displacements, if what the actions do is to be known too.
 
     Raises:
@@ -103,6 +119,8 @@ def calibrated(
     told: dict[str, ActionError] = {}
     for action in Action:
         samples = np.asarray(errors.get(action, np.zeros((0, 3))), float)
+        if action is Action.BACKWARD and not len(samples):
+            continue
         if len(samples) < 10:
             raise ValueError(
                 f"{action.name.lower()} was run {len(samples)} times: a covariance takes ten, and good ones a hundred."
@@ -113,8 +131,13 @@ def calibrated(
             covariance=tuple(tuple(float(value) for value in row) for row in covariance),  # type: ignore[arg-type]
             motion=None if motions is None else tuple(float(v) for v in np.mean(motions[action], axis=0)),  # type: ignore[arg-type]
         )
-    runs = min(len(samples) for samples in errors.values())
-    return OdometryConfig(forward=told["forward"], left=told["left"], right=told["right"], runs=runs)
+    return OdometryConfig(
+        forward=told["forward"],
+        left=told["left"],
+        right=told["right"],
+        backward=told.get("backward"),
+        runs=min(len(errors[Action[name.upper()]]) for name in told),
+    )
 
 
 class OdometryCorrector:

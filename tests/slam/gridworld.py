@@ -94,8 +94,8 @@ class GridWorld:
         gone = 0.0
         if action is Action.FORWARD and self.slips:
             self.slips -= 1
-        elif action is Action.FORWARD:
-            gone = self._advance()
+        elif action in (Action.FORWARD, Action.BACKWARD):
+            gone = self._advance(1 if action is Action.FORWARD else -1)
         else:
             self.pose[2] += TURN_RAD if action is Action.LEFT else -TURN_RAD
             self.pose[2] = (self.pose[2] + math.pi) % (2 * math.pi) - math.pi
@@ -106,8 +106,8 @@ class GridWorld:
         self.look()
         return gone
 
-    def _advance(self) -> float:
-        way, gone = np.array([math.cos(self.pose[2]), math.sin(self.pose[2])]), 0.0
+    def _advance(self, sign: int) -> float:
+        way, gone = sign * np.array([math.cos(self.pose[2]), math.sin(self.pose[2])]), 0.0
         now = self.gap_m(self.pose[:2])
         for _ in range(round(FORWARD_M / 0.005)):
             after = self.pose[:2] + 0.005 * way

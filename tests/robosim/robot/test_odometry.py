@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.robot.odometry import NOMINAL, NoiseModel
-from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
 
 # As published (Active Neural SLAM's fitted mixtures, overall moments): cm, cm, degrees. Actuation is still in
 # the published frame here: y to the right, theta clockwise.
@@ -25,7 +25,7 @@ def in_cm_and_degrees(samples: np.ndarray) -> np.ndarray:
     return samples * [100, 100, np.degrees(1)]
 
 
-@pytest.mark.parametrize("action", Action)
+@pytest.mark.parametrize("action", PUBLISHED)
 def test_actuation_has_the_published_moments(action):
     """4000 samples: means within 4 standard errors, deviations within 5 %; left stays left, +y and +yaw."""
     noise, rng = NoiseModel(), np.random.default_rng(0)
@@ -37,7 +37,7 @@ def test_actuation_has_the_published_moments(action):
     assert np.sign(samples[:, 2].mean()) == {Action.FORWARD: -1, Action.LEFT: 1, Action.RIGHT: -1}[action]
 
 
-@pytest.mark.parametrize("action", Action)
+@pytest.mark.parametrize("action", PUBLISHED)
 def test_sensing_adds_the_published_error(action):
     """Readings of one true motion: true + published, in REP-103 axes; their mean is `sensor_bias`."""
     noise, rng, true = NoiseModel(), np.random.default_rng(1), np.array([0.2, -0.01, 0.1])
@@ -56,6 +56,7 @@ def test_level_zero_is_exact(action):
         Action.FORWARD: [FORWARD_M, 0, 0],
         Action.LEFT: [0, 0, TURN_RAD],
         Action.RIGHT: [0, 0, -TURN_RAD],
+        Action.BACKWARD: [-FORWARD_M, 0, 0],
     }[action]
     assert (noise.actuation(action, rng) == nominal).all() and (NOMINAL[action] == nominal).all()
     true = np.array([0.123, 0.456, -0.789])
@@ -139,7 +140,8 @@ def test_whole_actions_are_sensed_alike_by_both_ways():
         for part in (1.0, 0.5):
             true = part * NOMINAL[action]
             errors = np.array([noise.sense_motion(true, rng) - true for _ in range(1000)])
-            deviation = np.array(PUBLISHED_SENSOR[action][1]) * [0.01, 0.01, np.radians(1)]
+            as_measured = Action.FORWARD if action is Action.BACKWARD else action
+            deviation = np.array(PUBLISHED_SENSOR[as_measured][1]) * [0.01, 0.01, np.radians(1)]
             bound = 4 * deviation * np.sqrt(part / 1000) + 1e-15
             assert (np.abs(errors.mean(axis=0) - part * noise.sensor_bias(action)) < bound).all()
             np.testing.assert_allclose(errors.std(axis=0), np.sqrt(part) * deviation, rtol=0.12)
@@ -170,3 +172,17 @@ def test_exact_odometry_tells_the_truth_and_changes_no_motion():
         assert np.array_equal(exact.sense_motion(moved, rngs[0]), moved)
         noisy.sense_motion(moved, rngs[1])
         assert not exact.sensor_bias(action).any()
+
+
+def test_a_step_back_errs_as_a_step_forward_the_other_way():
+    """Means of 4,000 draws within 4 standard errors of the negated ones, deviations within 5 %."""
+    rng, n = np.random.default_rng(0), 4000
+    ahead, back = (
+        np.array([NoiseModel().actuation(action, rng) for _ in range(n)])
+        for action in (Action.FORWARD, Action.BACKWARD)
+    )
+    spread = np.array(PUBLISHED_ACTUATION[Action.FORWARD][1]) * [0.01, 0.01, np.radians(1)]
+    assert (np.abs(ahead.mean(axis=0) + back.mean(axis=0)) < 4 * spread * np.sqrt(2 / n)).all()
+    np.testing.assert_allclose(back.std(axis=0), spread, rtol=0.05)
+    noise = NoiseModel()
+    assert np.array_equal(noise.sensor_bias(Action.BACKWARD), -noise.sensor_bias(Action.FORWARD))

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from slam.actions import FORWARD_M, TURN_RAD, Action
+from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
 from slam.control.controller import ControlConfig
 from slam.control.guard import Guard
 from tests.slam.floors import floor
@@ -18,7 +18,7 @@ def _bumps(wall, yaw=0.0, motions=SWINGS) -> set[Action]:
     """Of a robot at the origin, on cells of 5 cm whose surfaces are their centres."""
     guard = Guard(ControlConfig(radius_m=RADIUS_M, motions=motions))
     found = guard.bumps(floor((0.0, 0.0, yaw), walls=[wall]))
-    return {action for action in Action if found[action]}
+    return {action for action in PUBLISHED if found[action]}
 
 
 @pytest.mark.parametrize(("surface_m", "bumps"), [(0.325, True), (0.375, False)])

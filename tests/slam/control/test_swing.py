@@ -14,7 +14,12 @@ from tests.slam.floors import floor
 
 #: What actions of a base do that swings 2 cm to the side with each turn of 10 degrees.
 SWING_M = 0.02
-SWINGS = ((FORWARD_M, 0.0, 0.0), (0.0, SWING_M, TURN_RAD), (0.0, -SWING_M, -TURN_RAD))
+SWINGS = (
+    (FORWARD_M, 0.0, 0.0),
+    (0.0, SWING_M, TURN_RAD),
+    (0.0, -SWING_M, -TURN_RAD),
+    (-FORWARD_M, 0.0, 0.0),
+)
 
 
 def _around(estimate) -> Clearance:
@@ -56,10 +61,10 @@ def test_turns_push_where_they_bring_the_hull_nearer_than_its_room():
 
 def test_it_looks_around_to_the_side_that_is_free():
     """To the left in the open; to the right where a wall stands to the left; left all the same if it does not swing."""
-    wall = [(-1.0, 0.15, 1.0, 0.2)]
+    wall = [(-2.5, 0.15, 1.0, 0.2)]
     assert _looks([]) is Action.LEFT
     assert _looks(wall) is Action.RIGHT
-    in_place = ((FORWARD_M, 0.0, 0.0), (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD))
+    in_place = ((FORWARD_M, 0.0, 0.0), (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD), SWINGS[3])
     assert _looks(wall, in_place) is Action.LEFT
 
 
@@ -68,3 +73,47 @@ def test_it_steps_out_of_a_niche_before_it_looks_around():
     niche = [(-0.2, 0.15, 0.1, 0.2), (-0.2, -0.2, 0.1, -0.15), (-0.25, -0.2, -0.2, 0.2)]
     assert _looks(niche) is Action.FORWARD
     assert _looks([*niche, (0.25, -0.3, 0.3, 0.3)]) is not Action.FORWARD
+
+
+#: A dead end 0.28 m wide, open towards -x, that begins 0.4 m behind the robot's middle.
+DEAD_END = [(-0.4, 0.14, 0.2, 0.2), (-0.4, -0.2, 0.2, -0.14), (0.15, -0.2, 0.2, 0.2)]
+
+
+def _leaves(reverses: bool, motions=SWINGS) -> tuple[list[Action], int]:
+    """What a robot does that stands in the dead end and is to go 2 m behind it, and how often it pushes."""
+    controller = Controller(ControlConfig(motions=motions, reverses=reverses))
+    pose, done, pushed = np.zeros(3), [], 0
+    for _ in range(60):
+        estimate = floor(pose, walls=DEAD_END)
+        plan = Planner().plan(estimate, np.array([-2.0, 0.0]))
+        action = controller.act(pose, plan)
+        done.append(action)
+        moved = swung(pose, np.array(motions[action]), 1)
+        if action in (Action.LEFT, Action.RIGHT):
+            pushed += int(pushes(moved, _around(estimate), 0.1)[-1])
+        pose = moved[-1]
+        if np.hypot(*(pose[:2] - (-2.0, 0.0))) < 0.3:
+            break
+    return done, pushed
+
+
+def test_it_backs_out_of_a_dead_end_in_which_it_cannot_turn():
+    """Back first, and only before the turn; no turn pushes. One that cannot step back pushes in turning."""
+    done, pushed = _leaves(reverses=True)
+    back = done.count(Action.BACKWARD)
+    assert 1 <= back <= 3 and done[:back] == [Action.BACKWARD] * back
+    assert pushed == 0 and len(done) < 40
+    done, pushed = _leaves(reverses=False)
+    assert Action.BACKWARD not in done and pushed > 0
+
+
+def test_a_base_that_turns_about_its_middle_turns_where_it_is():
+    in_place = (SWINGS[0], (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD), SWINGS[3])
+    done, pushed = _leaves(reverses=True, motions=in_place)
+    assert Action.BACKWARD not in done and pushed == 0
+
+
+def test_it_does_not_back_into_a_wall():
+    """Closed on all sides there is nowhere to go back to: it turns where it is."""
+    closed = [*DEAD_END, (-0.2, -0.2, -0.15, 0.2)]
+    assert _looks(closed) in (Action.LEFT, Action.RIGHT)

@@ -52,16 +52,28 @@ def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
         (Action.FORWARD, 0.19, True),
         (Action.FORWARD, 0.21, False),
         (Action.FORWARD, FORWARD_M, False),
+        (Action.BACKWARD, 0.0, True),
+        (Action.BACKWARD, -0.21, False),
         (Action.LEFT, 0.0, False),
         (Action.RIGHT, 0.0, False),
     ],
 )
-def test_only_a_step_forward_that_falls_short_is_a_stop(action, gone_m, stopped):
+def test_only_a_step_that_falls_short_is_a_stop(action, gone_m, stopped):
     """Shorter than 0.2 m of 0.25 m; turns go nowhere by design and mark nothing."""
     marks = CollisionMarks(FRAME)
     moved = np.array([gone_m, 0.0, 0.0])
     assert marks.update(1, action, moved, np.zeros(3), OPEN) == stopped
     assert marks.blocked.any() == stopped
+
+
+def test_a_step_back_that_is_stopped_marks_what_is_behind():
+    """The cells of a stop forward, turned by half a circle about the robot."""
+    marks, turned = CollisionMarks(FRAME), CollisionMarks(FRAME)
+    pose = np.array([0.0, 0.0, 0.0])
+    marks.update(1, Action.BACKWARD, np.zeros(3), pose, OPEN)
+    turned.update(1, Action.FORWARD, np.zeros(3), np.array([0.0, 0.0, math.pi]), OPEN)
+    assert marks.blocked.any() and np.array_equal(marks.blocked, turned.blocked)
+    assert _in_robot(marks, pose)[:, 0].max() < 0
 
 
 def test_a_wall_on_the_map_explains_a_stop_and_one_behind_does_not():

@@ -105,3 +105,18 @@ def test_guesses_are_learned_fast():
     for measured in samples(rng, 20):
         corrector.learn(R, measured, np.zeros(3), 1e-6 * np.eye(3))
     assert np.abs(corrector.bias[R, :2] - MEAN[:2]).max() < 2e-3
+
+
+def test_a_step_back_nobody_measured_is_a_step_forward_undone():
+    """Constant parts and motion negated, the random part the same; measured, it is taken as it was found."""
+    rng = np.random.default_rng(3)
+    errors = {action: samples(rng, 50) for action in (F, L, R)}
+    motions = {action: samples(rng, 50) for action in (F, L, R)}
+    forward, _, _, back = calibrated(errors, motions).of_actions
+    assert np.array_equal(back.mean, -np.array(forward.mean))
+    assert np.array_equal(back.motion, -np.array(forward.motion))
+    assert back.covariance == forward.covariance
+    measured = {**errors, Action.BACKWARD: samples(rng, 12, -MEAN)}
+    found = calibrated(measured)
+    assert found.runs == 12
+    assert np.allclose(found.of_actions[Action.BACKWARD].mean, measured[Action.BACKWARD].mean(axis=0))
