@@ -192,7 +192,7 @@ class SearchPanel:
             self.player.load([r for r in recordings if r is not None], playing=True, following=True)
             by_hand = any(one.title == "you" for one in self.searches)
             self.player.say(
-                "Drive by the arrow keys (up, left, right), or by I, J and L, which leave the view as it is."
+                "Drive by the arrow keys, or by I, J, K and L, which leave the view as it is."
                 if by_hand
                 else ""
             )

@@ -26,7 +26,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
-from slam.control.swing import pushes, swung, turns_round
+from slam.control.manoeuvre import PARTS, STEPS, SWING_M, Manoeuvre, easier, first_of, pushes_of
+from slam.control.swing import swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
@@ -55,7 +56,7 @@ class ControlConfig:
     push_price: float = 2.0
     """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
     reverses: bool = True
-    """Whether the robot steps back to where it can turn without pushing."""
+    """Whether the robot may step back to where it can turn without pushing, or forward only."""
     arrived_m: float = 0.15
     """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
     stuck_decisions: int = 45
@@ -85,7 +86,8 @@ class ControlConfig:
         )
         if len(self.motions) not in (len(PUBLISHED), len(Action)):
             raise ValueError(
-                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(Action)} with a step back."
+                f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(Action)} with a "
+                "step back."
             )
         if len(self.slacks_m) != len(self.slack_prices) or list(self.slacks_m) != sorted(self.slacks_m):
             raise ValueError(
@@ -99,19 +101,6 @@ HISTORY, MOST_REVERSALS = 16, 4
 
 #: What an action does is a mean over so many, as of a calibration; and over so many at least to be relied upon.
 _CALIBRATED, _SURE = 50, 5
-#: A turn that moves the hull by less than this does not swing it [m].
-_SWING_M = 0.008
-
-#: It steps back no more often than this before a turn.
-_MOST_BACK = 4
-#: Sides to look around to, the one that is preferred first; and room beside the hull on a step out of a niche [m].
-_SIDES, _CLEAR_M = (Action.LEFT, Action.RIGHT), 0.02
-
-#: What is done without a turn.
-_STEPS = (Action.FORWARD, Action.BACKWARD)
-
-#: Places at which one step of a run is checked against obstacles.
-PARTS = 4
 
 
 @runtime_checkable
@@ -147,7 +136,8 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking: Action | None = None
-        self._aside_m = 0.0  # how far it has stepped back from the end of the way to look around
+        self._looking_at: Float[np.ndarray, 2] = np.zeros(2)
+        self._aside_m = 0.0  # how far looking around has led it from the end of the way, at the most
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -163,7 +153,7 @@ class Controller:
             action = self._escape(pose, plan)
         elif self._committed:
             action = self._committed.popleft()
-        elif plan.length_m < self.config.arrived_m + self._aside_m:
+        elif self._at_end(plan):
             action = self._face(pose, plan)
         else:
             self._looking, self._aside_m = None, 0.0
@@ -171,6 +161,16 @@ class Controller:
         self._last, self._last_pose = action, pose.copy()
         self._recent.append(action)
         return action
+
+    def _at_end(self, plan: Plan) -> bool:
+        """Whether the robot stands at the end of the way, or beside it where it looks around for the same goal."""
+        away_m = plan.length_m
+        if (
+            self._looking is not None
+            and np.hypot(*(plan.asked_xy - self._looking_at)) < self.config.stuck_radius_m
+        ):
+            away_m -= self._aside_m
+        return away_m < self.config.arrived_m
 
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
@@ -196,8 +196,8 @@ class Controller:
         swing_m = math.hypot(*self.motion[action][:2])
         ahead_m = float(moved[:2] @ self.motion[action][:2]) / max(swing_m, 1e-9)
         # A turn swings the hull aside; what it swings against stops that, though not the turn.
-        steps = action in _STEPS
-        known = steps or (swing_m > _SWING_M and self._motions[action] >= _SURE)
+        steps = action in STEPS
+        known = steps or (swing_m > SWING_M and self._motions[action] >= _SURE)
         if known and ahead_m < (0.6 if steps else 0.4) * swing_m:
             touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
             heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
@@ -208,8 +208,8 @@ class Controller:
 
     def _usual(self, action: Action, moved: Float[np.ndarray, "3"]) -> bool:
         """Whether a displacement is about what the action is meant to do."""
-        nominal = self.config.forward_m if action in _STEPS else self.config.turn_rad
-        done = (moved[0] if action in _STEPS else moved[2]) * (
+        nominal = self.config.forward_m if action in STEPS else self.config.turn_rad
+        done = (moved[0] if action in STEPS else moved[2]) * (
             1 if action in (Action.FORWARD, Action.LEFT) else -1
         )
         return bool(0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m)
@@ -241,41 +241,23 @@ class Controller:
         turns = int(self._turns[k])
         if self._wavers():
             # Each turn swings the hull a little, and with it the best heading: go through with this one.
-            self._committed.extend([_first(turns)] * abs(turns) + [Action.FORWARD])
+            self._committed.extend([first_of(turns)] * abs(turns) + [Action.FORWARD])
             self._recent.clear()
             return self._committed.popleft()
         return self._turning(pose, turns, plan.clearance)
 
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
-        """First of some turns, or of steps back before them where those spare the hull pushes."""
-        side, back = _first(turns), self._steps_back(pose, turns, clearance)
-        if not back:
-            return side
-        # All of it: half a way back the turn may still push, and forward may look better again.
-        self._committed.extend([Action.BACKWARD] * (back - 1) + [side] * abs(turns))
-        return Action.BACKWARD
-
-    def _steps_back(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> int:
-        """How many steps back, with the hull clear all the way, spare it as many pushes in some turns, or none."""
-        side = _first(turns)
-        if not self.config.reverses or side is Action.FORWARD:
-            return 0
-        here = int(self._pushes(pose, side, abs(turns), clearance)[-1])
-        if not here:
-            return 0
-        room = self._room_along(pose, Action.BACKWARD, _MOST_BACK, clearance)
-        for step in range(1, _MOST_BACK + 1):
-            if room[1 : step * PARTS + 1].min() <= min(room[0], _CLEAR_M):
-                break
-            there = pose.copy()
-            there[:2] += step * self._displaced(pose, Action.BACKWARD)
-            if here - int(self._pushes(there, side, abs(turns), clearance)[-1]) >= step:
-                return step
-        return 0
+        """First of some turns, or of what goes before them where that spares the hull pushes."""
+        before, rest = self._manoeuvre(pose, turns, clearance)
+        if not before:
+            return first_of(turns)
+        # To the end: half a way back the turn may still push, and forward may look better again.
+        self._committed.extend(before + [first_of(rest)] * abs(rest))
+        return self._committed.popleft()
 
     def _wavers(self) -> bool:
         """Whether it has lately turned to one side and to the other time and again."""
-        turns = [action for action in self._recent if action not in _STEPS]
+        turns = [action for action in self._recent if action not in STEPS]
         return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
 
     def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
@@ -286,13 +268,27 @@ class Controller:
             poses[side] = swung(pose, self.motion[action], int(n.max()))[n[side]]
         return poses
 
+    def _manoeuvre(
+        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
+    ) -> Manoeuvre:
+        """What goes before some turns, see `slam.control.manoeuvre`."""
+        config = self.config
+        return easier(
+            pose,
+            turns,
+            clearance,
+            self.motion,
+            radius_m=config.radius_m,
+            push_price=config.push_price,
+            steps=STEPS if config.reverses else (Action.FORWARD,),
+            around=around,
+        )
+
     def _pushes(
-        self, pose: Float[np.ndarray, "3"], action: Action, turns: int, clearance: Clearance
+        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance
     ) -> Int[np.ndarray, " n"]:
-        """How many of 0, 1, ... turns to a side push the hull against something; none of a base that turns in place."""
-        if math.hypot(*self.motion[action][:2]) < _SWING_M:
-            return np.zeros(turns + 1, int)
-        return pushes(swung(pose, self.motion[action], turns), clearance, self.config.radius_m)
+        """How many of 0, 1, ... turns, positive to the left, push the hull against something."""
+        return pushes_of(pose, turns, clearance, self.motion, self.config.radius_m)
 
     def _tightness(
         self,
@@ -321,8 +317,9 @@ class Controller:
         """Decisions by which turns that push the hull against something make each heading dearer."""
         extra = np.zeros(len(self._turns))
         n = np.abs(self._turns)
-        for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns < 0)):
-            extra[side] = self._pushes(pose, action, int(n.max()), clearance)[n[side]]
+        for sign in (1, -1):
+            side = np.sign(self._turns) == sign
+            extra[side] = self._pushes(pose, sign * int(n.max()), clearance)[n[side]]
         return self.config.push_price * extra
 
     def _reluctance(
@@ -358,38 +355,24 @@ class Controller:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
         if self._looking is None:
             once = turns_round(self.config.turn_rad)
-            pushed = [int(self._pushes(pose, side, once, plan.clearance)[-1]) for side in _SIDES]
-            self._looking = _SIDES[int(np.argmin(pushed))]
-            if min(pushed):
-                room = self._room_along(pose, Action.FORWARD, 1, plan.clearance)
-                if room[-1] > room[0] and room[1:].min() > min(room[0], _CLEAR_M):
-                    return Action.FORWARD
-                back = self._steps_back(pose, once if self._looking is Action.LEFT else -once, plan.clearance)
-                self._aside_m = back * self.config.forward_m
-                self._committed.extend([Action.BACKWARD] * back)
-                if back:
-                    return self._committed.popleft()
+            pushed = [int(self._pushes(pose, sign * once, plan.clearance)[-1]) for sign in (1, -1)]
+            turns = once if pushed[0] <= pushed[1] else -once
+            self._looking, self._looking_at = first_of(turns), plan.asked_xy
+            before, _ = self._manoeuvre(pose, turns, plan.clearance, around=True)
+            self._committed.extend(before)
+            steps_m = self.config.forward_m * sum(action in STEPS for action in before)
+            circle = swung(pose, self.motion[self._looking], once)[:, :2]
+            self._aside_m = steps_m + float(np.hypot(*(circle - pose[:2]).T).max())
+            if before:
+                return self._committed.popleft()
         return self._looking
-
-    def _displaced(self, pose: Float[np.ndarray, "3"], action: Action) -> Float[np.ndarray, "2"]:
-        """Which way a step leads in `map` [m]."""
-        dx, dy, _ = self.motion[action]
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        return np.array([c * dx - s * dy, s * dx + c * dy])
-
-    def _room_along(
-        self, pose: Float[np.ndarray, "3"], action: Action, steps: int, clearance: Clearance
-    ) -> Float[np.ndarray, " n"]:
-        """Room beside the hull here and at each part of some steps [m]."""
-        part = np.arange(steps * PARTS + 1)[:, None] / PARTS
-        return clearance.at(pose[:2] + part * self._displaced(pose, action)) - self.config.radius_m
 
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.config.radius_m)
         worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
-        action = _first(int(self._turns[int(np.argmax(worth))]))
+        action = first_of(int(self._turns[int(np.argmax(worth))]))
         if action is Action.FORWARD:
             self._escape_steps -= 1
         return action
@@ -421,13 +404,6 @@ class Controller:
             else math.copysign(min(config.turn_rate_radps, 2 * abs(off)), off)
         )
         return speed, turn
-
-
-def _first(turns: int) -> Action:
-    """First action of a number of turns, positive to the left, and a run."""
-    if turns == 0:
-        return Action.FORWARD
-    return Action.LEFT if turns > 0 else Action.RIGHT
 
 
 def _ahead_on(path: Float[np.ndarray, "n 2"], distance_m: float) -> Float[np.ndarray, "2"]:

@@ -60,12 +60,20 @@ def test_turns_push_where_they_bring_the_hull_nearer_than_its_room():
 
 
 def test_it_looks_around_to_the_side_that_is_free():
-    """To the left in the open; to the right where a wall stands to the left; left all the same if it does not swing."""
-    wall = [(-2.5, 0.15, 1.0, 0.2)]
+    """To the left in the open, and where the base does not swing. By a wall it sees all round, and pushes nowhere."""
+    wall = [(-2.5, 0.15, 2.5, 0.2)]
     assert _looks([]) is Action.LEFT
-    assert _looks(wall) is Action.RIGHT
-    in_place = ((FORWARD_M, 0.0, 0.0), (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD), SWINGS[3])
+    in_place = (SWINGS[0], (0.0, 0.0, TURN_RAD), (0.0, 0.0, -TURN_RAD), SWINGS[3])
     assert _looks(wall, in_place) is Action.LEFT
+    controller, pose, seen = Controller(ControlConfig(motions=SWINGS)), np.zeros(3), set()
+    for _ in range(50):
+        estimate = floor(pose, walls=wall)
+        action = controller.act(pose, Planner().plan(estimate, np.zeros(2)))
+        moved = swung(pose, np.array(SWINGS[action]), 1)
+        assert not pushes(moved, _around(estimate), 0.1)[-1]
+        pose = moved[-1]
+        seen.add(round(pose[2] / TURN_RAD) % 36)
+    assert len(seen) == 36
 
 
 def test_it_steps_out_of_a_niche_before_it_looks_around():
@@ -98,10 +106,10 @@ def _leaves(reverses: bool, motions=SWINGS) -> tuple[list[Action], int]:
 
 
 def test_it_backs_out_of_a_dead_end_in_which_it_cannot_turn():
-    """Back first, and only before the turn; no turn pushes. One that cannot step back pushes in turning."""
+    """Once back, some steps on end, and no turn pushes. One that cannot step back pushes in turning."""
     done, pushed = _leaves(reverses=True)
-    back = done.count(Action.BACKWARD)
-    assert 1 <= back <= 3 and done[:back] == [Action.BACKWARD] * back
+    first, back = done.index(Action.BACKWARD), done.count(Action.BACKWARD)
+    assert first <= 4 and 1 <= back <= 4 and done[first : first + back] == [Action.BACKWARD] * back
     assert pushed == 0 and len(done) < 40
     done, pushed = _leaves(reverses=False)
     assert Action.BACKWARD not in done and pushed > 0

@@ -1,0 +1,115 @@
+"""What to do before some turns that would push the hull against something: leave the niche or the wall, and turn there.
+
+A base that swings as it turns (`slam.control.swing`) leans with each turn against the walls of a gap hardly wider than
+itself. A few turns, and steps back or forward in the heading reached, may lead to where it has room. Each way to do so
+is priced in decisions, a turn that pushes at what a bump costs, and the cheapest is taken; nothing, if turning here is.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from slam.actions import Action
+from slam.control.swing import pushes, swung
+from slam.planning.clearance import Clearance
+from slam.poses import to_map
+
+#: What is done without a turn.
+STEPS = (Action.FORWARD, Action.BACKWARD)
+#: Places at which one step is checked against obstacles.
+PARTS = 4
+#: It turns and steps no more often than this before the rest of its turns.
+_MOST_ASIDE, _MOST_STEPS = 4, 4
+#: Room that steps leave beside the hull, unless there is less already [m].
+_CLEAR_M = 0.02
+#: A turn that moves the hull by less than this does not swing it [m].
+SWING_M = 0.008
+
+
+class Manoeuvre(NamedTuple):
+    """A way to turn."""
+
+    before: list[Action]
+    """What to do first; nothing if the robot may as well turn where it is."""
+    rest: int
+    """Turns left then; positive to the left."""
+
+
+def easier(
+    pose: Float[np.ndarray, "3"],
+    turns: int,
+    clearance: Clearance,
+    motion: Float[np.ndarray, "4 3"],
+    *,
+    radius_m: float,
+    push_price: float,
+    steps: Sequence[Action] = STEPS,
+    around: bool = False,
+) -> Manoeuvre:
+    """The cheapest way to make some turns.
+
+    Args:
+        pose: Where the robot stands: x [m], y [m], yaw [rad].
+        turns: What it is about to turn by; positive to the left.
+        clearance: Distances to obstacles around.
+        motion: What each action does, in the order of `Action`: x, y [m], yaw [rad].
+        radius_m: Radius of the hull [m].
+        push_price: What each turn that pushes costs extra [decisions].
+        steps: Which steps it may make.
+        around: Whether it turns to look around, so as much there as here.
+    """
+    found = Manoeuvre([], turns)
+    least = push_price * float(pushes_of(pose, turns, clearance, motion, radius_m)[-1])
+    if not least:
+        return found
+    for sign in (1, -1):
+        turned = swung(pose, motion[first_of(sign)], _MOST_ASIDE)
+        pushed = push_price * pushes_of(pose, sign * _MOST_ASIDE, clearance, motion, radius_m)
+        for count in range(0 if sign == 1 else 1, _MOST_ASIDE + 1):
+            rest = turns if around else turns - sign * count
+            price = pushed[count] + count + abs(rest) - abs(turns)
+            for step in steps:
+                places = _along(turned[count], motion[step], clearance, radius_m)
+                for number, there in enumerate(places, 1):
+                    whole = price + number
+                    if whole < least:
+                        whole += push_price * pushes_of(there, rest, clearance, motion, radius_m)[-1]
+                    if whole < least:
+                        least = whole
+                        found = Manoeuvre([first_of(sign)] * count + [step] * number, rest)
+    return found
+
+
+def pushes_of(
+    pose: Float[np.ndarray, "3"],
+    turns: int,
+    clearance: Clearance,
+    motion: Float[np.ndarray, "4 3"],
+    radius_m: float,
+) -> Int[np.ndarray, " n"]:
+    """How many of 0, 1, ... turns, positive to the left, push the hull; none of a base that turns in place."""
+    turn = motion[first_of(turns)]
+    if not turns or np.hypot(*turn[:2]) < SWING_M:
+        return np.zeros(abs(turns) + 1, int)
+    return pushes(swung(pose, turn, abs(turns)), clearance, radius_m)
+
+
+def first_of(turns: int) -> Action:
+    """First action of a number of turns, positive to the left, and a run."""
+    if turns == 0:
+        return Action.FORWARD
+    return Action.LEFT if turns > 0 else Action.RIGHT
+
+
+def _along(
+    pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, radius_m: float
+) -> Float[np.ndarray, "n 3"]:
+    """Poses after one, two, ... steps, as far as the hull is clear of everything on the way."""
+    part = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
+    points = to_map(pose, part * step[:2])
+    room = clearance.at(points) - radius_m
+    clear = np.minimum.accumulate(room[1:])[PARTS - 1 :: PARTS] > min(room[0], _CLEAR_M)
+    places = points[PARTS::PARTS][: int(clear.sum())]
+    return np.column_stack([places, np.full(len(places), pose[2])])
