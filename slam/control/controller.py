@@ -136,8 +136,8 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking: Action | None = None
-        self._looking_at: Float[np.ndarray, 2] = np.zeros(2)
-        self._aside_m = 0.0  # how far looking around has led it from the end of the way, at the most
+        self._goal: Float[np.ndarray, 2] = np.zeros(2)
+        self._aside_m = 0.0  # how far looking around may lead it from the end of the way
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -149,11 +149,14 @@ class Controller:
             plan: What the planner returned for this pose.
         """
         self._watch(pose, plan.clearance)
+        if np.hypot(*(plan.asked_xy - self._goal)) > self.config.stuck_radius_m:
+            self._goal = plan.asked_xy
+            self._looking, self._aside_m = None, 0.0
         if self._escape_steps:
             action = self._escape(pose, plan)
         elif self._committed:
             action = self._committed.popleft()
-        elif self._at_end(plan):
+        elif plan.length_m < self.config.arrived_m + self._aside_m:
             action = self._face(pose, plan)
         else:
             self._looking, self._aside_m = None, 0.0
@@ -161,16 +164,6 @@ class Controller:
         self._last, self._last_pose = action, pose.copy()
         self._recent.append(action)
         return action
-
-    def _at_end(self, plan: Plan) -> bool:
-        """Whether the robot stands at the end of the way, or beside it where it looks around for the same goal."""
-        away_m = plan.length_m
-        if (
-            self._looking is not None
-            and np.hypot(*(plan.asked_xy - self._looking_at)) < self.config.stuck_radius_m
-        ):
-            away_m -= self._aside_m
-        return away_m < self.config.arrived_m
 
     def _watch(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> None:
         """Note bumps, and whether the robot gets anywhere."""
@@ -249,11 +242,9 @@ class Controller:
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
         """First of some turns, or of what goes before them where that spares the hull pushes."""
         before, rest = self._manoeuvre(pose, turns, clearance)
-        if not before:
-            return first_of(turns)
         # To the end: half a way back the turn may still push, and forward may look better again.
-        self._committed.extend(before + [first_of(rest)] * abs(rest))
-        return self._committed.popleft()
+        self._committed.extend(before + [first_of(rest)] * abs(rest) if before else [])
+        return self._committed.popleft() if before else first_of(turns)
 
     def _wavers(self) -> bool:
         """Whether it has lately turned to one side and to the other time and again."""
@@ -349,23 +340,28 @@ class Controller:
         turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
         if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking is not None:
             return self._look_around(pose, plan)
-        return self._turning(pose, turns, plan.clearance)
+        return self._first_aside(pose, turns, plan.clearance)
 
     def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
-        if self._looking is None:
-            once = turns_round(self.config.turn_rad)
-            pushed = [int(self._pushes(pose, sign * once, plan.clearance)[-1]) for sign in (1, -1)]
-            turns = once if pushed[0] <= pushed[1] else -once
-            self._looking, self._looking_at = first_of(turns), plan.asked_xy
-            before, _ = self._manoeuvre(pose, turns, plan.clearance, around=True)
-            self._committed.extend(before)
-            steps_m = self.config.forward_m * sum(action in STEPS for action in before)
-            circle = swung(pose, self.motion[self._looking], once)[:, :2]
-            self._aside_m = steps_m + float(np.hypot(*(circle - pose[:2]).T).max())
-            if before:
-                return self._committed.popleft()
-        return self._looking
+        if self._looking is not None:
+            return self._looking
+        once = turns_round(self.config.turn_rad)
+        pushed = [int(self._pushes(pose, sign * once, plan.clearance)[-1]) for sign in (1, -1)]
+        turns = once if pushed[0] <= pushed[1] else -once
+        self._looking = first_of(turns)
+        return self._first_aside(pose, turns, plan.clearance, around=True)
+
+    def _first_aside(
+        self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
+    ) -> Action:
+        """First of some turns at the end of the way, or of what leads to beside it, where they push less."""
+        before, _ = self._manoeuvre(pose, turns, clearance, around=around)
+        circle = swung(pose, self.motion[first_of(turns)], abs(turns))[:, :2]
+        steps_m = self.config.forward_m * sum(action in STEPS for action in before)
+        self._aside_m = steps_m + float(np.hypot(*(circle - pose[:2]).T).max())
+        self._committed.extend(before)
+        return self._committed.popleft() if before else first_of(turns)
 
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Walk off: turn to where there is most room, and go there."""
