@@ -195,6 +195,8 @@ class Controller:
             touch = float(np.clip(float(clearance.at(after[:2])) - self.config.radius_m + 0.002, 0, 0.025))
             heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
             self._bumps.append((float(after[0]), float(after[1]), heading, touch))
+            if steps:
+                self._committed.clear()  # it is not where it was to go on
         elif self._usual(action, moved):
             self._motions[action] = min(self._motions[action] + 1, _CALIBRATED)
             self.motion[action] += (moved - self.motion[action]) / self._motions[action]
@@ -344,12 +346,14 @@ class Controller:
 
     def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
-        if self._looking is not None:
-            return self._looking
         once = turns_round(self.config.turn_rad)
-        pushed = [int(self._pushes(pose, sign * once, plan.clearance)[-1]) for sign in (1, -1)]
-        turns = once if pushed[0] <= pushed[1] else -once
-        self._looking = first_of(turns)
+        pushed = [self._pushes(pose, sign * once, plan.clearance) for sign in (1, -1)]
+        begins = self._looking is None
+        if begins:
+            self._looking = Action.LEFT if pushed[0][-1] <= pushed[1][-1] else Action.RIGHT
+        turns = once if self._looking is Action.LEFT else -once
+        if not begins and not pushed[turns < 0][1]:
+            return first_of(turns)
         return self._first_aside(pose, turns, plan.clearance, around=True)
 
     def _first_aside(
@@ -359,7 +363,7 @@ class Controller:
         before, _ = self._manoeuvre(pose, turns, clearance, around=around)
         circle = swung(pose, self.motion[first_of(turns)], abs(turns))[:, :2]
         steps_m = self.config.forward_m * sum(action in STEPS for action in before)
-        self._aside_m = steps_m + float(np.hypot(*(circle - pose[:2]).T).max())
+        self._aside_m = steps_m + max(self._aside_m, float(np.hypot(*(circle - pose[:2]).T).max()))
         self._committed.extend(before)
         return self._committed.popleft() if before else first_of(turns)
 

@@ -22,8 +22,8 @@ STEPS = (Action.FORWARD, Action.BACKWARD)
 PARTS = 4
 #: It turns and steps no more often than this before the rest of its turns.
 _MOST_ASIDE, _MOST_STEPS = 4, 4
-#: Room that steps leave beside the hull, unless there is less already [m].
-_CLEAR_M = 0.02
+#: Room that steps leave beside the hull, unless there is less already, but for what a map may err by [m].
+_CLEAR_M, _ERROR_M = 0.02, 0.01
 #: A turn that moves the hull by less than this does not swing it [m].
 SWING_M = 0.008
 
@@ -110,6 +110,6 @@ def _along(
     part = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
     points = to_map(pose, part * step[:2])
     room = clearance.at(points) - radius_m
-    clear = np.minimum.accumulate(room[1:])[PARTS - 1 :: PARTS] > min(room[0], _CLEAR_M)
+    clear = np.minimum.accumulate(room[1:])[PARTS - 1 :: PARTS] > min(room[0] - _ERROR_M, _CLEAR_M)
     places = points[PARTS::PARTS][: int(clear.sum())]
     return np.column_stack([places, np.full(len(places), pose[2])])
