@@ -371,7 +371,8 @@ class Controller:
         """Walk off: turn to where there is most room, and go there."""
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.config.radius_m)
-        worth = np.minimum(room, 1.0) - 0.02 * np.abs(self._turns) - 0.1 * self._reluctance(pose, headings)
+        decisions = np.abs(self._turns) + self._pushing(pose, plan.clearance)
+        worth = np.minimum(room, 1.0) - 0.02 * decisions - 0.1 * self._reluctance(pose, headings)
         action = first_of(int(self._turns[int(np.argmax(worth))]))
         if action is Action.FORWARD:
             self._escape_steps -= 1
