@@ -136,8 +136,8 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking: Action | None = None
-        self._goal: Float[np.ndarray, 2] = np.zeros(2)
-        self._aside_m = 0.0  # how far looking around may lead it from the end of the way
+        self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the way at which it looks around,
+        self._aside_m = 0.0  # and how far that may lead it from there
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -149,8 +149,8 @@ class Controller:
             plan: What the planner returned for this pose.
         """
         self._watch(pose, plan.clearance)
-        if np.hypot(*(plan.asked_xy - self._goal)) > self.config.stuck_radius_m:
-            self._goal = plan.asked_xy
+        if np.hypot(*(plan.path[-1] - self._end)) > self.config.arrived_m:
+            self._end = plan.path[-1]
             self._looking, self._aside_m = None, 0.0
         if self._escape_steps:
             action = self._escape(pose, plan)
