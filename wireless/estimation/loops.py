@@ -163,7 +163,8 @@ def _refine(
     path that is `inside` is off the tensor, and counts as in it.
     """
     v = along_late(x, s.pattern, s.late, inside, len(size))
-    s.old_late[:] = s.late
+    for k in range(len(s.late)):
+        s.old_late[k] = s.late[k]
     at[0] = climb(curves.late, False, 1, v, at[0], 0.25 * curves.late_step, 2 * look, s.late, s.late_slope)
     z = without_late(x, s.late, s.pattern, s.old_late, inside)
     for again in range(2):
@@ -193,7 +194,9 @@ def _refine(
             s.tx_slope,
         )
     energy = _sizes(v, curves, s, size)
-    s.old_pattern[:] = s.pattern
+    # Number by number: for rows numba would compile a message for shapes that differ, too.
+    for k in range(s.pattern.shape[1]):
+        s.old_pattern[0, k], s.old_pattern[1, k] = s.pattern[0, k], s.pattern[1, k]
     pattern_of(s.rx, s.tx, size, curves.layout, s.pattern)
     return energy
 
@@ -283,6 +286,15 @@ def _start(curves: Curves, at: Float[np.ndarray, "3"], s: Scratch) -> None:
 
 
 @compiled
+def _most(energy: Float[np.ndarray, " paths"]) -> float:
+    """The largest of at least one."""
+    most = energy[0]
+    for one in energy:
+        most = max(most, one)
+    return most
+
+
+@compiled
 def find_paths(
     tensor: Complex[np.ndarray, "links rx window tx"],
     curves: Curves,
@@ -317,7 +329,7 @@ def find_paths(
             _start(curves, at[i, n], s[n])
             _refine(x, curves, at[i, n], 2, s[n], size[n], False)
             energy[i, n] = _refine(x, curves, at[i, n], 0, s[n], size[n], False)
-            if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * energy[i, :n].max()):
+            if energy[i, n] < threshold or (n >= wanted and energy[i, n] < FAINT * _most(energy[i, :n])):
                 break
             take_off(x, s[n].late, s[n].pattern)
             n += 1

@@ -80,14 +80,18 @@ def cast(
     stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
     sight = np.empty(4)
     max_order = max(target_order, corner_order)
-    image[0], view[0, :2], view[0, 2:] = source, -1, 0
+    # Number by number: for rows numba would compile a message for shapes that differ, too.
+    image[0, 0], image[0, 1] = source[0], source[1]
+    view[0, 0], view[0, 1], view[0, 2], view[0, 3], view[0, 4] = -1, -1, 0, 0, 0
     now = 0
     while now < n_views:
         x, y, order = image[now, 0], image[now, 1], view[now, 2]
         depth = 0
         first = 0  # of the triangles that the source lies in
         if now > 0:
-            stack[0], stack_sector[0], depth = begin[now], sector[now], 1
+            stack[0, 0], stack[0, 1], depth = begin[now, 0], begin[now, 1], 1
+            for k in range(4):
+                stack_sector[0, k] = sector[now, k]
         while depth > 0 or (now == 0 and first < len(start)):
             inside = depth == 0
             if inside:
@@ -95,8 +99,9 @@ def cast(
                 first += 1
             else:
                 depth -= 1
-                t, e = stack[depth]
-                sight[:] = stack_sector[depth]
+                t, e = stack[depth, 0], stack[depth, 1]
+                for k in range(4):
+                    sight[k] = stack_sector[depth, k]
             if order <= target_order:
                 for j in range(target_start[t], target_start[t + 1]):
                     p = target_list[j]
@@ -168,9 +173,9 @@ def cast(
                     u, back = tri_next[t, i], 0
                     while tri_next[u, back] != t:
                         back += 1
-                    image[n_views], view[n_views] = image[now], view[now]
-                    view[n_views, 0], view[n_views, 1], view[n_views, 4] = w, now, 1
-                    view[n_views, 3] += 1
+                    image[n_views, 0], image[n_views, 1] = image[now, 0], image[now, 1]
+                    view[n_views, 0], view[n_views, 1], view[n_views, 2] = w, now, view[now, 2]
+                    view[n_views, 3], view[n_views, 4] = view[now, 3] + 1, 1
                     begin[n_views, 0], begin[n_views, 1] = u, back
                     sector[n_views, 0], sector[n_views, 1] = rx, ry
                     sector[n_views, 2], sector[n_views, 3] = lx, ly

@@ -151,6 +151,14 @@ def find_candidates(
 
 
 @compiled
+def _copy(cells: Complex[np.ndarray, "kept beams"], to: Complex[np.ndarray, "kept beams"]) -> None:
+    """Copy an array into another; `to[:] = cells` would compile a message for shapes that differ, too."""
+    for r in range(cells.shape[0]):
+        for k in range(cells.shape[1]):
+            to[r, k] = cells[r, k]
+
+
+@compiled
 def _add_noise(cells: Complex[np.ndarray, "kept beams"], rng: np.random.Generator) -> None:
     """Add white noise of unit variance."""
     for r in range(cells.shape[0]):
@@ -226,12 +234,16 @@ def draw_windows(
     zone = kind.shape[1]
     for i in range(len(tau)):
         top, best = -1, rival[i]
-        drawn = np.empty((np.sum(kind[i] == 2), out.shape[2], out.shape[3]), np.complex64)
+        n_candidates = 0
+        for j in range(zone):
+            if kind[i, j] == 2:
+                n_candidates += 1
+        drawn = np.empty((n_candidates, out.shape[2], out.shape[3]), np.complex64)
         place = np.full(zone, -1, np.int64)
         n_drawn = 0
         for j in range(zone):
             if kind[i, j] == 2:
-                drawn[n_drawn] = _signal(first[i] + j, tau[i], reach[i], a[i], b[i], n)
+                _copy(_signal(first[i] + j, tau[i], reach[i], a[i], b[i], n), drawn[n_drawn])
                 _add_noise(drawn[n_drawn], rng)
                 energy = _strongest(drawn[n_drawn], ports)
                 place[j] = n_drawn
@@ -245,9 +257,9 @@ def draw_windows(
             j = top + w - half
             inside = 0 <= j < zone
             if inside and place[j] >= 0:
-                out[i, w] = drawn[place[j]]
+                _copy(drawn[place[j]], out[i, w])
             elif inside and kind[i, j] == 0 and n_noise[i] > 0:
                 _noise_below(out[i, w], ports, best, rng)
             else:
-                out[i, w] = _signal(first[i] + j, tau[i], reach[i], a[i], b[i], n)
+                _copy(_signal(first[i] + j, tau[i], reach[i], a[i], b[i], n), out[i, w])
                 _add_noise(out[i, w], rng)

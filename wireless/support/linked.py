@@ -5,6 +5,9 @@ more, and so on in all callers of these. Of functions that Python never calls no
 they are only tidied here, and handed on: what an episode needs is compiled in three fifths of the time, is as fast,
 and has the same results to the bit (see the results on speed).
 
+While they are compiled numba is also spared what nobody needs: C's way into its own functions, these functions once
+more for callers whose options differ in what does not reach them, and passes for what no loop here has.
+
 That goes by private parts of numba, which may be others in another version. Two small functions are compiled first,
 to see that it works; if not, all is compiled as numba does it.
 
@@ -17,15 +20,24 @@ from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
-from numba.core import codegen, types
+from numba.core import codegen, targetconfig, typed_passes, types, untyped_passes
 from numba.core.compiler import Compiler
 from numba.core.registry import CPUDispatcher, cpu_target
+from numba.core.typing import templates
 
 #: How names of functions begin that unpack arguments from Python, and of variables for addresses of environments.
 _FROM_PYTHON, _ENVIRONMENT = "_ZN7cpython", "_ZN08NumbaEnv"
 #: LLVM's level of optimisation for what is optimised again after it was linked.
 _TIDY = 1
-
+#: Passes for what no loop here has: blocks of `with`, `literally`, `literal_unroll`, functions that ask to be inlined.
+_UNNEEDED = {
+    (untyped_passes, "WithLifting"),
+    (untyped_passes, "InlineInlinables"),
+    (untyped_passes, "FindLiterallyCalls"),
+    (untyped_passes, "LiteralUnroll"),
+    (untyped_passes, "LiteralPropagationSubPipelinePass"),
+    (typed_passes, "InlineOverloads"),
+}
 
 _Code: Any = getattr(codegen, "JITCodeLibrary", object)
 
@@ -70,6 +82,16 @@ class LinkedCode(_Code):  # type: ignore[misc]
 class OptimisedOnce(Compiler):
     """Numba's compiler, what it makes being `LinkedCode` where numba has the parts for that."""
 
+    def define_pipelines(self) -> Any:
+        """Numba's passes, but for those that would find nothing to do."""
+        own: Any = super().define_pipelines
+        managers = own()
+        unneeded = {getattr(module, name, None) for module, name in _UNNEEDED}
+        for manager in managers:
+            manager.passes = [one for one in manager.passes if one[0] not in unneeded]
+            manager.finalize()
+        return managers
+
     def compile_extra(self, func: Any) -> Any:
         """Compile a function."""
         compiled: Any = super().compile_extra
@@ -79,9 +101,9 @@ class OptimisedOnce(Compiler):
 
 @cache
 def works() -> bool:
-    """Whether numba has the parts that `LinkedCode` needs: one function that calls another returns what it should."""
-    parts = {"nopython": True, "no_cpython_wrapper": True}
-    inner: Any = CPUDispatcher(lambda x: 2.0 * x, {}, parts)
+    """Whether numba has the parts that are used here: a function that calls another returns what it should."""
+    parts = {"nopython": True, "no_cpython_wrapper": True, "error_model": "numpy"}
+    inner: Any = CPUDispatcher(lambda x: 2.0 * max(x, 0.0), {}, parts)
     outer: Any = CPUDispatcher(lambda x: inner(x) + 1.0, {}, {**parts, "no_cpython_wrapper": False})
     try:
         with _linked():
@@ -96,10 +118,34 @@ def works() -> bool:
 @contextmanager
 def _linked() -> Iterator[None]:
     """What is compiled inside of the block is `LinkedCode`; the compiler's lock is held."""
-    cpu_target.target_context.refresh()  # which compiles numba's own runtime, as Python calls it
-    target = cpu_target.target_context.codegen()
-    before, target._library_class = target._library_class, LinkedCode
+    context: Any = cpu_target.target_context
+    numbas: Any = templates._OverloadFunctionTemplate
+    context.refresh()  # which compiles numba's own runtime, as Python calls it
+    target = context.codegen()
+    before = target._library_class, numbas._get_impl, context.create_cfunc_wrapper
+    target._library_class, numbas._get_impl = LinkedCode, _implementation
+    context.create_cfunc_wrapper = _none
     try:
         yield
     finally:
-        target._library_class = before
+        target._library_class, numbas._get_impl, context.create_cfunc_wrapper = before
+
+
+def _implementation(template: Any, args: Any, kws: Any) -> Any:
+    """What numba itself has for a function and types of arguments, compiled where it was not yet.
+
+    Numba keeps one for each set of the caller's options, where it depends on four of them alone.
+    """
+    options = targetconfig.ConfigStack.top_or_none()
+    told = None
+    if options is not None:
+        math = frozenset(options.fastmath.flags)
+        told = (options.nrt, math, options.error_model, options.forceinline)
+    key = template.context, tuple(args), tuple(kws.items()), told
+    if key in template._impl_cache:
+        return template._impl_cache[key]
+    return template._build_impl(key, args, kws)
+
+
+def _none(*args: Any) -> None:
+    """Nothing is called from C."""

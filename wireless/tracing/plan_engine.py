@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
 from wireless.geometry.beams import cast
+from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
 from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, write_row
@@ -68,11 +69,18 @@ def views_of(
         v, h = view_start[i], hit_start[i]
         view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)
         while len(image) < v + len(one):
-            image, view = np.concatenate((image, image)), np.concatenate((view, view))
+            image, view = longer(image), longer_ints(view)
         while len(hits) < h + len(one_hit):
-            hits = np.concatenate((hits, hits))
-        image[v : v + len(one)], view[v : v + len(one)] = one, one_view
-        hits[h : h + len(one_hit)] = one_hit
+            hits = longer_ints(hits)
+        # Number by number: for rows numba would compile a message for shapes that differ, too.
+        for j in range(len(one)):
+            for k in range(2):
+                image[v + j, k] = one[j, k]
+            for k in range(5):
+                view[v + j, k] = one_view[j, k]
+        for j in range(len(one_hit)):
+            for k in range(2):
+                hits[h + j, k] = one_hit[j, k]
     return Views(view_start, image[: view_start[n]], view[: view_start[n]], hit_start, hits[: hit_start[n]])
 
 
@@ -365,7 +373,8 @@ def trace_links(
     near_sight = np.empty((len(near_view), 2))
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):
-            near_sight[j] = corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
+            away, turn = corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
+            near_sight[j, 0], near_sight[j, 1] = away, turn
     scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
     for i in range(n_rx):
         count = 0
@@ -383,7 +392,7 @@ def trace_links(
                 plan, setting, tx, rx[i], image, view, node, -1, image, view, 0, scratch, rank, who, count
             )
         for h in range(far.hit_start[i], far.hit_start[i + 1]):
-            corner, far_node = far.corner_hit[h]
+            corner, far_node = far.corner_hit[h, 0], far.corner_hit[h, 1]
             if near_start[corner] == near_start[corner + 1]:
                 continue
             after, phi = corner_sight(plan, corner, far_image[far_node, 0], far_image[far_node, 1])
@@ -422,7 +431,7 @@ def trace_links(
                 )
         table.found[i] = count
         for j in range(count):
-            node, corner, far_node, bounce = who[j]
+            node, corner, far_node, bounce = who[j, 0], who[j, 1], who[j, 2], who[j, 3]
             n = lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
             m = raise_flat(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
             length, power = weigh_flat(plan, setting, corner, m, scratch)

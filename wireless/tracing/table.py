@@ -135,9 +135,16 @@ def make_scratch(setting: Setting) -> Scratch:
 def write_row(table: Table, row: int, length_m: float, power: float, m: int, scratch: Scratch) -> None:
     """Put the path of m interactions in `scratch` into a table."""
     table.length_m[row], table.power[row] = length_m, power
-    table.gain[row], table.order[row] = scratch.gain, m
-    table.kind[row, :m], table.primitive[row, :m] = scratch.kind[:m], scratch.primitive[:m]
-    table.point[row, : m + 2] = scratch.point[: m + 2]
+    table.order[row] = m
+    # Number by number: for rows numba would compile a message for shapes that differ, too.
+    for p in range(2):
+        for q in range(2):
+            table.gain[row, p, q] = scratch.gain[p, q]
+    for j in range(m):
+        table.kind[row, j], table.primitive[row, j] = scratch.kind[j], scratch.primitive[j]
+    for j in range(m + 2):
+        for i in range(3):
+            table.point[row, j, i] = scratch.point[j, i]
 
 
 @compiled
@@ -202,6 +209,10 @@ def enter(
         return count, -1
     count = min(count + 1, len(rank))
     for j in range(count - 1, place, -1):
-        rank[j], who[j] = rank[j - 1], who[j - 1]
-    rank[place] = new
+        for i in range(5):
+            rank[j, i] = rank[j - 1, i]
+        for i in range(4):
+            who[j, i] = who[j - 1, i]
+    for i in range(5):
+        rank[place, i] = new[i]
     return count, place

@@ -377,6 +377,8 @@ def test_what_only_other_loops_call_is_linked_into_them(mini):
         ("_function_pass_manager(opt=_TIDY)", "_function_pass_manager(another_option=_TIDY)"),
         ("self._get_module_for_linking()", "self._another_method()"),
         ('"_ZN7cpython"', '"_ZN12another_name"'),
+        ("template.context", "template.another_part"),
+        ("options.fastmath", "options.another_option"),
     ],
 )
 def test_where_numba_has_other_parts_its_own_way_serves(mini, part, other):
