@@ -6,6 +6,7 @@ the work: this one starts with the radio's receiver and the mapper, which an epi
 tracer. It runs a small episode for that, whose result nobody wants.
 """
 
+import gc
 import logging
 import os
 import threading
@@ -62,6 +63,7 @@ def compiled_beside(config: EpisodeConfig) -> Iterator[None]:
 def compile_loops(config: EpisodeConfig) -> None:
     """Call every loop of an episode once, those last that an episode calls first."""
     logging.disable(logging.WARNING)
+    gc.disable()  # the process ends with the last loop
     warm_up(config.simulator.radio)
     building = make_building(_two_rooms(), config=config.building)
     places = reach(building, config.simulator.robot.radius_m, config.simulator.robot.height_m)
