@@ -42,6 +42,8 @@ logger = logging.getLogger(__name__)
 
 #: Cells added at once when the view leaves the map.
 GROWTH_CELLS = 80
+#: What the depth camera sees farther away than this tells the pose, but is too coarse to be drawn [m].
+_DRAWN_M = 6.0
 #: The map is put together anew once a pose has moved by this many cells.
 _SHOWS = 0.3
 
@@ -137,6 +139,7 @@ class _Frame:
 
     scan: Scan
     points: ScanPoints
+    """Those that are drawn."""
     lowest: float
     """Fall of the lowest image row per metre of depth."""
     laser: LaserScan | None
@@ -200,7 +203,7 @@ class ClassicalMapper:
         self._step += 1
         self.scan = scan = scan_from_depth(depth, self.config.camera, self.config.band)
         points = points_of_scan(scan, self.config.match, self.config.resolution_m)
-        view = view_of_scan(scan)
+        drawn, view = points.within(_DRAWN_M), view_of_scan(scan)
         if laser is not None:
             beams = points_of_beams(
                 laser.bearing_rad,
@@ -209,7 +212,7 @@ class ClassicalMapper:
                 self.config.resolution_m,
                 self.config.match.sigma_m,
             )
-            points, view = points.with_more(beams), view_of_laser(laser)
+            points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
         moved, covariance = self._measured(action, odometry)
         start, open_before = self.pose, self.tracker.covariance
         predicted, prior = self.tracker.predict(moved, covariance)
@@ -220,7 +223,7 @@ class ClassicalMapper:
         )
         match, doubted = self.relocalizer.judge(
             match,
-            points,
+            drawn,
             moved,
             math.sqrt(prior[0, 0] + prior[1, 1]),
             self.occupancy,
@@ -236,7 +239,7 @@ class ClassicalMapper:
         self.rearranged = False
         if not self.relocalizer.lost:
             lowest = float(self.config.camera.slopes(depth.shape)[1][-1])
-            frame = _Frame(scan=scan, points=points, lowest=lowest, laser=laser)
+            frame = _Frame(scan=scan, points=drawn, lowest=lowest, laser=laser)
             if self.tracker.accept(match, points, view):
                 self._rearrange()
             self._frames.append(frame)

@@ -28,6 +28,9 @@ from slam.support.checks import check_numbers
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].
 _JUMP_M, _SLANT, _STRAIGHT_M = 0.3, 2.0, 0.06
 
+#: A pair counts half at no less than so many standard deviations of its point.
+_WILD = 2.0
+
 #: How far beams point from where they are said to [rad]: it moves what is grazed far away off its surface.
 _AIM_RAD = 0.0017
 
@@ -41,14 +44,15 @@ class MatchConfig:
     larger than the sensor's own."""
     depth_sigma_m: float = 0.001
     """The same for a column of a depth camera's image, right before it [m]."""
-    depth_sigma_per_m2: float = 0.0003
-    """How much that grows with the square of the range [m/m^2]; an error of triangulation, over the column's rows."""
+    depth_sigma_per_m3: float = 6e-5
+    """How much that grows with the cube of the range [m/m^3]: triangulation errs by its square, and a wall that is
+    farther away covers fewer of the column's rows."""
     outlier_m: float = 0.03
-    """Residual at which a pair counts half: wild pairs lie beyond [m]."""
+    """Residual at which a pair counts half, or two standard deviations of its point: wild pairs lie beyond [m]."""
     iterations: int = 6
     """Most Gauss-Newton steps."""
-    max_range_m: float = 6.0
-    """Farther points are left out [m]."""
+    max_range_m: float = 8.0
+    """Farther points are left out [m]: in a hall they are all that tells the heading."""
     min_pairs: int = 8
     """With fewer paired points the prediction stands."""
 
@@ -57,7 +61,7 @@ class MatchConfig:
             self,
             sigma_m=(1e-6, 10, "m"),
             depth_sigma_m=(1e-6, 10, "m"),
-            depth_sigma_per_m2=(0, 10, "m/m2"),
+            depth_sigma_per_m3=(0, 10, "m/m3"),
             outlier_m=(1e-6, 10, "m"),
             iterations=(1, 1000, "steps"),
             max_range_m=(0.01, 1000, "m"),
@@ -86,6 +90,19 @@ class ScanPoints:
         loose = None if self.loose is None else to_map(pose, self.loose)
         placed, turned = to_map(pose, self.points), to_map(heading, self.normals)
         return replace(self, points=placed, normals=turned, loose=loose)
+
+    def within(self, range_m: float) -> "ScanPoints":
+        """Those of the points that lie no farther away than this [m], of a scan in the robot's frame."""
+        near = np.hypot(*self.points.T) <= range_m
+        loose = None if self.loose is None else self.loose[np.hypot(*self.loose.T) <= range_m]
+        sigma_m = None if self.sigma_m is None else self.sigma_m[near]
+        return ScanPoints(
+            points=self.points[near],
+            normals=self.normals[near],
+            weights=self.weights[near],
+            sigma_m=sigma_m,
+            loose=loose,
+        )
 
     def every(self) -> Float[np.ndarray, "k 2"]:
         """Points with a normal and without."""
@@ -138,7 +155,7 @@ def points_of_scan(scan: Scan, config: MatchConfig, cell_m: float) -> ScanPoints
         for z in (scan.depth_m, scan.far_m)
     )
     both = near.with_more(far)
-    growth_m = config.depth_sigma_per_m2 * (both.points**2).sum(axis=1)
+    growth_m = config.depth_sigma_per_m3 * np.hypot(*both.points.T) ** 3
     return replace(both, sigma_m=np.hypot(config.depth_sigma_m, growth_m))
 
 
@@ -236,9 +253,10 @@ def match_scan(
                 return unmatched
             local, mean, normal = scan.points[found], mean[found], normal[found]
             weight, variance = scan.weights[found], of_points_m[found] ** 2
+            outlier_m = np.maximum(config.outlier_m, _WILD * of_points_m[found])
         arm = to_map(np.array([0, 0, pose[2]]), local)
         residual = (normal * (arm + pose[:2] - mean)).sum(axis=1)
-        trust = weight / (1 + (residual / config.outlier_m) ** 2) / variance
+        trust = weight / (1 + (residual / outlier_m) ** 2) / variance
         jacobian = np.column_stack([normal, normal[:, 1] * arm[:, 0] - normal[:, 0] * arm[:, 1]])
         departure = pose - predicted
         departure[2] = wrap(departure[2])
@@ -254,5 +272,5 @@ def match_scan(
     # The variance factor of least squares: squared residuals over what was expected.
     information /= max(1.0, float((trust * residual**2).sum() / (trust * variance).sum()))
     paired = np.zeros(len(scan.points), bool)
-    paired[found] = np.abs(residual) < 2 * config.outlier_m
+    paired[found] = np.abs(residual) < 2 * outlier_m
     return Match(pose=pose, information=information, paired=paired)

@@ -101,6 +101,49 @@ def test_a_wall_close_by_holds_the_heading_as_well_as_one_far_away():
         assert 1 / math.sqrt(match.information[2, 2]) < math.radians(0.2)
 
 
+def test_a_wall_at_the_far_end_of_the_range_still_tells_the_heading():
+    """At 7 m points err by 2 cm: 12 m of wall hold the heading within 0.2 degrees, and what is drawn ends before it."""
+    surfaces, pose = _before_a_wall(7.0)
+    scan = _points(Room(low_xy=(-10.0, -10.0), high_xy=(7.0, 10.0)), pose)
+    assert scan.sigma_m is not None
+    ahead = np.abs(scan.points[:, 1]) < 1
+    np.testing.assert_allclose(scan.sigma_m[ahead], 0.021, atol=0.002)
+    match = match_scan(surfaces, scan, pose, TRUST_ODOMETRY_LITTLE)
+    assert 1 / math.sqrt(match.information[2, 2]) < math.radians(0.2)
+    assert not len(scan.within(6.0).points)
+
+
+def test_what_errs_by_more_is_wild_only_farther_away():
+    """5 cm off, a third of the points of a wall at 7.9 m still pull; those of a wall at 2 m are wild."""
+    pulls = []
+    for distance_m in (7.9, 2.0):
+        surfaces, pose = _before_a_wall(distance_m)
+        scan = _points(Room(low_xy=(-10.0, -10.0), high_xy=(distance_m, 10.0)), pose)
+        assert scan.sigma_m is not None
+        off = replace(scan, points=scan.points + np.array([0.05, 0.0]))
+        exact = replace(off, sigma_m=np.full(len(off.points), 1e-3))
+        odd = np.arange(len(off.points)) % 3 == 0
+        told, sure = (
+            replace(scan, points=np.where(odd[:, None], one.points, scan.points), sigma_m=one.sigma_m)
+            for one in (replace(off, sigma_m=scan.sigma_m), exact)
+        )
+        moved = [match_scan(surfaces, one, pose, TRUST_ODOMETRY_LITTLE).pose[0] for one in (told, sure)]
+        pulls.append(abs(moved[0]) - abs(moved[1]))
+    assert pulls[0] > 0.002
+    assert abs(pulls[1]) < 0.001
+
+
+def test_near_points_are_those_within_a_range():
+    """All arrays of a scan are cut alike, loose points too."""
+    scan = _points(Room(), np.array([0.0, 0.0, 0.6]))
+    near = scan.within(3.0)
+    assert near.sigma_m is not None
+    assert near.loose is not None
+    assert 0 < len(near.points) < len(scan.points)
+    assert len(near.points) == len(near.normals) == len(near.weights) == len(near.sigma_m)
+    assert np.hypot(*near.every().T).max() <= 3.0
+
+
 def test_a_bad_fit_says_less_than_a_good_one():
     """Surfaces that err by 4 mm where the scan should by 1: a sixteenth of the information, or less."""
     surfaces, pose = _before_a_wall(1.0)
