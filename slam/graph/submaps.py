@@ -26,7 +26,8 @@ _OF_NORMALS = 0.02
 #: alike, and submaps are not quite rigid. A turn errs by a fifth of that in radians.
 OF_SCAN, OF_SUBMAP, _TURN = 0.12, 0.3, 0.2
 #: How many times as far fits of submaps are off as all that says: walks beside the truth tell (mean squared error of a
-#: fit in its own variances 7 to 19, where three numbers should make 3).
+#: fit in its own variances 7 to 19 in homes, halls and offices, where three numbers should make 3; in corridors less
+#: than 2).
 _OFF = 2.0
 #: Standard deviation of what a fit says nothing of [m].
 _WIDEST_M = 10.0
