@@ -154,7 +154,7 @@ class TargetBelief:
         self._last, self._probability = place.copy(), None
         self._make_room(_ends(measurement, c))
         survey = self.survey(estimate)
-        surely, _ = in_sight(survey.known, place, self.frame, c.half_side_m)
+        surely = in_sight(survey.known, place, self.frame, c.half_side_m, through_unknown=False)
         off = self.centres - place
         distance = np.hypot(off[..., 0], off[..., 1])
         self._look(float(measurement.pose[2]), surely, off, distance)

@@ -197,7 +197,9 @@ class Fused:
         ):
             if (np.hypot(*(given_up - one.goal_xy).T) < 0.25).any():
                 continue
-            _, possibly = in_sight(survey.known, one.near_xy, belief.frame, self.config.view_m)
+            possibly = in_sight(
+                survey.known, one.near_xy, belief.frame, self.config.view_m, through_unknown=True
+            )
             share = float(p[possibly].sum())
             value = one.width * (share / (one.decisions + c.head_start) + one.behind)
             if self._goal is not None and math.hypot(*(one.goal_xy - self._goal)) < 0.5:

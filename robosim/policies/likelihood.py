@@ -139,7 +139,8 @@ class Likelihood:
         power = 20 * np.log10(near / self._free_m) / np.hypot(power_db, 8.7 * 0.5 * cell_m / near)
         density = np.exp(-0.5 * ((aside / spread) ** 2 + power**2)).astype(np.float32)
         density[ahead < -cell_m] = 0
-        _, possibly = in_sight(self._known, self._place, self._frame, min(2 * self._free_m + 1, reach_m))
+        far_m = min(2 * self._free_m + 1, reach_m)
+        possibly = in_sight(self._known, self._place, self._frame, far_m, through_unknown=True)
         density[~possibly] *= np.float32(0.05)
         return density
 

@@ -45,22 +45,36 @@ def knowledge(estimate: MapEstimate, beside_m: float) -> Knowledge:
 
 
 def in_sight(
-    known: Knowledge, place: Float[np.ndarray, "2"], onto: GridFrame, reach_m: float
-) -> tuple[Bool[np.ndarray, "ny nx"], Bool[np.ndarray, "ny nx"]]:
-    """Cells of a coarser grid in sight of a place: surely, through free cells only; and possibly, through unknown too.
+    known: Knowledge,
+    place: Float[np.ndarray, "2"],
+    onto: GridFrame,
+    reach_m: float,
+    *,
+    through_unknown: bool,
+) -> Bool[np.ndarray, "ny nx"]:
+    """Cells of a coarser grid in sight of a place: surely, through free cells only; or possibly, through unknown too.
 
     Args:
         known: The map.
         place: x, y [m].
         onto: The coarser grid.
         reach_m: Length of the rays [m].
+        through_unknown: Whether rays go on through cells of which nothing is known.
     """
-    surely, possibly = np.zeros(onto.shape, bool), np.zeros(onto.shape, bool)
+    seen = np.zeros(onto.shape, bool)
     rays = math.ceil(2 * math.pi * reach_m / onto.resolution_m)
     _sweep(
-        known.kind, _lattice(known.frame), _lattice(onto), place[0], place[1], reach_m, rays, surely, possibly
+        known.kind,
+        _lattice(known.frame),
+        _lattice(onto),
+        place[0],
+        place[1],
+        reach_m,
+        rays,
+        through_unknown,
+        seen,
     )
-    return surely, possibly
+    return seen
 
 
 def bent(
@@ -114,19 +128,12 @@ def _lattice(frame: GridFrame) -> tuple[float, float, float]:
 
 
 @compiled
-def _cell(grid: np.ndarray, lattice: tuple[float, float, float], x: float, y: float) -> tuple[int, int]:
-    """Row and column of a point's cell; -1, -1 outside of the grid."""
-    ix, iy = math.floor((x - lattice[0]) / lattice[2]), math.floor((y - lattice[1]) / lattice[2])
-    if ix < 0 or iy < 0 or ix >= grid.shape[1] or iy >= grid.shape[0]:
-        return -1, -1
-    return iy, ix
+def _cell(lattice: tuple[float, float, float], x: float, y: float) -> tuple[int, int]:
+    """Row and column of a point's cell, which may lie outside of the grid.
 
-
-@compiled
-def _kind(kind: np.ndarray, fine: tuple[float, float, float], x: float, y: float) -> int:
-    """What is known of a point."""
-    iy, ix = _cell(kind, fine, x, y)
-    return UNKNOWN if iy < 0 else int(kind[iy, ix])
+    No function that the loops below call takes an array: each step would take six times as long.
+    """
+    return math.floor((y - lattice[1]) / lattice[2]), math.floor((x - lattice[0]) / lattice[2])
 
 
 @compiled
@@ -138,26 +145,24 @@ def _sweep(
     y: float,
     reach_m: float,
     rays: int,
-    surely: np.ndarray,
-    possibly: np.ndarray,
+    through_unknown: bool,
+    seen: np.ndarray,
 ) -> None:
     cell = fine[2]
     steps = int(reach_m / cell)
+    (ny, nx), (nv, nu) = kind.shape, seen.shape
     for r in range(rays):
         dx, dy = math.cos(2 * math.pi * r / rays), math.sin(2 * math.pi * r / rays)
-        clear = True
         for i in range(steps):
             px, py = x + i * cell * dx, y + i * cell * dy
-            here = _kind(kind, fine, px, py)
-            if here == OBSTACLE:
+            iy, ix = _cell(fine, px, py)
+            here = kind[iy, ix] if 0 <= iy < ny and 0 <= ix < nx else UNKNOWN
+            if here == OBSTACLE or (here == UNKNOWN and not through_unknown):
                 break
-            clear = clear and here != UNKNOWN
-            iv, iu = _cell(surely, coarse, px, py)
-            if iv < 0:
+            iv, iu = _cell(coarse, px, py)
+            if not (0 <= iv < nv and 0 <= iu < nu):
                 break
-            possibly[iv, iu] = True
-            if clear:
-                surely[iv, iu] = True
+            seen[iv, iu] = True
 
 
 @compiled
@@ -174,11 +179,13 @@ def _bend(
     weight: np.ndarray,
 ) -> None:
     step = 2 * fine[2]
+    (ny, nx), (nv, nu) = kind.shape, weight.shape
     into = 0  # samples inside of the obstacle that ends the arrival's ray
     for i in range(2, int(min(friis_m, 20.0) / step)):
         t = i * step
-        ix, iy = x + t * math.cos(aoa), y + t * math.sin(aoa)
-        here = _kind(kind, fine, ix, iy)
+        cx, cy = x + t * math.cos(aoa), y + t * math.sin(aoa)
+        iy, ix = _cell(fine, cx, cy)
+        here = kind[iy, ix] if 0 <= iy < ny and 0 <= ix < nx else UNKNOWN
         if here == FREE:
             continue
         if here == OBSTACLE:
@@ -186,19 +193,25 @@ def _bend(
             if into > 2:
                 break
         share = 0.3 if here == UNKNOWN else 1.0
+        last = int((friis_m - t) / step)
+        # The loss at the point falls along the way from it.
+        first = 1
+        while first < last and 20 * math.log10(friis_m / (t + first * step)) > 45:
+            first += 1
         for k in range(len(leaving)):
             dx, dy = -math.cos(leaving[k]), -math.sin(leaving[k])
             w = share * shares[k]
-            for j in range(1, int((friis_m - t) / step)):
+            for j in range(1, last):
                 s = j * step
-                px, py = ix + s * dx, iy + s * dy
+                px, py = cx + s * dx, cy + s * dy
                 # The first steps leave the surface that the wave met.
-                if s > 0.3 and _kind(kind, fine, px, py) == OBSTACLE:
-                    break
-                loss_db = 20 * math.log10(friis_m / (t + s))
-                if loss_db > 45:
+                if s > 0.3:
+                    iy, ix = _cell(fine, px, py)
+                    if 0 <= iy < ny and 0 <= ix < nx and kind[iy, ix] == OBSTACLE:
+                        break
+                if j < first:
                     continue
-                iv, iu = _cell(weight, coarse, px, py)
-                if iv < 0:
+                iv, iu = _cell(coarse, px, py)
+                if not (0 <= iv < nv and 0 <= iu < nu):
                     break
                 weight[iv, iu] += w

@@ -265,7 +265,7 @@ def test_sight_ends_at_obstacles_and_is_unsure_beyond_the_map():
     """Behind a wall nothing is in sight; through the open side all of the map surely, beyond it possibly."""
     known = knowledge(estimate(wall(1.0, 1.1, -6.0, 6.0)), beside_m=0.2)
     onto = GridFrame(origin_xy=(-10.0, -10.0), resolution_m=0.2, shape=(100, 100))
-    surely, possibly = in_sight(known, np.zeros(2), onto, 9.0)
+    surely, possibly = (in_sight(known, np.zeros(2), onto, 9.0, through_unknown=way) for way in (False, True))
     x, y = np.moveaxis(onto.to_points(np.stack(np.meshgrid(np.arange(100), np.arange(100)), -1) + 0.5), -1, 0)
     assert not possibly[(x > 1.3) & (np.abs(y) < 5)].any()
     inside = (x < 0.8) & (x > -5.8) & (np.abs(y) < 5.8) & (np.hypot(x, y) < 8.5)
