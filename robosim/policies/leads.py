@@ -9,6 +9,7 @@ free and what is not known, round what is known, or surely anticipated, to be an
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int, Int32
 
@@ -92,14 +93,22 @@ def share_of(
     along = np.arange(max(ny, nx)) + 0.5
     of_row, of_column = part.index(estimate.frame.to_points(np.column_stack([along, along])))
     rows, columns = _inside(of_row[:ny], part.shape[0]), _inside(of_column[:nx], part.shape[1])
-    count = np.zeros(part.shape, np.int64)
+    shares = np.zeros(part.shape, np.float32)
     if rows.stop > rows.start and columns.stop > columns.start:
-        row, first_row = np.unique(of_row[rows], return_index=True)
-        column, first_column = np.unique(of_column[columns], return_index=True)
-        seen = np.add.reduceat(holds[rows, columns], first_row, axis=0, dtype=np.int32)
-        count[np.ix_(row, column)] = np.add.reduceat(seen, first_column, axis=1)
-    share = (estimate.frame.resolution_m / part.resolution_m) ** 2
-    return (share * count).astype(np.float32)
+        (row, below), (column, left) = _groups(of_row[rows]), _groups(of_column[columns])
+        inside = np.ascontiguousarray(holds[rows, columns]).view(np.uint8)
+        # Counts of all cells below and to the left: their differences are those of the cells between.
+        corners = cv2.integral(inside, sdepth=cv2.CV_32S)[below[:, None], left]
+        strips = corners[1:] - corners[:-1]
+        share = (estimate.frame.resolution_m / part.resolution_m) ** 2
+        shares[row[:, None], column] = share * (strips[:, 1:] - strips[:, :-1])
+    return shares
+
+
+def _groups(numbers: Int[np.ndarray, " n"]) -> tuple[Int[np.ndarray, " k"], Int[np.ndarray, " k1"]]:
+    """Which numbers there are among rising ones, and where each of them begins, and an end."""
+    begins = np.concatenate([[0], np.flatnonzero(np.diff(numbers)) + 1])
+    return numbers[begins], np.append(begins, len(numbers))
 
 
 def _inside(index: Int[np.ndarray, " n"], size: int) -> slice:
