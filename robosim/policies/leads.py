@@ -179,5 +179,5 @@ def _fill_beside(time: np.ndarray, reached: np.ndarray, out: np.ndarray, back: n
         for jy in range(max(iy - 1, 0), min(iy + 2, ny)):
             for jx in range(max(ix - 1, 0), min(ix + 2, nx)):
                 if time[jy, jx] == np.inf and back[jy, jx, 0] == 0.0 and back[jy, jx, 1] == 0.0:
-                    out[jy, jx] = out[iy, ix]
-                    back[jy, jx] = back[iy, ix]
+                    out[jy, jx, 0], out[jy, jx, 1] = out[iy, ix, 0], out[iy, ix, 1]
+                    back[jy, jx, 0], back[jy, jx, 1] = back[iy, ix, 0], back[iy, ix, 1]
