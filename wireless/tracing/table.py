@@ -185,12 +185,13 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
 
 @compiled
 def enter(
-    rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k 4"], count: int, new: Float[np.ndarray, "5"]
+    rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k n"], count: int, new: Float[np.ndarray, "5"]
 ) -> tuple[int, int]:
     """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
 
     Rows of rank are power, length, directions at both ends and a number for the sequence of interactions:
-    what agrees in all is one path, found twice because it passes an end of a wall.
+    what agrees in all is one path, found twice because it passes an end of a wall. Rows of who say what the path is
+    made of, each engine in as many numbers as it needs.
     """
     place = count
     while place > 0 and rank[place - 1, 0] < new[0]:
@@ -211,7 +212,7 @@ def enter(
     for j in range(count - 1, place, -1):
         for i in range(5):
             rank[j, i] = rank[j - 1, i]
-        for i in range(4):
+        for i in range(who.shape[1]):
             who[j, i] = who[j - 1, i]
     for i in range(5):
         rank[place, i] = new[i]
