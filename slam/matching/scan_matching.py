@@ -93,15 +93,16 @@ class ScanPoints:
 
     def within(self, range_m: float) -> "ScanPoints":
         """Those of the points that lie no farther away than this [m], of a scan in the robot's frame."""
-        near = np.hypot(*self.points.T) <= range_m
-        loose = None if self.loose is None else self.loose[np.hypot(*self.loose.T) <= range_m]
-        sigma_m = None if self.sigma_m is None else self.sigma_m[near]
+        far_m = np.hypot(*self.every().T)
+        if (far_m <= range_m).all():
+            return self  # kept for long, and so only once
+        near, loose_near = np.split(far_m <= range_m, [len(self.points)])
         return ScanPoints(
             points=self.points[near],
             normals=self.normals[near],
             weights=self.weights[near],
-            sigma_m=sigma_m,
-            loose=loose,
+            sigma_m=None if self.sigma_m is None else self.sigma_m[near],
+            loose=None if self.loose is None else self.loose[loose_near],
         )
 
     def every(self) -> Float[np.ndarray, "k 2"]:
