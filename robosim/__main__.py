@@ -11,8 +11,7 @@ import sys
 def main() -> None:
     """Entry point of the `robosim` command as a program of its own."""
     try:
-        # What is loaded stays: to look for garbage in it takes a seventh of a start.
-        gc.disable()
+        gc.disable()  # until all is loaded: see `robosim.support.garbage`
         from robosim.cli import main as command
 
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:

@@ -5,7 +5,6 @@ Bad input ends in one sentence on standard error and exit status 2, never in a t
 """
 
 import errno
-import gc
 import inspect
 import logging
 import os
@@ -23,6 +22,7 @@ from rich.text import Text
 
 from robosim.commands.speaking import speaking
 from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
+from robosim.support.garbage import look_for_garbage
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.processes import processes_kept
 
@@ -88,7 +88,7 @@ def _run(words: list[str]) -> None:
             from robosim.commands.episode_config import started  # brings the whole simulator
 
             command = started(command, rest)
-        _look_for_garbage()
+        look_for_garbage()
         tyro.cli(command, prog=f"robosim {name}", args=rest)
         return
     group = words[0] if words and words[0] in GROUPS else ""
@@ -101,16 +101,9 @@ def _run(words: list[str]) -> None:
     if any(word.startswith(_COMPLETION) for word in rest):
         commands = {**commands, **{name: loaded(name) for name in COMMANDS if " " not in name}}
         commands |= {name: _union(name) for name in GROUPS}
-    _look_for_garbage()
+    look_for_garbage()
     prog = f"robosim {group}".strip()
     tyro.extras.subcommand_cli_from_dict(commands, prog=prog, description=description, args=rest)
-
-
-def _look_for_garbage() -> None:
-    """From now on, if that was put off until all is loaded (`robosim.__main__`), and not in what is loaded."""
-    if not gc.isenabled():
-        gc.freeze()
-        gc.enable()
 
 
 def _explained(error: Exception) -> tuple[int, str]:

@@ -31,3 +31,5 @@ class Action(IntEnum):
 
 #: The actions of the published system.
 PUBLISHED = (Action.FORWARD, Action.LEFT, Action.RIGHT)
+#: What is done without a turn.
+STEPS = (Action.FORWARD, Action.BACKWARD)

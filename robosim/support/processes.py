@@ -23,6 +23,8 @@ from multiprocessing.process import BaseProcess
 from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
+from robosim.support.garbage import look_for_garbage
+
 #: Libraries that would start threads of their own in each process.
 _ONE_THREAD = {
     f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "VECLIB", "NUMEXPR", "NUMBA")
@@ -161,9 +163,7 @@ def _serve(pipe: Connection, parent: int) -> None:
             call = pipe.recv_bytes()
             try:
                 function, args, kwargs = pickle.loads(call)
-                if not gc.isenabled():
-                    gc.freeze()
-                    gc.enable()
+                look_for_garbage()
                 answer = pickle.dumps((True, function(*args, **kwargs)))
             except Exception as error:
                 answer = _told(error)

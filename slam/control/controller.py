@@ -8,7 +8,8 @@ without its hull meeting an obstacle, the whole is priced in decisions:
 
 and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
 ones lead nowhere. A turn once begun gets cheaper at each decision, and turning straight back is dearer. Where the
-hull's own swing in turning changes the best heading again and again all the same, one is gone through with.
+hull's own swing in turning changes the best heading again and again all the same, one is gone through with. Before
+turns that would push the hull, it looks for an easier place to make them (`slam.control.manoeuvre`).
 
 After a bump the same heading from the same place costs more, each time more. A robot that does not get away
 from a place for long walks off in the direction with most room before it plans again.
@@ -25,8 +26,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float, Int
 
-from slam.actions import FORWARD_M, PUBLISHED, TURN_RAD, Action
-from slam.control.manoeuvre import PARTS, STEPS, SWING_M, Manoeuvre, easier, first_of, pushes_of
+from slam.actions import FORWARD_M, PUBLISHED, STEPS, TURN_RAD, Action
+from slam.control.manoeuvre import PARTS, SWING_M, Manoeuvre, easier, first_of, pushes_of
 from slam.control.swing import swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
@@ -347,13 +348,12 @@ class Controller:
     def _look_around(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """Turn once round: to the left, or to the right if that pushes the hull less; out of a niche first."""
         once = turns_round(self.config.turn_rad)
-        pushed = [self._pushes(pose, sign * once, plan.clearance) for sign in (1, -1)]
-        begins = self._looking is None
-        if begins:
-            self._looking = Action.LEFT if pushed[0][-1] <= pushed[1][-1] else Action.RIGHT
+        if self._looking is None:
+            left, right = (self._pushes(pose, turns, plan.clearance)[-1] for turns in (once, -once))
+            self._looking = Action.LEFT if left <= right else Action.RIGHT
+        elif not self._pushes(pose, 1 if self._looking is Action.LEFT else -1, plan.clearance)[-1]:
+            return self._looking
         turns = once if self._looking is Action.LEFT else -once
-        if not begins and not pushed[turns < 0][1]:
-            return first_of(turns)
         return self._first_aside(pose, turns, plan.clearance, around=True)
 
     def _first_aside(

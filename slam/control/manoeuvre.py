@@ -11,13 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from slam.actions import Action
+from slam.actions import STEPS, Action
 from slam.control.swing import pushes, swung
 from slam.planning.clearance import Clearance
 from slam.poses import to_map
 
-#: What is done without a turn.
-STEPS = (Action.FORWARD, Action.BACKWARD)
 #: Places at which one step is checked against obstacles.
 PARTS = 4
 #: It turns and steps no more often than this before the rest of its turns.

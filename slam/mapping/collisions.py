@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32
 
-from slam.actions import FORWARD_M, Action
+from slam.actions import FORWARD_M, STEPS, Action
 from slam.grid import GridFrame
 from slam.poses import to_map
 from slam.support.checks import check_numbers
@@ -96,7 +96,7 @@ class CollisionMarks:
             Whether the robot was stopped.
         """
         self._forget(step)
-        if action not in (Action.FORWARD, Action.BACKWARD):
+        if action not in STEPS:
             return False
         stopped = bool(math.hypot(moved[0], moved[1]) < self.config.short_m)
         if not stopped:
