@@ -1,4 +1,4 @@
-"""Compiled functions: what runs is what the sources say, wherever it is kept, and a signal finds it whole."""
+"""Compiled functions: what runs is what the sources say, wherever it is kept."""
 
 import contextlib
 import errno
@@ -6,13 +6,8 @@ import fcntl
 import importlib
 import inspect
 import os
-import shutil
-import signal
-import subprocess
 import sys
-import textwrap
 import threading
-from pathlib import Path
 
 import numba
 import numpy as np
@@ -28,89 +23,8 @@ import wireless.support.axes
 import wireless.support.compiled
 import wireless.support.compiled_files
 import wireless.support.linked
+from tests.wireless.support.mini_package import edit, forget, run, start, told
 from wireless.support.compiled_files import KEPT
-
-#: A package of two files, of which one calls the other's functions.
-SOURCES = {
-    "__init__.py": "",
-    "units.py": "SCALE = 3.0\n",
-    "parts/__init__.py": "",
-    "parts/inner.py": """
-        from typing import NamedTuple
-
-        import numpy as np
-
-        from mini import units
-        from mini.compiled import compiled
-
-
-        class Pair(NamedTuple):
-            first: float
-            second: float
-
-
-        TABLE = np.array([1.0, 2.0, 4.0])
-        STEP = 10.0
-
-
-        @compiled
-        def inner(x, factor=2.0):
-            \"\"\"Some of everything that machine code is made of.\"\"\"
-            pair = Pair(x, 100.0)
-            return factor * pair.first + TABLE[1] * STEP + units.SCALE
-    """,
-    "loops.py": """
-        from mini.compiled import compiled
-        from mini.parts.inner import inner
-
-
-        @compiled
-        def outer(x):
-            return inner(x) + 1000.0
-
-
-        @compiled
-        def first_of(pair):
-            return pair.first
-    """,
-}
-
-
-@pytest.fixture
-def mini(tmp_path, monkeypatch):
-    """Folder of the package, with the real machinery in it; nothing else in the user's caches."""
-    folder = tmp_path / "mini"
-    for name, text in SOURCES.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        (folder / name).write_text(textwrap.dedent(text))
-    for module in (wireless.support.compiled, wireless.support.compiled_files, wireless.support.linked):
-        shutil.copy(inspect.getfile(module), folder)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "user"))
-    # Python, too, takes two edits within a second for one.
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    yield folder
-    forget()
-
-
-def forget():
-    """As a new process: nothing of the package is imported."""
-    for name in [name for name in sys.modules if name.partition(".")[0] == "mini"]:
-        del sys.modules[name]
-    importlib.invalidate_caches()
-
-
-def run(name="outer", *arguments):
-    """What a function of the package returns in a new process, and whether it was compiled there."""
-    forget()
-    function = getattr(importlib.import_module("mini.loops"), name)
-    value = function(*(arguments or (1.0,)))
-    return value, sum(function.stats.cache_misses.values()) > 0
-
-
-def edit(file, old, new):
-    assert old in file.read_text()
-    file.write_text(file.read_text().replace(old, new))
 
 
 def no_folder(path):
@@ -242,25 +156,6 @@ def test_old_versions_and_halves_do_not_pile_up(mini):
     assert [half.exists() for half in halves] == [True, False]
 
 
-def start(mini, program):
-    """A new process in which the package can be imported."""
-    environment = {**os.environ, "PYTHONPATH": str(mini.parent), "PYTHONDONTWRITEBYTECODE": "1"}
-    return subprocess.Popen(
-        [sys.executable, "-c", textwrap.dedent(program)],
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def told(process):
-    """What a process wrote; it ended well."""
-    out, error = process.communicate(timeout=600)
-    assert process.returncode == 0, f"status {process.returncode}\n{error}"
-    return out
-
-
 SHOW = """
     from mini.loops import outer
 
@@ -355,49 +250,6 @@ def test_the_first_loop_that_is_not_on_disk_is_told(mini):
     assert [calls(), calls()] == [1, 0]
 
 
-def machine_code():
-    """Whether functions have machine code of their own: the one that another calls, and the one that calls it."""
-    functions = (sys.modules["mini.parts.inner"].inner._part, sys.modules["mini.loops"].outer)
-    made = [next(iter(function.overloads.values())).library for function in functions]
-    return [any(not one.is_declaration for one in library._final_module.functions) for library in made]
-
-
-def test_what_only_other_loops_call_is_linked_into_them(mini):
-    """And has no machine code of its own."""
-    assert run() == (1025.0, True)
-    if not sys.modules["mini.linked"].works():
-        pytest.skip("this version of numba has no such parts, or others")
-    assert machine_code() == [False, True]
-
-
-@pytest.mark.parametrize(
-    ("part", "other"),
-    [
-        ('"JITCodeLibrary"', '"CodeLibraryOfAnotherName"'),
-        ("_function_pass_manager(opt=_TIDY)", "_function_pass_manager(another_option=_TIDY)"),
-        ("self._get_module_for_linking()", "self._another_method()"),
-        ('"_ZN7cpython"', '"_ZN12another_name"'),
-        ("template.context", "template.another_part"),
-        ("options.fastmath", "options.another_option"),
-    ],
-)
-def test_where_numba_has_other_parts_its_own_way_serves(mini, part, other):
-    """Without a word; what is kept then serves as well where it has them, and the other way round."""
-    edit(mini / "linked.py", part, other)
-    assert run() == (1025.0, True)
-    assert not sys.modules["mini.linked"].works()
-    assert machine_code() == [True, True]
-    edit(mini / "linked.py", other, part)
-    assert run() == (1025.0, False)
-    [kept] = (mini / "__pycache__").glob("mini.loops.outer-*.compiled")
-    kept.unlink()
-    assert run() == (1025.0, True)
-    [kept] = (mini / "__pycache__").glob("mini.loops.outer-*.compiled")
-    kept.unlink()
-    edit(mini / "linked.py", part, other)
-    assert run() == (1025.0, True)
-
-
 def test_no_garbage_is_looked_for_while_a_loop_compiles(mini, monkeypatch):
     """And again afterwards, also if nothing can be compiled."""
     import gc
@@ -424,124 +276,6 @@ def test_a_folder_filled_by_another_user_is_read(mini):
     finally:
         for folder in folders:
             folder.chmod(0o755)
-
-
-#: A loop of a second whose result numba makes by calling Python, and Ctrl-C in it or in its compiling.
-INTERRUPTED = """
-    import os, signal, threading, time
-    from typing import NamedTuple
-
-    import numpy as np
-
-    from mini.compiled import compiled
-
-
-    class Result(NamedTuple):
-        values: np.ndarray
-        number: int
-
-
-    @compiled
-    def spin(rounds, n):
-        x = np.ones(n)
-        for i in range(rounds):
-            x[i % n] = np.sin(x[i % n] + i)
-        return Result(x, 1)
-
-
-    def interrupted(delay, call, longer=None):
-        for _ in range(20):
-            through = False
-            try:
-                threading.Timer(delay, os.kill, (os.getpid(), SIGNAL)).start()
-                call()
-                through = True
-                time.sleep(60)
-            except Stop:
-                # On a busy machine the signal may come when all is over: then once more, for longer.
-                if not through or longer is None:
-                    return
-                longer()
-            else:
-                break
-        raise SystemExit("not interrupted")
-
-
-    class Ended(Exception):
-        pass
-
-
-    def end(number, frame):
-        raise Ended
-
-
-    SIGNAL, Stop = signal.SIGINT, KeyboardInterrupt
-    interrupted(0.05, lambda: spin(10, 3))
-    begin = time.perf_counter()
-    spin(2_000_000, 3)
-    rounds = max(1, int(2_000_000 * 0.3 / (time.perf_counter() - begin)))
-
-    def more():
-        global rounds
-        rounds *= 2
-
-    for i in range(4):
-        interrupted(0.02 + 0.05 * i, lambda: spin(rounds, 3), more)
-    SIGNAL, Stop = signal.SIGTERM, Ended
-    signal.signal(SIGNAL, end)
-    interrupted(0.1, lambda: spin(rounds, 3), more)
-    assert signal.getsignal(signal.SIGTERM) is end
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    asked = []
-    signal.signal(signal.SIGINT, lambda number, frame: asked.append(number))
-    timer = threading.Timer(0.1, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    assert spin(rounds, 3).number == 1
-    timer.join()
-    assert asked == [signal.SIGINT]
-    print("whole")
-"""
-
-
-def test_signals_wait_until_a_loop_is_through(mini):
-    """Ctrl-C in a loop of the main thread, and in its compiling, is a KeyboardInterrupt; so for other handlers.
-
-    Left alone, it is raised where numba makes an array of the result, and the process ends with signal 11.
-    """
-    assert told(start(mini, INTERRUPTED)).split() == ["whole"]
-
-
-def test_ctrl_c_during_a_trace_is_a_keyboard_interrupt():
-    """Tracing in the main thread, interrupted four times in a process; before, it died at the first."""
-    program = """
-        import os, signal, threading, time
-
-        import numpy as np
-        import trimesh
-
-        from wireless import Tracer, TracerConfig
-
-        tracer = Tracer(trimesh.creation.box((8, 6, 3)), config=TracerConfig(scene="plan"))
-        tx, rx = np.zeros((1, 3)), np.random.default_rng(0).uniform(-1, 1, (400, 3))
-        tracer.trace(tx, rx[:1], workers=1)
-        for i in range(4):
-            try:
-                threading.Timer(0.02 + 0.03 * i, os.kill, (os.getpid(), signal.SIGINT)).start()
-                while True:
-                    tracer.trace(tx, rx, workers=1)
-            except KeyboardInterrupt:
-                print("stopped")
-    """
-    root = Path(wireless.support.compiled.__file__).parents[3]
-    process = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(program)],
-        cwd=root,
-        capture_output=True,
-        text=True,
-        timeout=900,
-    )
-    assert process.returncode != -signal.SIGSEGV, process.stderr
-    assert process.returncode == 0 and process.stdout.split() == ["stopped"] * 4, process.stderr
 
 
 @pytest.mark.parametrize(
