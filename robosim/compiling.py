@@ -2,8 +2,8 @@
 
 Loops are compiled when they are first called, one after the other, and kept on disk; what one process is compiling
 others wait for (`slam.support.compiled_files`). So a process that calls the same loops in another order does half of
-the work: this one starts with the radio's receiver and the mapper, which an episode comes to last, after walls and
-tracer. It runs a small episode for that, whose result nobody wants.
+the work: this one starts with the tracer and the mapper, which an episode comes to last, after walls and the radio's
+receiver. It runs a small episode for that, whose result nobody wants.
 """
 
 import gc
@@ -16,15 +16,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from robosim.building.building import make_building
+from robosim.building.building import Building, make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from robosim.radio.link import warm_up
+from robosim.radio.link import RadioLinkConfig
 from robosim.support.processes import Processes
 from robosim.task.tasks import make_task
 from slam.support import compiled_files as of_slam
 from wireless.support import compiled_files as of_wireless
+from wireless.tracing.tracer import Tracer
 
 
 @contextmanager
@@ -64,13 +65,20 @@ def compile_loops(config: EpisodeConfig) -> None:
     """Call every loop of an episode once, those last that an episode calls first."""
     logging.disable(logging.WARNING)
     gc.disable()  # the process ends with the last loop
-    warm_up(config.simulator.radio)
     building = make_building(_two_rooms(), config=config.building)
+    _trace(building, config.simulator.radio)
     places = reach(building, config.simulator.robot.radius_m, config.simulator.robot.height_m)
     task = make_task(places, np.random.default_rng(0))
     short = replace(config, max_steps=3)
     run_episode(building, places, task, replace(short, goal="explore"))
     run_episode(building, places, task, short)
+
+
+def _trace(building: Building, config: RadioLinkConfig) -> None:
+    """One link, from the middle of one room to that of the other."""
+    tx, rx = [[4.5, 1.5, config.height_m]], [[1.5, 1.5, config.height_m]]
+    tracer = Tracer(building, frequency_hz=config.frequency_hz, config=config.tracer)
+    tracer.trace(np.array(tx), np.array(rx), workers=1)
 
 
 def _two_rooms() -> FloorPlan:

@@ -80,14 +80,6 @@ def _receiver(
     return sounder, ESTIMATOR.make(estimator, sounder, field="estimator")
 
 
-def warm_up(config: RadioLinkConfig) -> None:
-    """Call the loops of a receiver once, so that they are compiled; what it measures is noise."""
-    sounder, estimator = _receiver(config.transmitter, config.receiver, config.estimator, config.sounding)
-    none = np.zeros((1, 1))
-    rays = Rays(gain=none + 0j, delay_s=none, aoa_az=none, aoa_el=none, aod_az=none, aod_el=none)
-    estimator.estimate(sounder.measure(rays, np.random.default_rng(0)))
-
-
 class RadioLink:
     """One transmitter in a building, and a robot's receiver that goes about in it."""
 
