@@ -5,10 +5,13 @@ what is seen through each (triangular expansion). Where it meets a wall, the win
 view of the mirrored source through that window. So nothing has to be tested for being hidden: what a view
 reaches is a path, and whatever it does not reach is none, in each order. There is no sampling, and each
 decision errs by rounding only: a target counts as seen if it is out of view by less than `NEAR_M`, so
-touching is seeing.
+touching is seeing. Where views pass is kept by triangle (`Sight`), for targets that come later: a transmitter
+that stays is walked from once.
 
 Reference: F. Bungiu et al., Efficient computation of visibility polygons, EuroCG 2014.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -35,37 +38,43 @@ def _within(
     return seen, right, left
 
 
+class Sight(NamedTuple):
+    """All views of a source, with the corners in each, and the triangles that they pass."""
+
+    image: Float[np.ndarray, "b 2"]
+    """Mirrored source of each view; the first is the source itself."""
+    chain: Int[np.ndarray, "b 5"]
+    """Of each view the wall that it was mirrored at or passed last, the view before it (-1 for none), its numbers of
+    reflections and of walls passed, and 1 if that wall was passed."""
+    corner_hit: Int[np.ndarray, "c 2"]
+    """Pairs of corner and view."""
+    last_visit: Int[np.ndarray, " t"]
+    """Of each triangle, the last visit by a view; -1 for none."""
+    visit: Int[np.ndarray, "v 3"]
+    """View of each visit, the visit of the same triangle before it (-1 for none), and 1 if all of the triangle is in
+    view."""
+    sector: Float[np.ndarray, "v 4"]
+    """Right and left bound of what is in view there."""
+
+
 @compiled
 def cast(
     plan: Plan,
     start: Int[np.ndarray, " s"],
     source: Float[np.ndarray, "2"],
-    target: Float[np.ndarray, "r 2"],
-    target_start: Int[np.ndarray, " t1"],
-    target_list: Int[np.ndarray, " tr"],
     target_order: int,
     corner_order: int,
     max_through: int,
-) -> tuple[Float[np.ndarray, "b 2"], Int[np.ndarray, "b 5"], Int[np.ndarray, "h 2"], Int[np.ndarray, "c 2"]]:
-    """All views of one source, with the targets and corners in each.
+) -> Sight:
+    """All views of one source.
 
     Args:
         plan: Walls, corners and triangles.
         start: Triangles around the source.
         source: Position of the source [m].
-        target: Positions of targets [m].
-        target_start: Where each triangle's targets begin in target_list, and an end.
-        target_list: Targets by triangle.
-        target_order: Most reflections on the way to a target.
+        target_order: Most reflections on the way to a target; -1 if nothing but corners is asked for.
         corner_order: Most reflections on the way to a corner.
         max_through: Most walls to pass on any way.
-
-    Returns:
-        image: Mirrored source of each view; the first is the source itself.
-        view: Wall that it was mirrored at or passed last, the view before it (-1 for none), its numbers of
-            reflections and of walls passed, and 1 if that wall was passed.
-        hit: Pairs of target and view.
-        corner_hit: Pairs of corner and view.
     """
     # One long function on arrays of its own: calls that hand the plan on cost five times as much in counting
     # references to its arrays.
@@ -75,10 +84,12 @@ def cast(
     image, view = np.empty((64, 2)), np.empty((64, 5), np.int64)
     begin, sector = np.empty((64, 2), np.int64), np.empty((64, 4))
     stack, stack_sector = np.empty((256, 2), np.int64), np.empty((256, 4))
-    hit, corner_hit = np.empty((256, 2), np.int64), np.empty((256, 2), np.int64)
-    n_views, n_hits, n_corner_hits = 1, 0, 0
-    stamp, corner_stamp = np.full(len(target), -1, np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
-    sight = np.empty(4)
+    room = 256 if target_order < 0 else 4096
+    visit, visit_sector = np.empty((room, 3), np.int64), np.empty((room, 4))
+    last_visit = np.full(len(tri_vertex), -1, np.int64)
+    corner_hit, corner_stamp = np.empty((256, 2), np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
+    n_views, n_visits, n_corner_hits = 1, 0, 0
+    sight = np.zeros(4)
     max_order = max(target_order, corner_order)
     # Number by number: for rows numba would compile a message for shapes that differ, too.
     image[0, 0], image[0, 1] = source[0], source[1]
@@ -103,14 +114,13 @@ def cast(
                 for k in range(4):
                     sight[k] = stack_sector[depth, k]
             if order <= target_order:
-                for j in range(target_start[t], target_start[t + 1]):
-                    p = target_list[j]
-                    if stamp[p] != now and (inside or _within(sight, x, y, target[p, 0], target[p, 1])[0]):
-                        stamp[p] = now
-                        if n_hits == len(hit):
-                            hit = longer_ints(hit)
-                        hit[n_hits, 0], hit[n_hits, 1] = p, now
-                        n_hits += 1
+                if n_visits == len(visit):
+                    visit, visit_sector = longer_ints(visit), longer(visit_sector)
+                visit[n_visits, 0], visit[n_visits, 1], visit[n_visits, 2] = now, last_visit[t], inside
+                last_visit[t] = n_visits
+                for k in range(4):
+                    visit_sector[n_visits, k] = sight[k]
+                n_visits += 1
             if order <= corner_order:
                 for i in range(3):
                     c = tri_corner[t, i]
@@ -198,4 +208,56 @@ def cast(
                     sector[n_views, 2], sector[n_views, 3] = rx - 2 * off * nx, ry - 2 * off * ny
                     n_views += 1
         now += 1
-    return image[:n_views], view[:n_views], hit[:n_hits], corner_hit[:n_corner_hits]
+    return Sight(
+        image[:n_views],
+        view[:n_views],
+        corner_hit[:n_corner_hits],
+        last_visit,
+        visit[:n_visits],
+        visit_sector[:n_visits],
+    )
+
+
+@compiled
+def views_onto(
+    sight: Sight,
+    target: Float[np.ndarray, "r 2"],
+    start: Int[np.ndarray, " r1"],
+    start_list: Int[np.ndarray, " s"],
+) -> tuple[Int[np.ndarray, " r1"], Int[np.ndarray, " h"]]:
+    """Views that targets are in.
+
+    Args:
+        sight: What the source sees.
+        target: Positions of targets [m].
+        start: Where each target's triangles begin in start_list, and an end.
+        start_list: Triangles around targets.
+
+    Returns:
+        Where each target's views begin, and an end; views by rising number.
+    """
+    n, image, visit, bound = len(target), sight.image, sight.visit, np.empty(4)
+    first, seen, n_seen = np.zeros(n + 1, np.int64), np.empty((64, 1), np.int64), 0
+    stamp = np.full(len(image), -1, np.int64)
+    for i in range(n):
+        for t in start_list[start[i] : start[i + 1]]:
+            j = sight.last_visit[t]
+            while j >= 0:
+                v = visit[j, 0]
+                for k in range(4):
+                    bound[k] = sight.sector[j, k]
+                if stamp[v] != i and (
+                    visit[j, 2] or _within(bound, image[v, 0], image[v, 1], target[i, 0], target[i, 1])[0]
+                ):
+                    stamp[v] = i
+                    if n_seen == len(seen):
+                        seen = longer_ints(seen)
+                    place = n_seen
+                    while place > first[i] and seen[place - 1, 0] > v:
+                        seen[place, 0] = seen[place - 1, 0]
+                        place -= 1
+                    seen[place, 0] = v
+                    n_seen += 1
+                j = visit[j, 1]
+        first[i + 1] = n_seen
+    return first, seen[:n_seen, 0].copy()

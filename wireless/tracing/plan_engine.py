@@ -14,7 +14,7 @@ from jaxtyping import Float, Int
 
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
-from wireless.geometry.beams import cast
+from wireless.geometry.beams import Sight, cast, views_onto
 from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
@@ -27,9 +27,9 @@ class Views(NamedTuple):
     view_start: Int[np.ndarray, " r1"]
     """Where each point's views begin, and an end."""
     image: Float[np.ndarray, "b 2"]
-    """See `wireless.geometry.beams.cast`."""
+    """See `wireless.geometry.beams.Sight`."""
     chain: Int[np.ndarray, "b 5"]
-    """As view of `wireless.geometry.beams.cast`; views before count from the point's first one."""
+    """See `wireless.geometry.beams.Sight`; views before count from the point's first one."""
     hit_start: Int[np.ndarray, " r1"]
     """Where each point's corners begin, and an end."""
     corner_hit: Int[np.ndarray, "c 2"]
@@ -59,13 +59,10 @@ def views_of(
     view_start, hit_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
     image, view = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
     hits = np.empty((1024, 2), np.int64)
-    nobody, empty = np.empty((0, 2)), np.empty(0, np.int64)
-    nothing = np.zeros(len(plan.tri_vertex) + 1, np.int64)
     for i in range(n):
         around = start_list[start[i] : start[i + 1]]
-        one, one_view, _, one_hit = cast(
-            plan, around, points[i], nobody, nothing, empty, -1, corner_order, max_through
-        )
+        found = cast(plan, around, points[i], -1, corner_order, max_through)
+        one, one_view, one_hit = found.image, found.chain, found.corner_hit
         v, h = view_start[i], hit_start[i]
         view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)
         while len(image) < v + len(one):
@@ -338,10 +335,10 @@ def trace_links(
     plan: Plan,
     setting: Setting,
     tx: Float[np.ndarray, "3"],
-    around_tx: Int[np.ndarray, " s"],
+    sight: Sight,
     rx: Float[np.ndarray, "r 3"],
-    target_start: Int[np.ndarray, " t1"],
-    target_list: Int[np.ndarray, " tr"],
+    start: Int[np.ndarray, " r1"],
+    start_list: Int[np.ndarray, " s"],
     far: Views,
 ) -> Table:
     """Strongest paths from one transmitter to many receivers.
@@ -350,26 +347,16 @@ def trace_links(
         plan: Walls, corners and triangles.
         setting: Physics and limits.
         tx: Position of the transmitter, around the plan's origin [m].
-        around_tx: Triangles that it lies in.
+        sight: What it sees.
         rx: Positions of receivers.
-        target_start: Where each triangle's receivers begin in target_list, and an end.
-        target_list: Receivers by triangle.
+        start: Where each receiver's triangles begin in start_list, and an end.
+        start_list: Triangles around receivers.
         far: Views of the receivers onto corners.
     """
     n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx))
-    image, view, hit, corner_hit = cast(
-        plan,
-        around_tx,
-        tx[:2].copy(),
-        rx[:, :2].copy(),
-        target_start,
-        target_list,
-        setting.max_reflections,
-        setting.side_reflections,
-        setting.max_through,
-    )
-    hit_start, hit_view = by_first(hit, n_rx)
-    near_start, near_view = by_first(corner_hit, len(plan.corner_vertex))
+    image, view = sight.image, sight.chain
+    hit_start, hit_view = views_onto(sight, rx[:, :2].copy(), start, start_list)
+    near_start, near_view = by_first(sight.corner_hit, len(plan.corner_vertex))
     near_sight = np.empty((len(near_view), 2))
     for c in range(len(plan.corner_vertex)):
         for j in range(near_start[c], near_start[c + 1]):

@@ -18,10 +18,10 @@ from jaxtyping import Bool, Float, Int
 
 from wireless.em.fields import REFLECTION, SCATTERING, fresnel
 from wireless.em.scattering import lobe, lobe_integral
-from wireless.geometry.beams import cast
+from wireless.geometry.beams import cast, views_onto
 from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
-from wireless.tracing.scenes import PlanScene, by_triangle, part_of
+from wireless.tracing.scenes import PlanScene, part_of
 from wireless.tracing.table import Setting, Table
 
 #: Draws the phases of tiles.
@@ -67,7 +67,6 @@ class Scattering:
         self.scene, self.share, self.alpha = scene, share, alpha
         self.tiles, points = _tiles(scene, share > 0, tile_m)
         self._around = scene.locate(points)
-        self._target = by_triangle(*self._around, len(scene.plan.tri_vertex))
         self._points = points
 
     def added(
@@ -156,7 +155,8 @@ class Scattering:
         if len(seen):
             start, triangle = self.scene.locate(at)
             around = part_of(start, triangle, slice(0, 1))[1]
-            seen[cast(self.scene.plan, around, at[0], self._points, *self._target, 0, -1, 0)[2][:, 0]] = True
+            sight = cast(self.scene.plan, around, at[0], 0, -1, 0)
+            seen = np.diff(views_onto(sight, self._points, *self._around)[0]) > 0
         return seen
 
     def _joined(

@@ -12,6 +12,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Complex, Float, Int
 
+from wireless.geometry.beams import Sight, cast
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.closed import Sides
 from wireless.geometry.extruded import Extruded
@@ -29,6 +30,8 @@ logger = logging.getLogger(__name__)
 #: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
 #: its first links take by exhaustive search.
 MANY_FACETS = 150
+#: What transmitters see is kept for their next links: of so many, and no more than this [bytes].
+KEPT_SIGHTS, KEPT_BYTES = 32, 32_000_000
 
 
 class PlanScene:
@@ -62,6 +65,7 @@ class PlanScene:
         #: What was found last: a transmitter is asked for again and again, and so is a region.
         self._around: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
         self._passed: dict[int, tuple[Plan, Setting]] = {}
+        self._sights: dict[tuple[bytes, int], Sight] = {}
         logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
 
     def tables(
@@ -77,17 +81,18 @@ class PlanScene:
                     "floor and ceiling. Trace other points with scene='space'."
                 )
         around_tx, around_rx = self._located(tx[:, :2]), self.locate(rx[:, :2])
-        plan, setting = self._passable(np.concatenate([around_tx[1], around_rx[1]]))
+        region = self._only_region(np.concatenate([around_tx[1], around_rx[1]]))
+        plan, setting = self._passable(region)
         order, through = setting.side_reflections, setting.max_through
 
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some, (start, triangle) = rx[rxs], part_of(*around_rx, rxs)
             views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
-            targets = by_triangle(start, triangle, len(plan.tri_vertex))
             tx_start, tx_triangle = part_of(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                yield trace_links(plan, setting, one, around, some, *targets, views)
+                sight = self._sight(one[:2].copy(), around, plan, setting, region)
+                yield trace_links(plan, setting, one, sight, some, start, triangle, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
 
@@ -96,21 +101,45 @@ class PlanScene:
         z = points[:, 2]
         return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
 
-    def _passable(self, around: Int[np.ndarray, " s"]) -> tuple[Plan, Setting]:
-        """Plan and setting in which paths pass only walls that may lead on to any of some triangles.
+    def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
+        """The region that some triangles lie in, if paths must not leave it; -1 otherwise.
 
         Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
         wall between rooms is passed by its two sides.
         """
-        if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
-            region = int(found[0])
-            known = self._passed.get(region)
-            if known is None:
-                both = (self._region[:, None] == region) & (self._region[self.plan.tri_next] == region)
-                known = self._where_open(self.plan.tri_open & both)
-                self._passed = {region: known}
-            return known
-        return self._where_open(self.plan.tri_open)
+        found = np.unique(self._region[around])
+        return int(found[0]) if self.setting.max_through == 1 and len(found) == 1 else -1
+
+    def _passable(self, region: int) -> tuple[Plan, Setting]:
+        """Plan and setting in which paths pass only walls that may lead on, where they must not leave a region."""
+        if region < 0:
+            return self._where_open(self.plan.tri_open)
+        known = self._passed.get(region)
+        if known is None:
+            both = (self._region[:, None] == region) & (self._region[self.plan.tri_next] == region)
+            known = self._where_open(self.plan.tri_open & both)
+            self._passed = {region: known}
+        return known
+
+    def _sight(
+        self,
+        tx: Float[np.ndarray, "2"],
+        around: Int[np.ndarray, " s"],
+        plan: Plan,
+        setting: Setting,
+        region: int,
+    ) -> Sight:
+        """What a transmitter sees, where paths must not leave a region; kept, as it is asked for again and again."""
+        key = tx.tobytes(), region
+        found = self._sights.get(key)
+        if found is None:
+            orders = setting.max_reflections, setting.side_reflections, setting.max_through
+            found = cast(plan, around, tx, *orders)
+            kept = {**self._sights, key: found}
+            while len(kept) > KEPT_SIGHTS or (len(kept) > 1 and sum(map(_bytes, kept.values())) > KEPT_BYTES):
+                del kept[next(iter(kept))]
+            self._sights = kept
+        return found
 
     def _where_open(self, tri_open: Bool[np.ndarray, "t 3"]) -> tuple[Plan, Setting]:
         """Plan and setting in which paths pass only some walls, if any."""
@@ -194,6 +223,10 @@ class SpaceScene:
         """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
         leads_on = self._sides is None or not self._sides.alike(points)
         return self._setting if leads_on else self._setting._replace(max_through=0)
+
+
+def _bytes(sight: Sight) -> int:
+    return sight.sector.nbytes + sight.visit.nbytes  # the rest is small
 
 
 def by_triangle(
