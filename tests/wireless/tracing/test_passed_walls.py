@@ -1,10 +1,13 @@
 """Walls that paths go through: which are worth trying, judged by the engine in space that tries all."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 from wireless.em.materials import Layer, Material
 from wireless.paths import Interaction, LinkState
+from wireless.tracing import scenes
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 TX = np.array([[0.83, 1.17, 1.5]])
@@ -91,3 +94,21 @@ def test_what_was_traced_before_changes_no_path(two_rooms):
             other = Tracer(two_rooms, materials=("partition",), config=config).trace(tx, rx)
             assert one.link.tolist() == other.link.tolist()
             np.testing.assert_array_equal(one.gain, other.gain)
+
+
+@pytest.mark.parametrize("kept", [1, 32])
+def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, monkeypatch, kept):
+    """Receivers in its room and in the next by turns, and another transmitter between: as if each link were the first.
+
+    Of a receiver in its own room it may pass the wall to nobody, of one in the next to where the wall leads.
+    """
+    monkeypatch.setattr(scenes, "KEPT_SIGHTS", kept)
+    config = TracerConfig(max_transmissions=1)
+    tracer = Tracer(two_rooms, materials=("partition",), config=config)
+    for tx in (TX, RX[:1], TX):
+        for rx in (RX[1:2], RX[2:], RX[1:2], RX[:1]):
+            first = Tracer(two_rooms, materials=("partition",), config=config).trace(tx, rx)
+            paths = tracer.trace(tx, rx)
+            for field in fields(paths):
+                np.testing.assert_array_equal(getattr(paths, field.name), getattr(first, field.name))
+    assert len(tracer.scene._sights) == min(kept, 4)
