@@ -219,6 +219,19 @@ def cast(
 
 
 @compiled
+def sight_of(
+    plan: Plan,
+    start: Int[np.ndarray, " s"],
+    source: Float[np.ndarray, "2"],
+    target_order: int,
+    corner_order: int,
+    max_through: int,
+) -> Sight:
+    """`cast` for callers that are not compiled: a way in from Python of its own would compile all of it again."""
+    return cast(plan, start, source, target_order, corner_order, max_through)
+
+
+@compiled
 def views_onto(
     sight: Sight,
     target: Float[np.ndarray, "r 2"],

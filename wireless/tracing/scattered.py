@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float, Int
 
 from wireless.em.fields import REFLECTION, SCATTERING, fresnel
 from wireless.em.scattering import lobe, lobe_integral
-from wireless.geometry.beams import cast, views_onto
+from wireless.geometry.beams import sight_of, views_onto
 from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
 from wireless.tracing.scenes import PlanScene, part_of
@@ -155,7 +155,7 @@ class Scattering:
         if len(seen):
             start, triangle = self.scene.locate(at)
             around = part_of(start, triangle, slice(0, 1))[1]
-            sight = cast(self.scene.plan, around, at[0], 0, -1, 0)
+            sight = sight_of(self.scene.plan, around, at[0], 0, -1, 0)
             seen = np.diff(views_onto(sight, self._points, *self._around)[0]) > 0
         return seen
 

@@ -12,7 +12,7 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Complex, Float, Int
 
-from wireless.geometry.beams import Sight, cast
+from wireless.geometry.beams import Sight, sight_of
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.closed import Sides
 from wireless.geometry.extruded import Extruded
@@ -134,7 +134,7 @@ class PlanScene:
         found = self._sights.get(key)
         if found is None:
             orders = setting.max_reflections, setting.side_reflections, setting.max_through
-            found = cast(plan, around, tx, *orders)
+            found = sight_of(plan, around, tx, *orders)
             kept = {**self._sights, key: found}
             while len(kept) > KEPT_SIGHTS or (len(kept) > 1 and sum(map(_bytes, kept.values())) > KEPT_BYTES):
                 del kept[next(iter(kept))]
