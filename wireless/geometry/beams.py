@@ -14,7 +14,7 @@ Reference: F. Bungiu et al., Efficient computation of visibility polygons, EuroC
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
@@ -55,6 +55,8 @@ class Sight(NamedTuple):
     view."""
     sector: Float[np.ndarray, "v 4"]
     """Right and left bound of what is in view there."""
+    whole: bool
+    """Whether all visits are told; otherwise those of the triangles that were asked for."""
 
 
 @compiled
@@ -62,6 +64,8 @@ def cast(
     plan: Plan,
     start: Int[np.ndarray, " s"],
     source: Float[np.ndarray, "2"],
+    wanted: Bool[np.ndarray, " t"],
+    most_visits: int,
     target_order: int,
     corner_order: int,
     max_through: int,
@@ -72,6 +76,8 @@ def cast(
         plan: Walls, corners and triangles.
         start: Triangles around the source.
         source: Position of the source [m].
+        wanted: Triangles with targets.
+        most_visits: So many visits are told of other triangles too.
         target_order: Most reflections on the way to a target; -1 if nothing but corners is asked for.
         corner_order: Most reflections on the way to a corner.
         max_through: Most walls to pass on any way.
@@ -89,7 +95,7 @@ def cast(
     last_visit = np.full(len(tri_vertex), -1, np.int64)
     corner_hit, corner_stamp = np.empty((256, 2), np.int64), np.full(len(plan.corner_vertex), -1, np.int64)
     n_views, n_visits, n_corner_hits = 1, 0, 0
-    sight = np.zeros(4)
+    sight, whole = np.zeros(4), True
     max_order = max(target_order, corner_order)
     # Number by number: for rows numba would compile a message for shapes that differ, too.
     image[0, 0], image[0, 1] = source[0], source[1]
@@ -113,7 +119,9 @@ def cast(
                 t, e = stack[depth, 0], stack[depth, 1]
                 for k in range(4):
                     sight[k] = stack_sector[depth, k]
-            if order <= target_order:
+            if order <= target_order and not wanted[t] and n_visits >= most_visits:
+                whole = False
+            elif order <= target_order:
                 if n_visits == len(visit):
                     visit, visit_sector = longer_ints(visit), longer(visit_sector)
                 visit[n_visits, 0], visit[n_visits, 1], visit[n_visits, 2] = now, last_visit[t], inside
@@ -215,6 +223,7 @@ def cast(
         last_visit,
         visit[:n_visits],
         visit_sector[:n_visits],
+        whole,
     )
 
 
@@ -223,12 +232,14 @@ def sight_of(
     plan: Plan,
     start: Int[np.ndarray, " s"],
     source: Float[np.ndarray, "2"],
+    wanted: Bool[np.ndarray, " t"],
+    most_visits: int,
     target_order: int,
     corner_order: int,
     max_through: int,
 ) -> Sight:
     """`cast` for callers that are not compiled: a way in from Python of its own would compile all of it again."""
-    return cast(plan, start, source, target_order, corner_order, max_through)
+    return cast(plan, start, source, wanted, most_visits, target_order, corner_order, max_through)
 
 
 @compiled
@@ -266,11 +277,14 @@ def views_onto(
                     if n_seen == len(seen):
                         seen = longer_ints(seen)
                     place = n_seen
-                    while place > first[i] and seen[place - 1, 0] > v:
+                    while place > first[i] and seen[place - 1, 0] < v:
                         seen[place, 0] = seen[place - 1, 0]
                         place -= 1
                     seen[place, 0] = v
                     n_seen += 1
                 j = visit[j, 1]
         first[i + 1] = n_seen
+        for j in range((n_seen - first[i]) // 2):  # visits are told from the last one on
+            a, b = first[i] + j, n_seen - 1 - j
+            seen[a, 0], seen[b, 0] = seen[b, 0], seen[a, 0]
     return first, seen[:n_seen, 0].copy()

@@ -58,10 +58,10 @@ def views_of(
     n = len(points)
     view_start, hit_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
     image, view = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
-    hits = np.empty((1024, 2), np.int64)
+    hits, nobody = np.empty((1024, 2), np.int64), np.zeros(len(plan.tri_vertex), np.bool_)
     for i in range(n):
         around = start_list[start[i] : start[i + 1]]
-        found = cast(plan, around, points[i], -1, corner_order, max_through)
+        found = cast(plan, around, points[i], nobody, 0, -1, corner_order, max_through)
         one, one_view, one_hit = found.image, found.chain, found.corner_hit
         v, h = view_start[i], hit_start[i]
         view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)

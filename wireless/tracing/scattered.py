@@ -21,7 +21,7 @@ from wireless.em.scattering import lobe, lobe_integral
 from wireless.geometry.beams import sight_of, views_onto
 from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
-from wireless.tracing.scenes import PlanScene, part_of
+from wireless.tracing.scenes import PlanScene, marked, part_of
 from wireless.tracing.table import Setting, Table
 
 #: Draws the phases of tiles.
@@ -67,6 +67,7 @@ class Scattering:
         self.scene, self.share, self.alpha = scene, share, alpha
         self.tiles, points = _tiles(scene, share > 0, tile_m)
         self._around = scene.locate(points)
+        self._wanted = marked(self._around[1], len(scene.plan.tri_vertex))
         self._points = points
 
     def added(
@@ -155,7 +156,7 @@ class Scattering:
         if len(seen):
             start, triangle = self.scene.locate(at)
             around = part_of(start, triangle, slice(0, 1))[1]
-            sight = sight_of(self.scene.plan, around, at[0], 0, -1, 0)
+            sight = sight_of(self.scene.plan, around, at[0], self._wanted, 0, 0, -1, 0)
             seen = np.diff(views_onto(sight, self._points, *self._around)[0]) > 0
         return seen
 

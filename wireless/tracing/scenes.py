@@ -30,8 +30,9 @@ logger = logging.getLogger(__name__)
 #: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
 #: its first links take by exhaustive search.
 MANY_FACETS = 150
-#: What transmitters see is kept for their next links: of so many, and no more than this [bytes].
-KEPT_SIGHTS, KEPT_BYTES = 32, 32_000_000
+#: What transmitters see is kept for their next links: of so many, and no more than this [bytes]. Whose views pass
+#: triangles more often than that sees too much to keep.
+KEPT_SIGHTS, KEPT_BYTES, MOST_VISITS = 32, 32_000_000, 500_000
 
 
 class PlanScene:
@@ -88,10 +89,11 @@ class PlanScene:
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some, (start, triangle) = rx[rxs], part_of(*around_rx, rxs)
             views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
+            wanted = marked(triangle, len(plan.tri_vertex))
             tx_start, tx_triangle = part_of(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                sight = self._sight(one[:2].copy(), around, plan, setting, region)
+                sight = self._sight(one[:2].copy(), around, plan, setting, region, wanted)
                 yield trace_links(plan, setting, one, sight, some, start, triangle, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
@@ -128,13 +130,19 @@ class PlanScene:
         plan: Plan,
         setting: Setting,
         region: int,
+        wanted: Bool[np.ndarray, " t"],
     ) -> Sight:
-        """What a transmitter sees, where paths must not leave a region; kept, as it is asked for again and again."""
+        """What a transmitter sees, where paths must not leave a region; kept, as it is asked for again and again.
+
+        Of one that sees too much it is what it sees of the wanted triangles.
+        """
         key = tx.tobytes(), region
         found = self._sights.get(key)
         if found is None:
             orders = setting.max_reflections, setting.side_reflections, setting.max_through
-            found = sight_of(plan, around, tx, *orders)
+            found = sight_of(plan, around, tx, wanted, MOST_VISITS, *orders)
+            if not found.whole:
+                return found
             kept = {**self._sights, key: found}
             while len(kept) > KEPT_SIGHTS or (len(kept) > 1 and sum(map(_bytes, kept.values())) > KEPT_BYTES):
                 del kept[next(iter(kept))]
@@ -227,6 +235,13 @@ class SpaceScene:
 
 def _bytes(sight: Sight) -> int:
     return sight.sector.nbytes + sight.visit.nbytes  # the rest is small
+
+
+def marked(some: Int[np.ndarray, " s"], n: int) -> Bool[np.ndarray, " n"]:
+    """True at some of n places."""
+    flags = np.zeros(n, bool)
+    flags[some] = True
+    return flags
 
 
 def by_triangle(

@@ -96,12 +96,14 @@ def test_what_was_traced_before_changes_no_path(two_rooms):
             np.testing.assert_array_equal(one.gain, other.gain)
 
 
-@pytest.mark.parametrize("kept", [1, 32])
-def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, monkeypatch, kept):
+@pytest.mark.parametrize("kept, most", [(1, 1000), (32, 1000), (0, 5)])
+def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, monkeypatch, kept, most):
     """Receivers in its room and in the next by turns, and another transmitter between: as if each link were the first.
 
-    Of a receiver in its own room it may pass the wall to nobody, of one in the next to where the wall leads.
+    Of a receiver in its own room it may pass the wall to nobody, of one in the next to where the wall leads. What sees
+    too much is not kept.
     """
+    monkeypatch.setattr(scenes, "MOST_VISITS", most)
     monkeypatch.setattr(scenes, "KEPT_SIGHTS", kept)
     config = TracerConfig(max_transmissions=1)
     tracer = Tracer(two_rooms, materials=("partition",), config=config)
