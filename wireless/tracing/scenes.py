@@ -89,11 +89,10 @@ class PlanScene:
         def trace(txs: slice, rxs: slice) -> Iterator[Table]:
             some, (start, triangle) = rx[rxs], part_of(*around_rx, rxs)
             views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
-            wanted = marked(triangle, len(plan.tri_vertex))
             tx_start, tx_triangle = part_of(*around_tx, txs)
             for i, one in enumerate(tx[txs]):
                 around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                sight = self._sight(one[:2].copy(), around, plan, setting, region, wanted)
+                sight = self._sight(one[:2].copy(), around, plan, setting, region, triangle)
                 yield trace_links(plan, setting, one, sight, some, start, triangle, views)
 
         return trace_blocks(len(tx), len(rx), trace, workers)
@@ -109,8 +108,9 @@ class PlanScene:
         Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
         wall between rooms is passed by its two sides.
         """
-        found = np.unique(self._region[around])
-        return int(found[0]) if self.setting.max_through == 1 and len(found) == 1 else -1
+        if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
+            return int(found[0])
+        return -1
 
     def _passable(self, region: int) -> tuple[Plan, Setting]:
         """Plan and setting in which paths pass only walls that may lead on, where they must not leave a region."""
@@ -130,16 +130,17 @@ class PlanScene:
         plan: Plan,
         setting: Setting,
         region: int,
-        wanted: Bool[np.ndarray, " t"],
+        asked: Int[np.ndarray, " q"],
     ) -> Sight:
         """What a transmitter sees, where paths must not leave a region; kept, as it is asked for again and again.
 
-        Of one that sees too much it is what it sees of the wanted triangles.
+        Of one that sees too much it is what it sees of the triangles asked for.
         """
         key = tx.tobytes(), region
         found = self._sights.get(key)
         if found is None:
             orders = setting.max_reflections, setting.side_reflections, setting.max_through
+            wanted = marked(asked, len(plan.tri_vertex))
             found = sight_of(plan, around, tx, wanted, MOST_VISITS, *orders)
             if not found.whole:
                 return found

@@ -23,14 +23,18 @@ def test_paths_do_not_depend_on_blocks_or_workers(extruded, ring, monkeypatch, s
 
     A transmitter or receiver that is given its neighbour's triangles, or a table put in another's place, shows.
     """
-    tracer = Tracer(extruded(ring(*BEND)), config=TracerConfig(scene=scene))
+
+    def trace(workers):
+        """By a tracer of its own, which has kept nothing."""
+        return Tracer(extruded(ring(*BEND)), config=TracerConfig(scene=scene)).trace(tx, rx, workers=workers)
+
     tx, rx = points(5, 1), points(23, 2)
-    whole = tracer.trace(tx, rx, workers=1)
+    whole = trace(1)
     monkeypatch.setattr(blocks, "BLOCK_TX", 2)
     monkeypatch.setattr(blocks, "BLOCK_RX", 4)
     assert len(np.unique(whole.link)) == 5 * 23
     for workers in (1, 2, 5, None):
-        paths = tracer.trace(tx, rx, workers=workers)
+        paths = trace(workers)
         for field in fields(paths):
             np.testing.assert_array_equal(getattr(paths, field.name), getattr(whole, field.name))
 
