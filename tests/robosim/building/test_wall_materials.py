@@ -128,13 +128,13 @@ def test_grey_pictures_and_missing_colours_are_told(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("layers: 3", "layers is no list"),
+        ("layers: 3", "layers is 3, expected a list"),
         ("layers: []", "layers of 'wall' are 0"),
         ("layers: [{material: glas, thickness_m: 0.01}]", "Did you mean 'glass'"),
         ("layers: [{material: glass}]", "thickness_m"),
         ("layers: [{material: glass, thickness_m: thin}]", "wall.yaml"),
         ("thickness: 3", "'layers' is missing"),
-        ("layers: []\ncolour: red", "'colour' is no key"),
+        ("layers: []\ncolour: red", "a key is 'colour'. Known: name, layers"),
         (OWN + "scattering: rough", "scattering is 'rough', expected a number"),
         (OWN + "scattering: 1.5", "scattering of 'wall' is 1.5, expected 0 to 1"),
         (OWN + "lobe: 2.5", "lobe is 2.5, expected a whole number"),
