@@ -75,6 +75,5 @@ def trace_blocks(
 
 def _packed(table: Table) -> Table:
     """The same without the rows that no path fills."""
-    keep = len(table.power) // max(1, len(table.found))
-    used = (np.arange(keep) < table.found[:, None]).ravel()
-    return Table(table.found, *(column[used] for column in table[1:]))
+    used = int(table.found.sum())
+    return Table(table.found, *(column[:used].copy() for column in table[1:]))

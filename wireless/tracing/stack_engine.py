@@ -28,7 +28,7 @@ from wireless.tracing.plan_engine import (
     raise_flat,
     weigh_flat,
 )
-from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, write_row
+from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, with_room, write_row
 
 #: Slopes that differ by less are one.
 _SLOPE = 1e-12
@@ -298,7 +298,7 @@ def trace_layers(
         far: Views of the receivers onto edges.
         span_m: See `wireless.geometry.layer_beams.cast_layers`.
     """
-    plan, n_rx, keep, table = layers.plan, len(rx), setting.keep, make_table(setting, len(rx))
+    plan, n_rx, keep, table = layers.plan, len(rx), setting.keep, make_table(setting, len(rx), len(rx))
     n_corners, k = len(plan.corner_vertex), setting.wavenumber
     image, view, hit, corner_hit, corner_slope, rim_hit, rim_part = cast_layers(
         layers,
@@ -324,6 +324,7 @@ def trace_layers(
         over_sight[j] = _rim_sight(layers, e, image[v, 0], image[v, 1], tx[2])
     scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 3), np.int64)
     where = np.empty(keep)
+    row = 0
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]
@@ -445,6 +446,7 @@ def trace_layers(
                     count,
                 )
         table.found[i] = count
+        table = with_room(setting, table, row + count)
         for j in range(count):
             node, edge, far_node = who[j]
             m, length, power = _lay(
@@ -462,7 +464,8 @@ def trace_layers(
                 far_node,
                 scratch,
             )
-            write_row(table, i * keep + j, length, power, m, scratch)
+            write_row(table, row + j, length, power, m, scratch)
+        row += count
     return table
 
 

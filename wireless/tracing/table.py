@@ -50,7 +50,7 @@ class Setting(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Paths of links, `keep` rows for each receiver, strongest first."""
+    """Paths of links, one row per path: receiver by receiver, strongest first; rows beyond the last path are unused."""
 
     found: Int[np.ndarray, " r"]
     """Paths of each receiver."""
@@ -95,9 +95,9 @@ def most_interactions(setting: Setting) -> int:
 
 
 @compiled
-def make_table(setting: Setting, n_rx: int) -> Table:
-    """Table with room for all paths of so many receivers, and none in it."""
-    most, rows = most_interactions(setting), n_rx * setting.keep
+def make_table(setting: Setting, n_rx: int, rows: int) -> Table:
+    """Table of so many receivers with room for so many paths, and none in it."""
+    most = most_interactions(setting)
     return Table(
         np.zeros(n_rx, np.int64),
         np.zeros(rows),
@@ -108,6 +108,19 @@ def make_table(setting: Setting, n_rx: int) -> Table:
         np.full((rows, most), -1, np.int64),
         np.zeros((rows, most + 2, 3)),
     )
+
+
+@compiled
+def with_room(setting: Setting, table: Table, rows: int) -> Table:
+    """The same table, or a copy with at least so many rows: memory follows what is found, not what may be."""
+    if rows <= len(table.power):
+        return table
+    larger, used = make_table(setting, len(table.found), max(rows, 2 * len(table.power))), len(table.power)
+    larger.found[:] = table.found
+    larger.power[:used], larger.gain[:used], larger.length_m[:used] = table.power, table.gain, table.length_m
+    larger.order[:used], larger.kind[:used] = table.order, table.kind
+    larger.primitive[:used], larger.point[:used] = table.primitive, table.point
+    return larger
 
 
 @compiled
