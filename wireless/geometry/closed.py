@@ -22,6 +22,8 @@ from wireless.support.compiled import compiled
 
 #: Where parity is counted along; upwards on each axis, which spares boxes the question which side a way comes from.
 _WAY = np.array([0.2718281828, 0.5772156649, 0.7700401577])
+#: Walls are thicker than twice this, and what is doubled is closer [m].
+_ASIDE_M = 1e-4
 
 
 class Sides:
@@ -32,6 +34,7 @@ class Sides:
     """
 
     def __init__(self, mesh: trimesh.Trimesh):
+        self._mesh = mesh
         surface, closed, once = surfaces_of(mesh)
         self.surface: Int[np.ndarray, " f"] = surface
         """Surface of each face."""
@@ -50,6 +53,25 @@ class Sides:
         """Whether points are on the same sides of all closed surfaces, and none is on one."""
         sums, on = self._sums(points, np.full(len(points), -1))
         return not on.any() and bool((sums == sums[0]).all())
+
+    def two_faced(self) -> Bool[np.ndarray, " f"]:
+        """Which faces have the inside of closed surfaces on one side only: the two faces of walls, and of solids.
+
+        The others are sheets: of no closed surface, or with another face of one on their back.
+        """
+        triangle = self._mesh.triangles
+        normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+        size = np.linalg.norm(normal, axis=1)
+        some = np.flatnonzero(self.closed & (size > 0))
+        middle, aside = triangle[some].mean(axis=1), _ASIDE_M * normal[some] / size[some, None]
+        every, one = np.full(len(some), -1), np.ones(len(self._bits), np.uint64)
+        sums = [
+            _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._way)[0]
+            for points in (middle + aside, middle - aside)
+        ]
+        found = np.zeros(len(triangle), bool)
+        found[some] = sums[0] != sums[1]
+        return found
 
     def inside(
         self, points: Float[np.ndarray, "n 3"], surface: Int[np.ndarray, " n"]

@@ -12,8 +12,6 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-
 from wireless.tracing.table import Table
 
 #: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.

@@ -18,7 +18,17 @@ from wireless.geometry.beams import Sight, cast, views_onto
 from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
-from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, with_room, write_row
+from wireless.tracing.table import (
+    Scratch,
+    Setting,
+    Table,
+    enter,
+    make_scratch,
+    make_table,
+    weigh,
+    with_room,
+    write_row,
+)
 
 
 class Views(NamedTuple):
@@ -287,7 +297,7 @@ def _try_bounces(
     new = np.empty(5)
     for bounce in range(-down, up + 1):
         m = raise_flat(plan, setting, tx[2], rx[2], n, bounce, scratch)
-        if m > setting.max_interactions:
+        if m > setting.max_met:
             continue
         if corner >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
             continue
@@ -370,7 +380,7 @@ def trace_links(
         far_image, far_view = far.image[v : far.view_start[i + 1]], far.chain[v : far.view_start[i + 1]]
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
-            if view[node, 2] + view[node, 3] > setting.max_interactions:
+            if view[node, 2] + view[node, 3] > setting.max_met:
                 continue
             if count == keep:
                 length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
@@ -391,7 +401,7 @@ def trace_links(
                 through = view[node, 3] + far_view[far_node, 3]
                 if through > setting.max_through:
                     continue
-                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_interactions:
+                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_met:
                     continue
                 before = near_sight[j, 0]
                 if before < NOWHERE_M or after < NOWHERE_M:

@@ -101,7 +101,7 @@ def _enter(
             scratch.kind,
             scratch.primitive,
         )
-        if m < 0 or m > setting.max_interactions:
+        if m < 0 or m > setting.max_met:
             continue
         if count == keep and before + after > 1:
             most = bare[h] * left_by_mirrors(facet_normal, setting, m, scratch)

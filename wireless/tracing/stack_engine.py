@@ -28,7 +28,17 @@ from wireless.tracing.plan_engine import (
     raise_flat,
     weigh_flat,
 )
-from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, with_room, write_row
+from wireless.tracing.table import (
+    Scratch,
+    Setting,
+    Table,
+    enter,
+    make_scratch,
+    make_table,
+    weigh,
+    with_room,
+    write_row,
+)
 
 #: Slopes that differ by less are one.
 _SLOPE = 1e-12
@@ -332,7 +342,7 @@ def trace_layers(
         rise = rx[i, 2] - tx[2]
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
-            if view[node, 2] > setting.max_interactions:
+            if view[node, 2] > setting.max_met:
                 continue
             if count == keep:
                 length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
@@ -368,7 +378,7 @@ def trace_layers(
                 one = near_hit[j]
                 node, before = corner_hit[one, 1], near_sight[j, 0]
                 reflections = view[node, 2] + far_view[far_node, 2]
-                if reflections > setting.edge_reflections or 1 + reflections > setting.max_interactions:
+                if reflections > setting.edge_reflections or 1 + reflections > setting.max_met:
                     continue
                 if before < NOWHERE_M:
                     continue
@@ -413,7 +423,7 @@ def trace_layers(
                 one = over_hit[j]
                 node, before = rim_hit[one, 1], over_sight[j, 1]
                 reflections = view[node, 2] + far_view[far_node, 2]
-                if reflections > setting.edge_reflections or 1 + reflections > setting.max_interactions:
+                if reflections > setting.edge_reflections or 1 + reflections > setting.max_met:
                     continue
                 if before < NOWHERE_M:
                     continue
