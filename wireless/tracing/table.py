@@ -12,7 +12,7 @@ from wireless.em.fields import TRANSMISSION, path_gain
 from wireless.support.compiled import compiled
 
 #: Two faces farther apart are two walls, with a shaft or the open air between them [m].
-THICKEST_WALL_M = 1.0
+THICKEST_WALL_M = 1.0 + 1e-6
 
 
 class Setting(NamedTuple):

@@ -24,7 +24,7 @@ from scipy.constants import speed_of_light
 
 from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
-from wireless.geometry.closed import Sides
+from wireless.geometry.closed import two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
@@ -408,8 +408,9 @@ class Tracer:
             or not self.config.walls_passed(self.frequency_hz) * passes.any()
         ):
             return np.zeros(len(passes), bool)
-        vertices = np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0)
-        return Sides(trimesh.Trimesh(vertices, mesh.faces, process=False)).two_faced()
+        if self.config.max_transmissions is None:
+            _report_passage(self.frequency_hz)
+        return two_faced(mesh)
 
     def _setting(self, faces: Int[np.ndarray, " n"]) -> Setting:
         """Physics and limits of this tracer, for walls or facets that have some faces of the mesh."""
@@ -479,6 +480,16 @@ class Tracer:
             primitive=column("primitive"),
             point=inner,
         )
+
+
+@cache
+def _report_passage(frequency_hz: float) -> None:
+    """Say once that paths pass walls, where nobody asked for that."""
+    logger.warning(
+        "At %g GHz paths pass up to %d walls. Set max_transmissions (--max-transmissions) to change that.",
+        frequency_hz / 1e9,
+        WALLS_PASSED,
+    )
 
 
 def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
