@@ -94,10 +94,11 @@ def _capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """A mesh around its own middle, with a cone over all that is open at its top, and one under its bottom."""
     merged = trimesh.Trimesh(np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0), mesh.faces)
     edges, count = np.unique(merged.edges_sorted, axis=0, return_counts=True)
-    open_edges, vertices, faces = edges[count % 2 == 1], [merged.vertices], [merged.faces]
-    for end in merged.bounds[:, 2]:
-        rim = open_edges[(np.abs(merged.vertices[open_edges, 2] - end) < _ASIDE_M).all(axis=1)]
-        faces.append(np.column_stack([rim, np.full(len(rim), sum(map(len, vertices)))]))
+    open_edges, corners = edges[count % 2 == 1], np.asarray(merged.vertices)
+    vertices, faces = [corners], [np.asarray(merged.faces)]
+    for number, end in enumerate(merged.bounds[:, 2]):
+        rim = open_edges[(np.abs(corners[open_edges, 2] - end) < _ASIDE_M).all(axis=1)]
+        faces.append(np.column_stack([rim, np.full(len(rim), len(corners) + number)]))
         vertices.append(np.array([[0.0, 0.0, 2 * end]]))
     return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 

@@ -15,6 +15,7 @@ Left out: more than one diffraction on a path; scattering by rough walls unless 
 import logging
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import parent_process
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
@@ -484,7 +485,9 @@ class Tracer:
 
 @cache
 def _report_passage(frequency_hz: float) -> None:
-    """Say once that paths pass walls, where nobody asked for that."""
+    """Say once, and not in each worker process, that paths pass walls where nobody asked for that."""
+    if parent_process() is not None:
+        return
     logger.warning(
         "At %g GHz paths pass up to %d walls. Set max_transmissions (--max-transmissions) to change that.",
         frequency_hz / 1e9,
