@@ -71,6 +71,16 @@ class LinkState(IntEnum):
     HIGHER_ORDER = 3
 
 
+class LinkCategory(IntEnum):
+    """`LinkState` with line of sight through walls apart, as tables and pictures show it."""
+
+    OUTAGE = 0
+    LOS = 1
+    FIRST_ORDER = 2
+    HIGHER_ORDER = 3
+    OBSTRUCTED_LOS = 4
+
+
 class Interaction(IntEnum):
     """What happens to a path at a point; numbers as in DeepMIMO."""
 
@@ -183,13 +193,25 @@ class Paths:
         Args:
             threshold_db: Paths of less power gain do not count.
         """
+        category = self.link_category(threshold_db)
+        return np.where(category == LinkCategory.OBSTRUCTED_LOS, np.uint8(LinkState.LOS), category)
+
+    def link_category(self, threshold_db: float = -np.inf) -> UInt8[np.ndarray, "n_tx n_rx"]:
+        """`LinkCategory` of each link: its link state, or obstructed line of sight if the direct path passes walls.
+
+        Args:
+            threshold_db: Paths of less power gain do not count.
+        """
         heard = self.select(self.power_db >= threshold_db)
         shape = len(self.tx_position), len(self.rx_position)
         direct = heard.order == (heard.interaction == Interaction.TRANSMISSION).sum(axis=1)
         state = np.zeros(shape[0] * shape[1], np.uint8)
         state[heard.link] = LinkState.HIGHER_ORDER
         state[heard.link[(heard.order == 1) & ~direct]] = LinkState.FIRST_ORDER
-        state[heard.link[direct & (heard.rank == 0)]] = LinkState.LOS
+        strongest = direct & (heard.rank == 0)
+        state[heard.link[strongest]] = np.where(
+            heard.order[strongest] > 0, LinkCategory.OBSTRUCTED_LOS, LinkCategory.LOS
+        )
         return state.reshape(shape)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":

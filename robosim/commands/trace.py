@@ -67,7 +67,7 @@ def trace(
     from robosim.datasets.trace import check_terminals, trace_link, trace_plan
     from robosim.plans.floorplan import FloorPlan
     from robosim.radio.receivers import check_step
-    from wireless.paths import LinkState
+    from wireless.paths import LinkCategory
 
     config = radio.config(tolerance, polarisation)
     if not storey:  # how high the others' floors are is not known before the plan is read
@@ -80,7 +80,7 @@ def trace(
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         found = {
             "paths": len(paths),
-            "states": [LinkState(state).name.lower() for state in paths.link_state()[:, 0]],
+            "states": [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]],
         }
         tell(
             {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
@@ -105,7 +105,7 @@ def trace(
         )
     tell(result, folder)
     timing, states = result["timing"], result["states"]
-    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items())
+    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items() if n)
     told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((f"{result['links']} links", "bold"), told))
     drawn = ", *.png" if plots else ""

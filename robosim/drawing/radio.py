@@ -26,16 +26,11 @@ from matplotlib.path import Path as PathOutline
 from robosim.building.building import Building
 from robosim.drawing.plots import save_figure
 from robosim.radio.receivers import ReceiverGrid
-from robosim.support.colours import FURNISHING
-from wireless.paths import Interaction, LinkState, Paths
+from robosim.support.colours import FURNISHING, LINK_CATEGORIES
+from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 
 WALL = "0.25"
 TX_COLOUR, RX_COLOUR = "#CC0000", "#009E73"
-STATES = {
-    LinkState.LOS: ("line of sight", "#0072B2"),
-    LinkState.FIRST_ORDER: ("first-order NLOS", "#56B4E9"),
-    LinkState.HIGHER_ORDER: ("higher-order NLOS", "#E69F00"),
-}
 KINDS = {
     Interaction.REFLECTION: ("reflection", "o"),
     Interaction.DIFFRACTION: ("diffraction", "^"),
@@ -76,11 +71,11 @@ def plot_grid(
         The files: power, state, aoa, rays, and overview, which has all four.
     """
     first = paths.select((paths.tx == tx) & (paths.rank == 0))
-    state = paths.link_state(threshold_db)[tx]
+    category = paths.link_category(threshold_db)[tx]
     at = paths.tx_position[tx]
     draw: dict[str, Callable[[Axes], None]] = {
         "power": lambda axes: draw_power(axes, building, grid, first, at, tx_power_dbm),
-        "state": lambda axes: draw_state(axes, building, grid, state, at),
+        "state": lambda axes: draw_state(axes, building, grid, category, at),
         "aoa": lambda axes: draw_arrival(axes, building, grid, first, at),
         "rays": lambda axes: draw_rays(axes, building, *link, tx_power_dbm),
     }
@@ -146,18 +141,18 @@ def draw_state(
     axes: Axes,
     building: Building,
     grid: ReceiverGrid,
-    state: UInt8[np.ndarray, " n"],
+    category: UInt8[np.ndarray, " n"],
     tx_position: Float[np.ndarray, "3"],
     title: str = "link state",
 ) -> None:
-    """Link states, and how many links have each."""
-    colours = ListedColormap([STATES.get(one, ("", "white"))[1] for one in LinkState])
-    reached = np.where(state == LinkState.OUTAGE, np.nan, state)
-    _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 4), 4))
+    """Link states, line of sight through walls apart, and how many links have each."""
+    colours = ListedColormap([LINK_CATEGORIES[one][1] for one in LinkCategory])
+    reached = np.where(category == LinkCategory.OUTAGE, np.nan, category)
+    _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 5), 5))
     _shade_free(axes, building)
     _frame(axes, building, title)
     _mark(axes, tx_position)
-    share = 100 * np.bincount(state, minlength=4) / len(state)
+    share = 100 * np.bincount(category, minlength=5) / len(category)
     _legend(
         axes,
         building,
@@ -165,9 +160,10 @@ def draw_state(
             _tx_handle(),
             *(
                 Patch(facecolor=colour, edgecolor=WALL, lw=0.4, label=f"{name} ({share[one]:.0f} %)")
-                for one, (name, colour) in STATES.items()
+                for one, (name, colour) in LINK_CATEGORIES.items()
+                if share[one] > 0 and one != LinkCategory.OUTAGE
             ),
-            _nothing_handle(f"outage ({share[LinkState.OUTAGE]:.0f} %)"),
+            _nothing_handle(f"outage ({share[LinkCategory.OUTAGE]:.0f} %)"),
         ],
     )
 
@@ -248,7 +244,7 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
             handles.append(Line2D([], [], **style, label=name))
     _mark(axes, ends[0])
     axes.plot(*ends[1][:2], "P", color=RX_COLOUR, mec="white", ms=9, zorder=7)
-    state = STATES.get(LinkState(int(link.link_state()[tx, rx])), ("outage", ""))[0]
+    state, _ = LINK_CATEGORIES[int(link.link_category()[tx, rx])]
     many = "1 path" if len(link) == 1 else f"{len(link)} paths"
     _frame(axes, building, f"{many} of one link ({state})")
     _zoom(axes, np.vstack([ends[0][:2], ends[1][:2], *lines]))

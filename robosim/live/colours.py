@@ -12,7 +12,7 @@ from jaxtyping import Float, UInt8
 
 from robosim.drawing.picture import STATE_COLOURS
 from robosim.recording.rerun_recording import RAY_COLOURS
-from wireless.paths import LinkState
+from wireless.paths import LinkCategory
 
 Colour = tuple[int, int, int]
 
@@ -54,8 +54,8 @@ def angle_colours(angle_rad: Float[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"
 
 
 def state_colours(state: UInt8[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
-    """Colours of link states."""
-    return np.array([STATE_COLOURS[LinkState(one)] for one in range(4)], np.uint8)[state]
+    """Colours of link states or categories."""
+    return np.array([STATE_COLOURS[one] for one in LinkCategory], np.uint8)[state]
 
 
 def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:

@@ -205,7 +205,7 @@ class RadioPanel:
         names = tuple(dict.fromkeys((str(s.wall_material), *WALL_MATERIALS)))
         walls = gui.add_dropdown("walls", names, initial_value=str(s.wall_material))
         order = gui.add_slider("reflections", 0, 6, 1, t.max_reflections)
-        through = gui.add_slider("walls passed (sides)", 0, 6, 1, t.max_transmissions)
+        through = gui.add_slider("walls passed", 0, 6, 1, t.walls_passed(s.frequency_hz))
         bent = gui.add_checkbox("diffraction", t.diffraction)
         floor = gui.add_checkbox("floor and ceiling reflect", t.floor_ceiling)
 

@@ -24,7 +24,7 @@ from robosim.live.colours import (
 from robosim.radio.measurement import Measurement
 from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
 from slam.poses import wrap
-from wireless.paths import Interaction, LinkState, Paths
+from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 
 #: Most rows of a table of paths.
 ROWS = 8
@@ -157,7 +157,7 @@ def field_legend(what: str) -> str:
             _scale("floor: power of the strongest path [dBm]", "cividis", [f"{v:g}" for v in POWER_DBM])
         )
     if what == "link state":
-        return block("".join(_item(_dot(STATE_COLOURS[s]), STATE_NAMES[s]) for s in LinkState))
+        return block("".join(_item(_dot(STATE_COLOURS[s]), STATE_NAMES[s]) for s in LinkCategory))
     if what == "direction of arrival":
         return block(
             _scale("floor: azimuth of the strongest arrival [° from +x]", "twilight", ["-180", "0", "180"])
