@@ -21,6 +21,9 @@ OUT ?= out/demo
 FRESH ?= demo test
 MOMENTS ?= 20
 BIN := $(VENV)/bin
+# What was installed under the former name, robosim, goes first: it owns the same command.
+INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
+  $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
 .PHONY: demo test coverage docs linkcheck faults fuzz install python system system-all fresh clean
@@ -74,15 +77,15 @@ $(BIN)/pip: | system
 	@$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[live]'
+	$(INSTALL) '.[live]'
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[test]'
+	$(INSTALL) '.[test]'
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[docs]'
+	$(INSTALL) '.[docs]'
 	@touch $@ $(VENV)/.installed
 
 # Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.
