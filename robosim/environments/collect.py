@@ -89,7 +89,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
         max_episode_steps=config.most_steps,
     )
     with run_folder(out, "collect-searches", settings) as folder:
-        data = folder / DATASET
+        data = (folder / DATASET).absolute()  # Minari puts its folder before paths that are not
         if (data / "metadata.json").is_file():
             storage = MinariStorage.read(data)
         else:
