@@ -8,7 +8,8 @@
 # or sudo.
 #
 #   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
-#   make docs      the documentation, in docs/_build/html; the first time some minutes, as every example is run
+#   make docs      the documentation, in docs/_build/html; some three minutes the first time, as every example is run.
+#                  PyTorch is not needed
 #   make linkcheck whether the pages that it links to are there; needs the network
 #   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
 #   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
@@ -39,7 +40,7 @@ test: $(VENV)/.test-installed
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
 
-# Warnings are errors. The doctests of its pages run with `make test`.
+# Warnings are errors. The blocks of its pages run with `make test`.
 docs: $(VENV)/.docs-installed
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"

@@ -5,13 +5,16 @@ import inspect
 import re
 import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import tyro
 from made_pages import write_pages
-from sphinx.application import Sphinx
 
 from robosim.commands.episode_config import started
 from robosim.commands.table import COMMANDS, GROUPS, loaded
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 #: What a parser appends to the help of an option.
 _ENDING = re.compile(r" *\((required|repeatable|default: ?(.*))\)$")
@@ -23,13 +26,13 @@ _EVERYWHERE = (
 )
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: "Sphinx") -> dict[str, bool]:
     """Connect."""
     app.connect("builder-inited", _write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _write(app: Sphinx) -> None:
+def _write(app: "Sphinx") -> None:
     folder = Path(app.srcdir) / "reference" / "commands"
     folder.mkdir(parents=True, exist_ok=True)
     wanted = {}
