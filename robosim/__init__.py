@@ -88,6 +88,7 @@ Data sets:
 """
 
 import _signal  # without what `signal` adds: as early as can be
+import logging
 import os
 import sys
 
@@ -106,6 +107,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gymnasium
+
+# So, as every name that is imported here otherwise is one of the public ones below.
+_installation = import_module("robosim.support.installation")
 
 #: Where each public name is: imported when it is first asked for, since not everybody needs everything.
 _MODULES = {
@@ -170,7 +174,13 @@ _MODULES = {
     "Situation": "policies.situation",
     "Measurement": "radio.measurement",
 }
+#: What `from robosim import *` brings: data sets for PyTorch only where that is installed.
 __all__ = ["__version__", *_MODULES]
+if not _installation.is_installed("torch"):
+    __all__ = [name for name in __all__ if _MODULES.get(name) != "datasets.torch_data"]
+
+if (_trouble := _installation.namesake()) is not None:
+    logging.getLogger(__name__).warning(_trouble)
 
 # MuJoCo's EGL needs a newer PyOpenGL than the one that pyrender asks for: with MUJOCO_GL=egl, as many servers have it
 # set, `import mujoco` would fail. Its renderer is not used here but to compare with.
@@ -269,7 +279,7 @@ else:
     def __getattr__(name: str) -> object:
         """A public name, imported when it is first asked for."""
         if name == "__version__":
-            value: object = version("robosim")
+            value: object = _installation.package_version()
         elif name in _MODULES:
             value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
         else:

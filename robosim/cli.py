@@ -12,7 +12,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Annotated, Any, Union
 
 import tyro
@@ -23,6 +22,7 @@ from rich.text import Text
 from robosim.commands.speaking import speaking
 from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
 from robosim.support.garbage import look_for_garbage
+from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.processes import processes_kept
 
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     everywhere = {word for word in words if word in _EVERYWHERE}
     words = [word for word in words if word not in _EVERYWHERE]
     if "--version" in everywhere:
-        print(f"robosim {version('robosim')}")
+        print(f"robosim {package_version()}")
         return
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
@@ -113,14 +113,8 @@ def _explained(error: Exception) -> tuple[int, str]:
         return 1, text
     if isinstance(error, ValueError):
         return 2, text
-    if isinstance(error, ImportError):
-        from robosim.remedies import EXTRAS
-
-        if error.name in EXTRAS:
-            return (
-                2,
-                f"this needs {error.name}, which is not installed: pip install 'robosim[{EXTRAS[error.name]}]'",
-            )
+    if isinstance(error, ImportError) and error.name in EXTRAS:
+        return 2, str(missing_extra(error.name, "this"))
     if isinstance(error, OSError):
         if error.errno in _FULL:
             where = f" ({error.filename})" if error.filename else ""

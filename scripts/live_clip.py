@@ -4,7 +4,7 @@
 
 Playwright drives Debian's Chromium over the real page of `robosim live`; each frame is a picture of the window, taken
 once all that was asked for is drawn, so that the clip does not depend on how fast this machine draws. Needs
-robosim[live], Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
+the extra `live`, Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
 """
 
 import argparse

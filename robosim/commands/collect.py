@@ -13,6 +13,7 @@ from robosim.commands.terminal import (
     folder_for,
     going_on,
 )
+from robosim.support.installation import install_first
 
 
 def collect(
@@ -58,7 +59,7 @@ def collect(
         shards = collect_frames(config, folder, workers=work.count, cluster=work.cluster, console=console)
     tell({"homes": len(shards), "steps": steps, "files": [path.name for path in shards]}, folder)
     console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
-    console.print(f"Next: robosim train mapper --data {quote(str(folder))}")
+    console.print(f"Next: {install_first('torch')}robosim train mapper --data {quote(str(folder))}")
 
 
 def collect_searches(
@@ -81,7 +82,7 @@ def collect_searches(
     """Collect searches to learn from: trajectories with all that is observed, as a Minari data set.
 
     An interrupted run goes on when the command is given again, and more searches may be added later. Needs
-    robosim[minari].
+    the extra `minari`.
 
     Example: robosim collect-searches --plan flat --episodes 20 --out out/searches
 

@@ -83,7 +83,7 @@ def started(command: Callable[..., None], words: Sequence[str]) -> Callable[...,
 def _value_of(option: str, words: Sequence[str]) -> str | None:
     """What an option is given, the last time that it is; None if it is not."""
     found = None
-    for word, after in zip(words, [*words[1:], None], strict=True):
+    for word, after in zip(words, [*words, None][1:], strict=True):
         if word == option:
             found = after
         elif word.startswith(f"{option}="):

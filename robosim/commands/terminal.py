@@ -164,7 +164,7 @@ class WorkOptions:
     workers: int | None = None
     """Processes at once; one on each available core if not given. No result depends on it."""
     cluster: str | None = None
-    """Address of a dask scheduler whose workers do it instead; needs robosim[cluster]."""
+    """Address of a dask scheduler whose workers do it instead; needs the extra `cluster`."""
 
     def __post_init__(self) -> None:
         check_numbers(self, workers=(1, MOST_WORKERS, "processes"))

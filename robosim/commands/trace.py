@@ -21,6 +21,7 @@ from robosim.commands.terminal import (
     going_on,
     read_storey,
 )
+from robosim.support.installation import install_first
 
 
 def trace(
@@ -111,4 +112,5 @@ def trace(
     drawn = ", *.png" if plots else ""
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
-    console.print(f'Next: cd {quote(str(folder))}; python -c "{load}"', soft_wrap=True)
+    where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
+    console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)

@@ -5,7 +5,6 @@ on; the other files are made from that one, a transmitter at a time.
 """
 
 import hashlib
-import importlib.metadata
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -33,6 +32,7 @@ from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
+from robosim.support.installation import package_version
 from robosim.support.parts import described
 from robosim.support.run_folder import run_folder
 from wireless.formats.deepmimo_scenario import scenario_name
@@ -209,7 +209,7 @@ def _settings(
         "plan": scene.building.plan.name,
         "tolerance_m": scene.config.building.tolerance_m,
         "building_sha256": scene.digest,
-        "version": importlib.metadata.version("robosim"),
+        "version": package_version(),
         "frequency_hz": scene.config.frequency_hz,
         **asdict(scene.config.tracer),
         "tx_m": transmitters,

@@ -37,6 +37,7 @@ from robosim.drawing.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, b
 from robosim.episode import Decision
 from robosim.radio.measurement import Measurement
 from robosim.support.files import partial_path
+from robosim.support.installation import install_command
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate
@@ -198,7 +199,7 @@ def rerun_sdk() -> ModuleType:
         import rerun
     except ImportError as error:
         raise ValueError(
-            f"Rerun is not installed ({error}). Install it with `pip install robosim[viz]`, or draw the episode "
+            f"Rerun is not installed ({error}). Install it with `{install_command('viz')}`, or draw the episode "
             "without it: `robosim replay DIR`."
         ) from error
     return rerun

@@ -7,7 +7,6 @@ the scores take each building's temperature from other buildings.
 
 import time
 from dataclasses import asdict, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from robosim.support.files import write_files, write_json
+from robosim.support.installation import package_version
 from robosim.support.run_folder import run_folder
 from robosim.training.link_jobs import Job, links_of, run_jobs
 from robosim.training.link_state_plots import plot_curves, plot_scores
@@ -152,7 +152,7 @@ def train_link_state(
             "single_call_ms": _call_ms(final, links),
             # A run that goes on does not know how long the first part took.
             "seconds": round(time.perf_counter() - start, 1) if fresh else None,
-            "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
+            "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
         }
         if test is not None:
             there = read_links(test)

@@ -24,7 +24,7 @@ FUNCTIONS = {name: loaded(name) for name in COMMANDS}
 def test_the_version_is_told_and_nothing_done(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     main(line.split())
-    assert capsys.readouterr().out == f"robosim {version('robosim')}\n"
+    assert capsys.readouterr().out == f"robosim {version('robosim-wireless')}\n"
     assert not list(tmp_path.iterdir())
 
 
@@ -108,7 +108,7 @@ def test_the_machine_as_json(works, monkeypatch, capsys):
             main(["doctor", "--json"])
         assert stop.value.code == 1
         told = json.loads(capsys.readouterr().out)
-    assert told["works"] == works and told["robosim"] == version("robosim")
+    assert told["works"] == works and told["robosim"] == version("robosim-wireless")
     assert told["findings"][0]["detail"] == "draws on [red]OSMesa"
 
 
