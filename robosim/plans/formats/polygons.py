@@ -14,7 +14,7 @@ Geomview manual, section 4.2.5 (OFF).
 
 import re
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mapbox_earcut
 import numpy as np
@@ -28,7 +28,7 @@ class Polygons(NamedTuple):
     """Corners, in the file's unit of length."""
     corner: Int[np.ndarray, " c"]
     """Vertices around each polygon."""
-    count: Int[np.ndarray, " p"]
+    size: Int[np.ndarray, " p"]
     """Number of corners of each polygon."""
 
 
@@ -119,7 +119,8 @@ def read_ply(content: bytes) -> Polygons:
 
 def _ply_header(text: str) -> tuple[str, list[tuple[str, int, list[tuple[str, str, str]]]]]:
     """Byte order ("" for text), and name, number and properties (name, type of the count or "", type) of elements."""
-    order, elements = None, []
+    order: str | None = None
+    elements: list[tuple[str, int, list[tuple[str, str, str]]]] = []
     for line in re.split(r"[\r\n]+", text):
         match line.split():
             case ["format", kind, *_] if kind in _PLY_FORMATS:
@@ -180,11 +181,11 @@ class _PlyBinary:
         """Values of each property, and how many each item has."""
         # Most files have lists of one length: then all items have the layout of the first.
         sizes = self._sizes_of_first(properties) if n else [1] * len(properties)
-        fields = []
+        fields: list[Any] = []
         for number, ((_, size, kind), k) in enumerate(zip(properties, sizes, strict=True)):
             fields += [(f"n{number}", self._order + size)] if size else []
             fields.append((f"v{number}", self._order + kind, (k,)))
-        layout = np.dtype(fields)  # type: ignore[arg-type]
+        layout = np.dtype(fields)
         if n * layout.itemsize <= len(self._body) - self._at:
             items = np.frombuffer(self._body, layout, n, self._at)
             if all(
