@@ -203,6 +203,11 @@ class Building(Faces):
         return self._free_of[key]
 
     @property
+    def indoor_m2(self) -> float:
+        """Area of the free floor [m2], without free space around the building."""
+        return self.free.area - float(self.plan.outside.sum()) * self.plan.resolution_m**2
+
+    @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:
         """Walls and furniture from above: ends (x, y) [m] of segments in `map`, free space on their left.
 

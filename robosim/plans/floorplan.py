@@ -10,7 +10,9 @@ a margin (``eroded_m``, the radius of the agent they were made for) had been tak
 """
 
 import hashlib
+import logging
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -24,14 +26,20 @@ from wireless.support.axes import axes_in_metres
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+logger = logging.getLogger(__name__)
+
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
 WallLine = Literal["cell_edge", "cell_centre"]
+#: How greys of a ROS map become unknown: by what is common, or by the letter of map_server's rule.
+MapReading = Literal["common", "letter"]
 
 #: Larger plans are taken for a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
 MAX_CELLS = 36_000_000
 #: Sides of cells, places and angles beyond these are taken for a mistake of the unit [m, m, rad].
 RESOLUTIONS_M, FARTHEST_M, MOST_YAW = (0.001, 10.0), 1e7, 1e3
+#: Buildings whose scale a person gives are no longer than this unless that is confirmed [m].
+LARGEST_M = 500.0
 #: Letters of a name: file systems take 255, and what files are called goes on after it.
 _LONGEST_NAME = 200
 
@@ -51,6 +59,26 @@ def check_resolution(resolution_m: float) -> None:
         raise MapError(
             f"resolution is {resolution_m:g} m, expected a positive number from {low:g} to {high:g}: "
             "the side of a cell."
+        )
+
+
+def check_size(shape: tuple[int, ...], resolution_m: float) -> None:
+    """Reject a building that is implausibly long at the given scale.
+
+    Args:
+        shape: Rows and columns of its cells.
+        resolution_m: Side of a cell [m].
+
+    Raises:
+        MapError: If a side is longer than `LARGEST_M`.
+    """
+    longest_m = max(shape) * resolution_m
+    if longest_m > LARGEST_M:
+        size = f"{longest_m / 1000:.1f} km" if longest_m >= 1000 else f"{longest_m:.0f} m"
+        raise MapError(
+            f"resolution is {resolution_m:g} m per pixel, which with {shape[1]} x {shape[0]} pixels makes a building "
+            f"{size} long. Give the true size of a pixel, such as 0.05; if it is that long, confirm it by --allow-large "
+            "(allow_large=True)."
         )
 
 
@@ -162,6 +190,21 @@ class FloorPlan:
     def free(self) -> Bool[np.ndarray, "ny nx"]:
         """Which cells are free."""
         return self.occupancy == FREE
+
+    @cached_property
+    def outside(self) -> Bool[np.ndarray, "ny nx"]:
+        """Free cells around the building (`robosim.plans.outside`), which count as no floor; a warning says how many."""
+        from robosim.plans.outside import outside_of
+
+        outside = outside_of(self)
+        if outside.any():
+            logger.warning(
+                "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
+                "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
+                self.name,
+                float(outside.sum()) * self.resolution_m**2,
+            )
+        return outside
 
     @property
     def shape(self) -> tuple[int, int]:
