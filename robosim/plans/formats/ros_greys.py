@@ -7,6 +7,7 @@ grey, darker than another common one that is free, with a gap between the two in
 
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Int
 
@@ -18,8 +19,10 @@ _GREYS = (198, 212), (100, 225)
 _COMMON, _GAP = 0.001, 0.25
 #: Part of the cells that is nearly all.
 _NEARLY = 0.95
-#: Greys are counted together with those so far from them.
-_SPREAD = 2
+#: With more of the cells than this between dark ones and unknown, a map has shades rather than three states.
+_DARK, _SHADES = 48, 0.25
+#: Greys are counted together with those so far from them; those so far below may be of the same area.
+_SPREAD, _AROUND = 2, 16
 
 
 class UnknownGrey(NamedTuple):
@@ -51,14 +54,24 @@ def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
         rare = grey + np.flatnonzero(near[grey:] <= _GAP * near[grey])
         if not len(rare) or near[grey] <= _COMMON * total:
             continue
+        if counts[_DARK : grey - _AROUND].sum() > _SHADES * total:
+            continue  # greys of all kinds, none of which stands for a state
         free = rare[0] + int(near[rare[0] :].argmax())
-        if counts[rare[0] :].sum() <= _COMMON * total or near[rare[0]] > _GAP * near[free]:
-            continue
         between = near[grey : free + 1]
+        if counts[rare[0] :].sum() <= _COMMON * total or between.min() > _GAP * min(near[grey], near[free]):
+            continue
         gap = grey + int(np.median(np.flatnonzero(between == between.min())))
+        cells = looked_up(level <= gap, image.light)
+        if (low, high) != _GREYS[0] and not _has_area(cells & looked_up(level > grey - _AROUND, image.light)):
+            continue
         threshold = np.floor(1000 * (255 - grey) / 255) / 1000
-        return UnknownGrey(255 - grey if negate else grey, looked_up(level <= gap, image.light), threshold)
+        return UnknownGrey(255 - grey if negate else grey, cells, threshold)
     return None
+
+
+def _has_area(cells: Bool[np.ndarray, "h w"]) -> bool:
+    """Whether cells are more than lines, as the smooth edges of walls are."""
+    return bool(cv2.erode(cells.astype(np.uint8), np.ones((3, 3), np.uint8)).any())
 
 
 def has_saved_greys(image: PlanImage) -> bool:
