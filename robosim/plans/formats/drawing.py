@@ -11,6 +11,7 @@ where there is a building within it. It is read as paper.
 import logging
 import math
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -51,7 +52,7 @@ def without_strokes(
         _warn_of_strokes(dark, resolution_m, path)
         return states
     cells = math.ceil(thinnest_wall_m / resolution_m - 1e-6)
-    walls = _opened(dark, cells)
+    walls = _without_blots(dark, _opened(dark, cells), cells)
     if dark.any() and not walls.any():
         raise MapError(
             f"{path}: thinnest wall is {thinnest_wall_m:g} m, and no dark stroke of the picture is that thick. Give a "
@@ -60,7 +61,7 @@ def without_strokes(
     smudged = cv2.dilate(walls.astype(np.uint8), np.ones(2 * (2 * _SMUDGED + 1,), np.uint8)) > 0
     corners = cv2.dilate(walls.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grey = states == UNKNOWN
-    kept = dark & corners | grey & (smudged | _opened(grey, cells))
+    kept = dark & corners | grey & (smudged | _opened(grey, cells, beyond="constant"))
     dropped = dark & ~kept
     logger.warning(
         "%s: %.2f of %.2f m2 of dark strokes are thinner than %g m and are not read as walls.",
@@ -70,6 +71,20 @@ def without_strokes(
         thinnest_wall_m,
     )
     return np.where(kept, states, FREE).astype(np.uint8)
+
+
+def _without_blots(
+    dark: Bool[np.ndarray, "h w"], walls: Bool[np.ndarray, "h w"], cells: int
+) -> Bool[np.ndarray, "h w"]:
+    """Walls without the places where strokes of a letter meet: small remains of what was dropped otherwise."""
+    _, shape = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)
+    count, label, stats, _ = cv2.connectedComponentsWithStats(walls.astype(np.uint8), connectivity=8)
+    shape_of = np.zeros(count, np.int64)
+    shape_of[label[walls]] = shape[walls]
+    area = np.bincount(shape.ravel())
+    share = np.bincount(shape[walls], minlength=len(area)) / area
+    longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    return walls & ~((longest < 2 * cells) & (share[shape_of] < 0.5))[label]
 
 
 def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: Path) -> None:
@@ -92,14 +107,18 @@ def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: P
         )
 
 
-def _opened(mask: Bool[np.ndarray, "h w"], cells: int) -> Bool[np.ndarray, "h w"]:
-    """Those cells that a disk of a diameter [cells] covers from within."""
+def _opened(
+    mask: Bool[np.ndarray, "h w"], cells: int, beyond: Literal["edge", "constant"] = "edge"
+) -> Bool[np.ndarray, "h w"]:
+    """Those cells that a disk of a diameter [cells] covers from within.
+
+    Beyond the picture a wall goes on (`beyond="edge"`), and what is grey does not ("constant").
+    """
     if cells < 2:
         return mask
     offset = np.arange(cells) - (cells - 1) / 2
     disk = (np.hypot(offset, offset[:, None]) < (cells - 1) / 2 + 0.3).astype(np.uint8)
-    # Beyond the picture a wall may go on.
-    padded = np.pad(mask, cells, mode="edge").astype(np.uint8)
+    padded = np.pad(mask, cells, mode=beyond).astype(np.uint8)
     # An even disk has no middle cell: dilated about the opposite one, it comes back to its place.
     anchor = (cells // 2, cells // 2)
     eroded = cv2.erode(padded, disk, anchor=anchor)
