@@ -25,7 +25,7 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from robosim.building.rings import polygons_of, rings_of, signed_area, together
+from robosim.building.rings import polygons_of, rings_of, together
 from robosim.building.straight import straightened
 from robosim.building.thin_walls import thin_wall_corners
 from robosim.plans.floorplan import FloorPlan, MapError
@@ -179,39 +179,36 @@ def check_tolerance(tolerance_m: float | None) -> None:
 
 def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     """Polygons around the 4-connected components of the free cells, in cell coordinates."""
-    cells, label = _labelled(free)
-    return polygons_of(*_sorted(_trace(cells, label, np.zeros(cells.size, bool))))
+    return polygons_of(*_edge_rings(free, np.zeros((free.shape[0] + 1, free.shape[1] + 1), bool)))
 
 
 def _rings_and_thin_walls(
     free: Bool[np.ndarray, "ny nx"],
 ) -> tuple[list[Int[np.ndarray, "_ 2"]], Int[np.ndarray, " n"], Int[np.ndarray, "m 2"]]:
     """Closed lines around the free cells, as `straightened` takes them."""
-    cells, label = _labelled(free)
-    here = np.zeros(cells.size, bool)
-    rings, owner = _sorted(_trace(cells, label, ~here))
-    thin = thin_wall_corners(rings)
-    here[(thin[:, 1]) * (cells.shape[1] - 1) + thin[:, 0]] = True
-    return *_sorted(_trace(cells, label, here)), thin
+    corners = (free.shape[0] + 1, free.shape[1] + 1)
+    thin = thin_wall_corners(_edge_rings(free, np.ones(corners, bool))[0])
+    joined = np.zeros(corners, bool)
+    joined[thin[:, 1], thin[:, 0]] = True
+    return *_edge_rings(free, joined), thin
 
 
-def _labelled(
-    free: Bool[np.ndarray, "ny nx"],
-) -> tuple[Bool[np.ndarray, "ny2 nx2"], Int[np.ndarray, "ny2 nx2"]]:
-    """Free cells with a rim of others around them, and the numbers of their 4-connected components."""
-    cells = np.pad(free, 1)
-    return cells, cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)[1]
-
-
-def _sorted(
-    lines: list[tuple[Int[np.ndarray, "_ 2"], int]],
+def _edge_rings(
+    free: Bool[np.ndarray, "ny nx"], joined: Bool[np.ndarray, "ny1 nx1"]
 ) -> tuple[list[Int[np.ndarray, "_ 2"]], Int[np.ndarray, " n"]]:
-    """Lines of `_trace` in cell coordinates, in the order of `rings_of`, and the number of each one's component."""
+    """Closed lines around 4-connected free cells, and the number of each one's component, in the order of `rings_of`.
+
+    Args:
+        free: The cells.
+        joined: Corners of cells that a line may pass twice, since the cells that are not free are joined there.
+    """
+    cells = np.pad(free, 1)
+    _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
     parts: dict[int, list[np.ndarray]] = {}
-    for ring, component in lines:
+    for ring, component in _trace(cells, label, joined.ravel()):
         of_part = parts.setdefault(component, [])
         # The outer line, which alone runs counter-clockwise, comes first.
-        of_part.insert(0 if signed_area(ring) > 0 else len(of_part), ring - 1)
+        of_part.insert(0 if _signed_area(ring) > 0 else len(of_part), ring - 1)
     owner = np.repeat(np.arange(len(parts)), [len(rings) for rings in parts.values()])
     return [ring for rings in parts.values() for ring in rings], owner
 
@@ -224,8 +221,7 @@ def _trace(
     Args:
         cells: Free cells; those at the border of the array must not be free.
         label: Number of the 4-connected component of each free cell, from 1 on; 0 elsewhere.
-        joined: Whether a line may pass a corner twice, at which cells touch; corners of cells inside of the array, row by
-            row.
+        joined: Which inner corners of cells, row by row, a line may pass twice.
     """
     # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
     around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
@@ -270,6 +266,12 @@ def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:
             at = following[at]
         cycles.append(np.array(cycle))
     return cycles
+
+
+def _signed_area(ring: Int[np.ndarray, "n 2"]) -> float:
+    """Area inside of a closed line of corners, negative when it runs clockwise."""
+    x, y = ring.T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) / 2
 
 
 def _contours(free: Bool[np.ndarray, "ny nx"]) -> list[tuple[Float[np.ndarray, "_ 2"], int]]:

@@ -28,7 +28,7 @@ import shapely
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from robosim.building.rings import polygons_of, split_at_touches
+from robosim.building.rings import polygons_of, together
 from wireless.support.compiled import compiled
 
 #: A slanted wall has more steps to one side than this, or as many and so many cells along it.
@@ -94,8 +94,11 @@ def straightened(
             astray[i] = _left_out(rings[i], corners[i])
         wrong = np.concatenate([_crossings(corners), *astray])
         if not len(wrong):
-            straight = polygons_of(*split_at_touches(corners, owner))
-            return straight if shapely.is_valid(straight) else None
+            straight = polygons_of(corners, owner)
+            if not shapely.is_valid(straight):  # lines that still pass a corner twice are parted there
+                parts = shapely.make_valid(shapely.get_parts(straight), method="structure")
+                straight = together(shapely.get_parts(parts))
+            return straight if len(straight.geoms) == owner[-1] + 1 else None
         changed = _fix(rings, KDTree(wrong), _APART * (1 + attempt))
     return None
 

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from robosim.building.building import make_building
 from robosim.building.outline import _rings_and_thin_walls, free_polygons
-from robosim.building.rings import split_at_touches
 from robosim.building.straight import _reach, _rings, _segments
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
@@ -176,11 +175,3 @@ def test_shipped_plans_keep_their_touching_corners():
     """Furniture that touches by a corner is no wall: where nothing is thin, both rules give the same outlines."""
     for name in ("flat", "cottage", "loft", "townhouse", "villa", "office"):
         assert not len(_rings_and_thin_walls(read_plan(name).free)[2])
-
-
-def test_a_line_that_passes_a_corner_twice_becomes_two():
-    """Two squares that touch inside of one: the outer line first, each simple."""
-    eight = np.array([(0, 0), (2, 0), (2, 2), (4, 2), (4, 4), (2, 4), (2, 2), (0, 2)])
-    parts, owner = split_at_touches([eight], np.array([0]))
-    assert owner.tolist() == [0, 0]
-    assert sorted(len(part) for part in parts) == [4, 4]
