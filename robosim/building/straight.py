@@ -270,27 +270,10 @@ def _segments(
         for i in range(2 * n):
             bends[axis, i + 1] = bends[axis, i] + (step[i, axis] == 0)
         _farthest(step, fixed, axis, ends[axis])
-    spans, lines = np.empty((n, 3), np.int64), np.empty((n, 2))
-    longest, first, axis = 0, 0, 0
-    for way in range(2):
-        for i in range(n):
-            length = _length(ends[way], bends[way], i, 2 * n)
-            if length > longest:
-                longest, first, axis = length, i, way
-    if longest == 0:
-        return spans[:0], lines[:0]
-    # The rest of the ring goes from the end of the first one to its beginning. Each open stretch of it has a number.
-    lows, highs, found = [first + longest], [first + n], 1
-    spans[0, 0], spans[0, 1], spans[0, 2] = first, first + longest, axis
-    stretch = np.zeros(2 * n, np.int64)
-    queue = [(0, 0, 0)]
-    queue.pop()
-    for way in range(2):
-        for i in range(lows[0], highs[0]):
-            length = _length(ends[way], bends[way], i, highs[0])
-            if length > 0:
-                queue.append((-length, way, i))
-    heapify(queue)
+    spans, lines, found = np.empty((n, 3), np.int64), np.empty((n, 2)), 0
+    queue = _longest_first(ends, bends, 0, n, 2 * n)
+    # Each open stretch of the ring has a number.
+    stretch, lows, highs = np.zeros(2 * n, np.int64), [0], [2 * n]
     while len(queue) > 0:
         negative, way, i = heappop(queue)
         at = stretch[i]
@@ -305,7 +288,10 @@ def _segments(
         spans[found, 0], spans[found, 1], spans[found, 2] = i, end, way
         found += 1
         stretch[i:end] = -1
-        if i - lows[at] < highs[at] - end:  # the smaller part gets a new number
+        if found == 1:  # the rest of the ring goes from the end of the first one to its beginning
+            lows[0], highs[0] = end, i + n
+            queue = _longest_first(ends, bends, end, i + n, i + n)
+        elif i - lows[at] < highs[at] - end:  # the smaller part gets a new number
             stretch[lows[at] : i] = len(lows)
             lows.append(lows[at])
             highs.append(i)
@@ -318,6 +304,22 @@ def _segments(
     for k in range(found):
         _, lines[k, 0], lines[k, 1] = _reach(step, fixed, spans[k, 0], spans[k, 1], spans[k, 2], 1)
     return spans[:found], lines[:found]
+
+
+@compiled
+def _longest_first(
+    ends: Int[np.ndarray, "2 n2"], bends: Int[np.ndarray, "2 n3"], low: int, stop: int, high: int
+) -> list[tuple[int, int, int]]:
+    """Priority queue of slanted walls from the edges [low, stop) on: negative length, axis, first edge."""
+    queue = [(0, 0, 0)]
+    queue.pop()
+    for way in range(2):
+        for i in range(low, stop):
+            length = _length(ends[way], bends[way], i, high)
+            if length > 0:
+                queue.append((-length, way, i))
+    heapify(queue)
+    return queue
 
 
 @compiled

@@ -156,17 +156,8 @@ def map_log(
 
 def _map_grid(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
-) -> tuple[
-    Float[np.ndarray, "2"],
-    tuple[int, int],
-    list[Float[np.ndarray, "w 2"]],
-    Float[np.ndarray, "n w"],
-]:
-    """The grid that holds what scans at poses show.
-
-    Returns:
-        Its lower left corner [m], its columns and rows, the ends of all beams, and how far they went [m]; 0 for those
-        that met nothing within the range.
+) -> tuple[Float[np.ndarray, "2"], tuple[int, int], list[Float[np.ndarray, "w 2"]], Float[np.ndarray, "n w"]]:
+    """Lower left corner [m], columns and rows of a map; ends of all beams, and how far they went within the range [m].
 
     Raises:
         ValueError: If it has too many cells.

@@ -16,15 +16,7 @@ _SAME_RAD = 1e-3
 def check_bearings(
     lines: Sequence[int], bearings: Sequence[Float[np.ndarray, " w"]] | Float[np.ndarray, "n w"]
 ) -> None:
-    """See that all scans have the bearings of the first.
-
-    Args:
-        lines: Line of each scan.
-        bearings: Those of each scan [rad], or the first and last of them.
-
-    Raises:
-        ValueError: With the first line whose bearings are others.
-    """
+    """Raise ValueError for the first line whose scan's bearings [rad], all or first and last, differ from the first's."""
     first = bearings[0]
     for line, other in zip(lines, bearings, strict=True):
         if not (np.abs(other - first) <= _SAME_RAD).all():

@@ -156,23 +156,20 @@ def _check_said(path: Path, said: Said, reader: str) -> None:
         raise MapError(
             f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
-    of_meshes = {
-        "floor height": said.floor_height_m,
-        "slice": said.slice_m,
-        "up axis": None if said.up == "auto" else said.up,
-        "unit": None if said.unit_m == 1.0 else said.unit_m,
-    }
-    for name, value in of_meshes.items():
-        if value is not None and reader != "mesh":
-            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
-    if said.thinnest_wall_m is not None and reader != "image":
-        raise MapError(
-            f"{shown(path)}: thinnest wall is {said.thinnest_wall_m}, but this is no image. Leave the option out."
-        )
-    if said.map_reading != "common" and reader != "ros":
-        raise MapError(
-            f"{shown(path)}: map reading is {said.map_reading}, but this is no ROS map. Leave the option out."
-        )
+    options = (
+        ("floor height", said.floor_height_m, None, "mesh"),
+        ("slice", said.slice_m, None, "mesh"),
+        ("up axis", said.up, "auto", "mesh"),
+        ("unit", said.unit_m, 1.0, "mesh"),
+        ("thinnest wall", said.thinnest_wall_m, None, "image"),
+        ("map reading", said.map_reading, "common", "ros"),
+    )
+    kinds = {"ros": "ROS map"}
+    for name, value, default, of in options:
+        if value != default and reader != of:
+            raise MapError(
+                f"{shown(path)}: {name} is {value}, but this is no {kinds.get(of, of)}. Leave the option out."
+            )
 
 
 def ros_map(path: Path, said: Said) -> FloorPlan:

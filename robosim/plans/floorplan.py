@@ -63,22 +63,13 @@ def check_resolution(resolution_m: float) -> None:
 
 
 def check_size(shape: tuple[int, ...], resolution_m: float) -> None:
-    """Reject a building that is implausibly long at the given scale.
-
-    Args:
-        shape: Rows and columns of its cells.
-        resolution_m: Side of a cell [m].
-
-    Raises:
-        MapError: If a side is longer than `LARGEST_M`.
-    """
+    """Raise MapError for a building of so many rows and columns that is longer than `LARGEST_M`."""
     longest_m = max(shape) * resolution_m
     if longest_m > LARGEST_M:
-        size = f"{longest_m / 1000:.1f} km" if longest_m >= 1000 else f"{longest_m:.0f} m"
         raise MapError(
-            f"resolution is {resolution_m:g} m per pixel, which with {shape[1]} x {shape[0]} pixels makes a building "
-            f"{size} long. Give the true size of a pixel, such as 0.05; if it is that long, confirm it by --allow-large "
-            "(allow_large=True)."
+            f"resolution is {resolution_m:g} m, which with {shape[1]} x {shape[0]} cells makes a building "
+            f"{longest_m / 1000:.1f} km long. Give the true size of a cell, such as 0.05; if it is that long, confirm it "
+            "by --allow-large (allow_large=True)."
         )
 
 

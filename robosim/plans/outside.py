@@ -31,7 +31,7 @@ def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
     nothing = np.zeros_like(free)
     within = hull_of(free)
     rim = within & ~_shrunk(within, 1)
-    if (_grown(free, 1) & ~_grown(wall, _RIM_CELLS))[rim].mean() < _OF_RIM:
+    if (grown(free, 1) & ~grown(wall, _RIM_CELLS))[rim].mean() < _OF_RIM:
         return nothing
     cell_m, half_m = plan.resolution_m, DOOR_M / 2
     margin = math.ceil(half_m / cell_m) + 2
@@ -47,7 +47,7 @@ def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
     small[0] = False
     outside |= small[rooms]
     inside = free & ~outside
-    border = _grown(inside, 1) & ~free
+    border = grown(inside, 1) & ~free
     edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
     if not inside.any() or (edge.mean() < _OF_RIM and wall[border].mean() < _WALLED):
         return nothing
@@ -61,12 +61,12 @@ def hull_of(cells: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
     return cv2.fillConvexPoly(filled, cv2.convexHull(points), 1) > 0
 
 
-def _grown(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
+def grown(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
     return cv2.dilate(cells.astype(np.uint8), np.ones((2 * by + 1, 2 * by + 1), np.uint8)) > 0
 
 
 def _shrunk(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
-    return ~_grown(np.pad(~cells, by, constant_values=True), by)[by:-by, by:-by]
+    return ~grown(np.pad(~cells, by, constant_values=True), by)[by:-by, by:-by]
 
 
 def lie_outside(plan: FloorPlan, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:

@@ -86,13 +86,7 @@ def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
 
 
 def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
-    """Rows of numbers with blanks or commas between them; empty lines and those that begin with # are left out.
-
-    Args:
-        content: The text.
-
-    Returns:
-        Line, from 1 on, and values of each row, which may be NaN or infinite.
+    """Lines, from 1 on, and their numbers, NaN and infinite ones too; without empty lines and those that begin with #.
 
     Raises:
         ValueError: With the line, if a word in it is not a number.
@@ -107,11 +101,7 @@ def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
 
 
 def line_numbers(words: list[str], line: int) -> list[float]:
-    """The numbers that words of a line say.
-
-    Raises:
-        ValueError: With the line, if one says none.
-    """
+    """Numbers from the words of a line; ValueError with the line for a word that is none."""
     try:
         return [float(word) for word in words]
     except ValueError as error:
@@ -119,11 +109,7 @@ def line_numbers(words: list[str], line: int) -> list[float]:
 
 
 def check_rising(lines: list[int], times: Float[np.ndarray, " n"]) -> None:
-    """See that times are finite and rise from line to line.
-
-    Raises:
-        ValueError: With the first line whose time does not.
-    """
+    """Raise ValueError for the first line whose time is not finite or does not rise."""
     wrong = ~np.isfinite(times) | (np.diff(times, prepend=-np.inf) <= 0)
     if wrong.any():
         k = int(wrong.argmax())

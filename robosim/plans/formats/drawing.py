@@ -19,7 +19,7 @@ from jaxtyping import Bool, UInt8
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.plans.outside import hull_of, outside_of
+from robosim.plans.outside import grown, hull_of, outside_of
 
 logger = logging.getLogger(__name__)
 
@@ -36,13 +36,7 @@ _SPAN, _BEND = 0.8, 0.01
 def without_strokes(
     states: UInt8[np.ndarray, "h w"], thinnest_wall_m: float | None, resolution_m: float, path: Path
 ) -> UInt8[np.ndarray, "h w"]:
-    """States of pixels without strokes thinner than a wall, which become free.
-
-    Args:
-        states: FREE, OCCUPIED or UNKNOWN.
-        thinnest_wall_m: Strokes thinner than this are no walls [m]; None to keep all, and warn of any.
-        resolution_m: Side of a pixel [m].
-        path: The picture, for messages.
+    """States of pixels without strokes thinner than a wall [m], which become free; None keeps all, and warns of any.
 
     Raises:
         MapError: If no wall is left.
@@ -58,10 +52,8 @@ def without_strokes(
             f"{path}: thinnest wall is {thinnest_wall_m:g} m, and no dark stroke of the picture is that thick. Give a "
             "smaller one (--thinnest-wall), or check the resolution."
         )
-    smudged = cv2.dilate(walls.astype(np.uint8), np.ones(2 * (2 * _SMUDGED + 1,), np.uint8)) > 0
-    corners = cv2.dilate(walls.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
     grey = states == UNKNOWN
-    kept = dark & corners | grey & (smudged | _opened(grey, cells, beyond="constant"))
+    kept = grey & (grown(walls, _SMUDGED) | _opened(grey, cells, beyond="constant")) | dark & grown(walls, 1)
     dropped = dark & ~kept
     logger.warning(
         "%s: %.2f of %.2f m2 of dark strokes are thinner than %g m and are not read as walls.",
@@ -120,22 +112,14 @@ def _opened(
     disk = (np.hypot(offset, offset[:, None]) < (cells - 1) / 2 + 0.3).astype(np.uint8)
     padded = np.pad(mask, cells, mode=beyond).astype(np.uint8)
     # An even disk has no middle cell: dilated about the opposite one, it comes back to its place.
-    anchor = (cells // 2, cells // 2)
-    eroded = cv2.erode(padded, disk, anchor=anchor)
-    back = tuple(cells - 1 - at for at in anchor)
-    return cv2.dilate(eroded, disk[::-1, ::-1].copy(), anchor=back)[cells:-cells, cells:-cells] > 0
+    eroded = cv2.erode(padded, disk, anchor=(cells // 2,) * 2)
+    return cv2.dilate(eroded, disk, anchor=(cells - 1 - cells // 2,) * 2)[cells:-cells, cells:-cells] > 0
 
 
 def without_frame(
     states: UInt8[np.ndarray, "h w"], resolution_m: float, path: Path
 ) -> UInt8[np.ndarray, "h w"]:
-    """States of pixels with a frame around the whole drawing made free, as the paper around it.
-
-    Args:
-        states: FREE, OCCUPIED or UNKNOWN.
-        resolution_m: Side of a pixel [m].
-        path: The picture, for messages.
-    """
+    """States of pixels with a frame around the whole drawing made free, like the paper around it."""
     frame = _frame_of(states != FREE)
     if frame is None:
         return states
