@@ -34,6 +34,7 @@ from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.plans.outside import outside_of
 from robosim.support.checks import check_numbers
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
@@ -205,7 +206,7 @@ class Building(Faces):
     @property
     def indoor_m2(self) -> float:
         """Area of the free floor [m2], without free space around the building."""
-        return self.free.area - float(self.plan.outside.sum()) * self.plan.resolution_m**2
+        return self.free.area - float(outside_of(self.plan).sum()) * self.plan.resolution_m**2
 
     @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:

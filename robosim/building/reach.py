@@ -18,6 +18,7 @@ from scipy import ndimage
 
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.outside import outside_of
 from robosim.support.checks import RADIUS_M, check_number
 from slam.planning.marching import march
 from wireless.support.compiled import compiled
@@ -188,7 +189,7 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
     inside = np.zeros(plan.shape, bool)
     inside[plan.free] = _within(free, radius_m, plan.centres(plan.free))
     labels, n = ndimage.label(inside)
-    outside = plan.outside
+    outside = outside_of(plan)
     size = np.bincount(labels[~outside], minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)

@@ -42,8 +42,8 @@ _SHORT = 0.1
 #: Around a place where straight walls cross, none is made within so many cells; how often that is tried.
 _APART, _TRIES = 3.0, 20
 
-#: Most corners of a preimage: it has few, but rounding makes several of one where many lines meet. From half of that on,
-#: those nearer to each other than this are merged.
+#: Most corners of a preimage: it has few, but rounding makes several of one where many lines meet. From half of that
+#: on, those nearer to each other than this are merged.
 _CORNERS, _SAME = 64, 1e-12
 
 #: Corners of all slopes and offsets that a line through an edge may have.

@@ -23,7 +23,7 @@ def thin_wall_corners(outlines: list[Int[np.ndarray, "_ 2"]]) -> Int[np.ndarray,
     """
     corners = np.concatenate(outlines)
     _, place, count = np.unique(corners @ (1, 1j), return_inverse=True, return_counts=True)
-    starts, ends, lengths, ways = [], [], [], []
+    starts, ends, ways = [], [], []
     first = 0
     for outline in outlines:
         at = first + np.flatnonzero(count[place[first : first + len(outline)]] > 1)

@@ -103,9 +103,7 @@ def plan(
     )
     console.print(Text.assemble((floor_plan.name, "bold"), told))
     tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
-    console.print(
-        f"A hull of radius {radius:g} m{tall} can drive in {n_parts} separate part(s) of it."
-    )
+    console.print(f"A hull of radius {radius:g} m{tall} can drive in {n_parts} separate part(s) of it.")
     if building.furnishings:
         console.print(f"{len(building.furnishings)} things are placed in it, of {n_placed} triangles.")
     if engine == "space":

@@ -230,10 +230,14 @@ def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n
     for k in moved:
         rising[k] = rising[k - 1] + 1e-6
     if late.mean() > _OUT_OF_ORDER or not (np.diff(rising) > 0).all():
-        logger.warning("%s: times of scans are missing or do not rise, so that scans are counted instead.", path)
+        logger.warning(
+            "%s: times of scans are missing or do not rise, so that scans are counted instead.", path
+        )
         return np.arange(len(times), dtype=float)
     if len(moved):
-        logger.warning("%s: %d times repeat or go back, and are moved after the one before.", path, len(moved))
+        logger.warning(
+            "%s: %d times repeat or go back, and are moved after the one before.", path, len(moved)
+        )
     return rising
 
 

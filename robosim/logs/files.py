@@ -48,6 +48,6 @@ def _check_kind(path: Path) -> None:
         for magic, kind in _RECORDINGS.items():
             if head.startswith(magic):
                 raise FileError(
-                    f"is {kind}, which is not supported yet. Convert its odometry to a TUM trajectory (evo_traj can) and "
-                    "its scans to lines of time, first and last bearing, ranges (--scans); or all to a CARMEN log."
+                    f"is {kind}, which is not supported yet. Convert its odometry to a TUM trajectory (evo_traj can) "
+                    "and its scans to lines of time, first and last bearing, ranges (--scans); or all to a CARMEN log."
                 )

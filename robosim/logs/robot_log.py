@@ -16,7 +16,7 @@ _SAME_RAD = 1e-3
 def check_bearings(
     lines: Sequence[int], bearings: Sequence[Float[np.ndarray, " w"]] | Float[np.ndarray, "n w"]
 ) -> None:
-    """Raise ValueError for the first line whose scan's bearings [rad], all or first and last, differ from the first's."""
+    """Raise ValueError for the first line whose bearings [rad], all of them or first and last, are not those before."""
     first = bearings[0]
     for line, other in zip(lines, bearings, strict=True):
         if not (np.abs(other - first) <= _SAME_RAD).all():
@@ -24,7 +24,6 @@ def check_bearings(
                 f"line {line} has bearings from {other[0]:g} to {other[-1]:g} rad, those before from {first[0]:g} to "
                 f"{first[-1]:g}; give the scans of one laser"
             )
-
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

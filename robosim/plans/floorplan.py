@@ -10,9 +10,7 @@ a margin (``eroded_m``, the radius of the agent they were made for) had been tak
 """
 
 import hashlib
-import logging
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -25,8 +23,6 @@ from wireless.support.axes import axes_in_metres
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-logger = logging.getLogger(__name__)
 
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
@@ -68,8 +64,8 @@ def check_size(shape: tuple[int, ...], resolution_m: float) -> None:
     if longest_m > LARGEST_M:
         raise MapError(
             f"resolution is {resolution_m:g} m, which with {shape[1]} x {shape[0]} cells makes a building "
-            f"{longest_m / 1000:.1f} km long. Give the true size of a cell, such as 0.05; if it is that long, confirm it "
-            "by --allow-large (allow_large=True)."
+            f"{longest_m / 1000:.1f} km long. Give the true size of a cell, such as 0.05; if it is that long, confirm "
+            "it by --allow-large (allow_large=True)."
         )
 
 
@@ -181,21 +177,6 @@ class FloorPlan:
     def free(self) -> Bool[np.ndarray, "ny nx"]:
         """Which cells are free."""
         return self.occupancy == FREE
-
-    @cached_property
-    def outside(self) -> Bool[np.ndarray, "ny nx"]:
-        """Free cells around the building (`robosim.plans.outside`), which count as no floor; a warning says how many."""
-        from robosim.plans.outside import outside_of
-
-        outside = outside_of(self)
-        if outside.any():
-            logger.warning(
-                "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
-                "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
-                self.name,
-                float(outside.sum()) * self.resolution_m**2,
-            )
-        return outside
 
     @property
     def shape(self) -> tuple[int, int]:

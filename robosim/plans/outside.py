@@ -1,4 +1,4 @@
-"""Free space around a building: the white paper round a drawn floor plan, or the ground that a modelled house stands on.
+"""Free space around a building: white paper round a drawn floor plan, or the ground that a modelled house stands on.
 
 Nothing in such a plan says that one is a room and the other is not. But the ground around a house has no wall along its
 rim, and doors are narrower than the space around a house. So where most of the rim of all free space, the boundary of
@@ -6,7 +6,9 @@ its convex hull, has no wall, all that can be reached from the rim through openi
 frame of unknown cells around a picture is no wall.
 """
 
+import logging
 import math
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
@@ -14,6 +16,9 @@ from jaxtyping import Bool, Float
 from scipy import ndimage
 
 from robosim.plans.floorplan import OCCUPIED, FloorPlan
+
+logger = logging.getLogger(__name__)
+_FOUND: WeakKeyDictionary[FloorPlan, Bool[np.ndarray, "ny nx"]] = WeakKeyDictionary()
 
 #: Openings up to this width keep the outside out [m].
 DOOR_M = 1.3
@@ -26,6 +31,20 @@ _NOOK_M2 = 2.0
 
 
 def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
+    """Free cells around the building, which count as no floor; the first time, a warning says how many there are."""
+    if plan not in _FOUND:
+        _FOUND[plan] = found = find_outside(plan)
+        if found.any():
+            logger.warning(
+                "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
+                "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
+                plan.name,
+                found.sum() * plan.resolution_m**2,
+            )
+    return _FOUND[plan]
+
+
+def find_outside(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
     """Free cells of a plan that lie outside of the building; none where walls stand along most of the rim."""
     free, wall = plan.free, plan.occupancy == OCCUPIED
     nothing = np.zeros_like(free)
@@ -62,6 +81,7 @@ def hull_of(cells: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
 
 
 def grown(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
+    """Cells and all that are so many from them."""
     return cv2.dilate(cells.astype(np.uint8), np.ones((2 * by + 1, 2 * by + 1), np.uint8)) > 0
 
 
@@ -73,4 +93,4 @@ def lie_outside(plan: FloorPlan, points: Float[np.ndarray, "n 2"]) -> Bool[np.nd
     """Whether points (x, y) [m] of `map` are in cells outside; a wall may stand half a cell beyond the last."""
     cell = np.floor(plan.to_cells(points)).astype(int)[:, ::-1]
     row, column = np.clip(cell, 0, np.array(plan.shape) - 1).T
-    return plan.outside[row, column]
+    return outside_of(plan)[row, column]

@@ -19,7 +19,7 @@ from jaxtyping import Bool, UInt8
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
-from robosim.plans.outside import grown, hull_of, outside_of
+from robosim.plans.outside import find_outside, grown, hull_of
 
 logger = logging.getLogger(__name__)
 
@@ -124,7 +124,7 @@ def without_frame(
     if frame is None:
         return states
     paper = np.where(frame, FREE, states).astype(np.uint8)
-    if not outside_of(FloorPlan(occupancy=paper, resolution_m=resolution_m)).any():
+    if not find_outside(FloorPlan(occupancy=paper, resolution_m=resolution_m)).any():
         return states  # one room, with its own walls around it
     logger.warning(
         "%s: a frame of %d pixels, to which nothing is attached, is read as the edge of the paper. If it is a wall, "
@@ -138,9 +138,8 @@ def without_frame(
 def _frame_of(blocked: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"] | None:
     """Cells of a frame around the other blocked cells, which bends inwards nowhere; None if there is none."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(blocked.astype(np.uint8), connectivity=8)
-    spans = (stats[:, [cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]] >= _SPAN * np.array(blocked.shape)).all(axis=1)
-    spans[0] = False
-    for number in np.flatnonzero(spans):
+    spans = stats[1:, [cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]] >= _SPAN * np.array(blocked.shape)
+    for number in 1 + np.flatnonzero(spans.all(axis=1)):
         frame = label == number
         parts, _ = ndimage.label(~frame)
         sizes = np.bincount(parts.ravel())

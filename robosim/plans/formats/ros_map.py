@@ -11,8 +11,8 @@ probability p of a cell being occupied is (255 - value) / 255, or value / 255 if
   states by map_saver's rule: free up to `free_thresh`, occupied from `occupied_thresh` on, both rounded.
 
 The letter of this rule is often not what a map means: Nav2's map_saver writes unknown as 205 together with
-`free_thresh: 0.25`, which makes it free; programs that save an alpha channel make every opaque 205 free; and a picture of
-these greys in mode raw has free walls. So maps are read by what is common (`robosim.plans.formats.ros_greys`), and a
+`free_thresh: 0.25`, which makes it free; programs that save an alpha channel make every opaque 205 free; and a picture
+of these greys in mode raw has free walls. So maps are read by what is common (`robosim.plans.formats.ros_greys`), and a
 warning says so wherever that differs from the letter. `map_reading="letter"` goes by the letter.
 `name`, `wall_line`, `eroded_m`, `materials` and `furnishings` are keys of our own, which map_server ignores. Pixels of
 a colour that stands for a radio material are walls, however light they are.
@@ -105,12 +105,14 @@ def occupancy_of(
     elif (n_changed := np.count_nonzero(states != letter)) > 0:
         shades = has_shades_of_alpha(image)
         logger.warning(
-            "%s: the alpha channel of %s changes the state of %d cells by map_server's rule, which averages it with the "
-            "colours in mode trinary. %s Remove it, or set 'mode: scale', by which transparent is unknown.",
+            "%s: the alpha channel of %s changes the state of %d cells by map_server's rule, which averages it with "
+            "the colours in mode trinary. %s Remove it, or set 'mode: scale', by which transparent is unknown.",
             path,
             header.image.name,
             n_changed,
-            "It is averaged here too." if shades else f"It is ignored here, and transparent is unknown. {settle}",
+            "It is averaged here too."
+            if shades
+            else f"It is ignored here, and transparent is unknown. {settle}",
         )
         states = letter if shades else states
     found = unknown_grey(image, header.negate and not raw)

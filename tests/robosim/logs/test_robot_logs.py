@@ -252,9 +252,14 @@ def test_scans_of_other_bearings_are_named_by_their_line(tmp_path):
 
 @pytest.mark.parametrize(
     ("row", "column", "word", "said"),
-    [(4, 0, "nan", "line 5 has the time nan"), (4, 0, "3.0", "line 5 has the time 3 s, after 3 s"),
-     (2, 0, "9", "line 4 has the time"), (5, 2, "nan", "line 6 has bearings"), (6, 9, "far", "line 7: .*far")],
-)  # fmt: skip
+    [
+        (4, 0, "nan", "line 5 has the time nan"),
+        (4, 0, "3.0", "line 5 has the time 3 s, after 3 s"),
+        (2, 0, "9", "line 4 has the time"),
+        (5, 2, "nan", "line 6 has bearings"),
+        (6, 9, "far", "line 7: .*far"),
+    ],
+)
 def test_tables_of_scans_name_the_line(tmp_path, row, column, word, said):
     odometry, scans = DRIVE.write_tum(tmp_path)
     lines = [line.split() for line in scans.read_text().splitlines()]
@@ -270,14 +275,18 @@ def test_beams_that_do_not_rise_are_refused(tmp_path, step):
     words = DRIVE.newer().splitlines()[0].split()
     words[4] = step
     path.write_text(" ".join(words) + "\n" + " ".join(words) + "\n")
-    with pytest.raises(FileError, match="line 1 has .* rad between beams"):
+    with pytest.raises(FileError, match=r"line 1 has .* rad between beams"):
         read_log(path)
 
 
 @pytest.mark.parametrize(
     ("head", "kind"),
-    [(b"#ROSBAG V2.0\n", "a ROS 1 bag"), (b"\x89MCAP0\r\n", "an MCAP recording"), (b"SQLite format 3\0", "a ROS 2 bag")],
-)  # fmt: skip
+    [
+        (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+        (b"\x89MCAP0\r\n", "an MCAP recording"),
+        (b"SQLite format 3\0", "a ROS 2 bag"),
+    ],
+)
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive.tum", "drive.log"])
 def test_recordings_are_named_as_what_they_are(tmp_path, head, kind, name):
     path = tmp_path / name
@@ -291,7 +300,7 @@ def test_recordings_are_named_as_what_they_are(tmp_path, head, kind, name):
 
 @pytest.mark.parametrize("places", [(0, 1, 3000, 3001), (0, 1000, 2000, 3000), tuple(range(0, 12_000, 40))])
 def test_maps_of_kilometres_are_refused_before_they_are_made(tmp_path, places):
-    """Poses that are too far apart for scans to have anything in common, or for the map: at once, with the file's name."""
+    """Poses that are too far apart for scans to have anything in common, or for the map: at once."""
     odometry, scans = tmp_path / "far.tum", tmp_path / "scans.txt"
     odometry.write_text("\n".join(f"{k} {x} {x} 0 0 0 0 1" for k, x in enumerate(places)))
     scans.write_text("\n".join(f"{k} -1 1 3 3 3 3" for k in range(len(places))))

@@ -49,8 +49,19 @@ class Drawing:
         """Text, door arcs with their leaves, a table, a bed and a sofa, all in strokes of 3 cm."""
         stroke = max(1, round(0.03 * self.scale))
         how = {"color": (0, 0, 0), "thickness": stroke, "lineType": cv2.LINE_AA}
-        for text, place, size in [("LIVING", (1, 2), 0.02), ("BED", (5.8, 6), 0.012), ("80 m2", (3, -0.2), 0.015)]:
-            cv2.putText(self.pixels, text, self.at(*place), cv2.FONT_HERSHEY_SIMPLEX, max(0.6, size * self.scale), **how)
+        for text, place, size in [
+            ("LIVING", (1, 2), 0.02),
+            ("BED", (5.8, 6), 0.012),
+            ("80 m2", (3, -0.2), 0.015),
+        ]:
+            cv2.putText(
+                self.pixels,
+                text,
+                self.at(*place),
+                cv2.FONT_HERSHEY_SIMPLEX,
+                max(0.6, size * self.scale),
+                **how,
+            )
         radius = (int(0.9 * self.scale),) * 2
         for x, y, end in [(5.1, 3, 90), (7, 4.1, -90), (2, 7.9, -90)]:
             cv2.ellipse(self.pixels, self.at(x, y), radius, 0, 0, end, **how)

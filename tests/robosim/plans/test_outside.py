@@ -77,7 +77,9 @@ def test_the_rooms_are_the_largest_part_whatever_the_paper(caplog):
     assert places.cut_off(1) == []
 
 
-def house_on_ground(turn: float = 0.0, shape: str = "square", beyond: int = UNKNOWN) -> tuple[FloorPlan, np.ndarray]:
+def house_on_ground(
+    turn: float = 0.0, shape: str = "square", beyond: int = UNKNOWN
+) -> tuple[FloorPlan, np.ndarray]:
     """A house of 5 x 4 m with an open front door on ground of about 12 x 12 m, turned; and which cells are ground."""
     resolution_m, c, s = 0.05, math.cos(math.radians(turn)), math.sin(math.radians(turn))
     y, x = np.mgrid[:380, :380] * resolution_m - 9.5 + 0.025
@@ -98,14 +100,14 @@ def house_on_ground(turn: float = 0.0, shape: str = "square", beyond: int = UNKN
 def test_ground_of_any_shape_is_outside(shape, turn):
     """A ground plate with nothing beyond it, as meshes of houses have: all of it, and nothing but a doorway else."""
     plan, ground = house_on_ground(turn, shape)
-    assert plan.outside[ground].mean() > 0.999
-    assert (plan.outside & ~ground).sum() * plan.resolution_m**2 < 0.5
+    assert outside_of(plan)[ground].mean() > 0.999
+    assert (outside_of(plan) & ~ground).sum() * plan.resolution_m**2 < 0.5
 
 
 @pytest.mark.parametrize("turn", [0, 30])
 def test_a_courtyard_within_walls_is_inside(turn):
     """The same with walls all around the ground: it may be a hall, and is said to be neither."""
-    assert not house_on_ground(turn, beyond=OCCUPIED)[0].outside.any()
+    assert not outside_of(house_on_ground(turn, beyond=OCCUPIED)[0]).any()
 
 
 @pytest.mark.parametrize("pixels", [1, 3, 8])
@@ -113,7 +115,7 @@ def test_a_frame_of_unknown_hides_nothing(pixels):
     plan, paper = on_paper(0.9)
     cells = plan.occupancy.copy()
     framed = np.pad(cells, pixels, constant_values=UNKNOWN)
-    found = replace(plan, occupancy=framed).outside
+    found = outside_of(replace(plan, occupancy=framed))
     np.testing.assert_array_equal(found[pixels:-pixels, pixels:-pixels][paper], True)
 
 
@@ -123,7 +125,7 @@ def test_maps_without_walls_have_no_outside():
     cells[10:-10, 10:-10] = FREE
     cells[80:140, 80:140] = UNKNOWN
     cells[85:135, 85:135] = FREE
-    assert not FloorPlan(occupancy=cells, resolution_m=0.05).outside.any()
+    assert not outside_of(FloorPlan(occupancy=cells, resolution_m=0.05)).any()
 
 
 def test_outside_counts_nowhere(caplog):
@@ -137,7 +139,9 @@ def test_outside_counts_nowhere(caplog):
     assert caplog.text.count("m2 of free space around the building") == 1
     assert building.indoor_m2 == pytest.approx((plan.free & ~ground).sum() * plan.resolution_m**2, abs=0.3)
     column, row = np.floor(plan.to_cells(grid.position[:, :2])).astype(int).T
-    assert not ground[row, column].any() and len(grid.position) == pytest.approx(building.indoor_m2 / 0.25**2, rel=0.1)
+    assert not ground[row, column].any() and len(grid.position) == pytest.approx(
+        building.indoor_m2 / 0.25**2, rel=0.1
+    )
     part = places.part_at(np.array([*places.plan.centres(places.indoors)[0]]))
     assert not (places.swept(part) & ground).any()
-    assert (places.swept(part) & ~plan.outside).sum() > 0.9 * (plan.free & ~plan.outside).sum()
+    assert (places.swept(part) & ~outside_of(plan)).sum() > 0.9 * (plan.free & ~outside_of(plan)).sum()

@@ -111,7 +111,9 @@ def test_unknown_survives_lossy_compression(tmp_path, caplog, quality):
     free_thresh=st.floats(0.25, 0.6),
     seed=st.integers(0, 99),
 )
-def test_whatever_the_greys(tmp_path_factory, unknown, free, occupied, noise, dots, negate, free_thresh, seed):
+def test_whatever_the_greys(
+    tmp_path_factory, unknown, free, occupied, noise, dots, negate, free_thresh, seed
+):
     """Noise on every grey, a few others, black and white swapped: the cells that were drawn, but for the dots."""
     rng = np.random.default_rng(seed)
     pixels = greys(unknown, free, occupied).astype(int) + rng.integers(-noise, noise + 1, TRUTH.shape)
@@ -119,7 +121,10 @@ def test_whatever_the_greys(tmp_path_factory, unknown, free, occupied, noise, do
         pixels[30 + k, 30] = grey
     pixels = np.clip(pixels, 0, 255).astype(np.uint8)
     path = write_map(
-        tmp_path_factory.mktemp("map"), 255 - pixels if negate else pixels, negate=int(negate), free_thresh=free_thresh
+        tmp_path_factory.mktemp("map"),
+        255 - pixels if negate else pixels,
+        negate=int(negate),
+        free_thresh=free_thresh,
     )
     assert (read_plan(path).free != (TRUTH == FREE)).sum() <= len(dots)
 

@@ -26,7 +26,9 @@ def read_rows(folder, values):
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=9), st.floats(0.96, 1.04), st.sampled_from([-1, 1]))
+@given(
+    st.lists(st.floats(-3.1, 3.1), min_size=1, max_size=9), st.floats(0.96, 1.04), st.sampled_from([-1, 1])
+)
 def test_headings_come_back_whatever_the_length_and_sign(tmp_path_factory, yaws, length, sign):
     """Quaternions of nearly unit length are normalised, and q and -q are the same turn: to 1e-6 rad."""
     yaw = np.array(yaws)
@@ -82,7 +84,7 @@ def test_what_is_no_pose_on_a_floor_is_named_by_its_line(tmp_path, values, line,
 
 def test_words_are_named_by_their_line(tmp_path):
     (tmp_path / "way.tum").write_text("# a comment\n\n1 0 0 0 0 0 0 1\n2 0 zero 0 0 0 0 1\n")
-    with pytest.raises(FileError, match="line 4: .*zero"):
+    with pytest.raises(FileError, match=r"line 4: .*zero"):
         read_tum(tmp_path / "way.tum")
 
 
