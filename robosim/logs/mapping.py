@@ -170,9 +170,9 @@ def _map_grid(
     nx, ny = np.ceil((high - low) / resolution_m)
     if nx * ny > MAX_CELLS:
         raise ValueError(
-            f"{log.file or log.name}: its map is {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m, {nx:.0f} x {ny:.0f} "
-            f"cells of {resolution_m:g} m, more than {MAX_CELLS}. Are its poses in metres? If so, give a larger "
-            "--resolution-m."
+            f"{log.file or log.name}: its map is {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m, which is "
+            f"{nx:.0f} x {ny:.0f} cells of {resolution_m:g} m, more than {MAX_CELLS}. Are its poses in metres? If so, "
+            "give a larger --resolution-m."
         )
     return low, (int(nx), int(ny)), ends, reach
 

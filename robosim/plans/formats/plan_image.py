@@ -169,8 +169,8 @@ def read_image_plan(
     states[image.see_through] = UNKNOWN
     if not allow_large:
         check_size(states.shape, resolution_m)
-    states = without_strokes(states, thinnest_wall_m, resolution_m, path)
     states = without_frame(states, resolution_m, path)
+    states = without_strokes(states, thinnest_wall_m, resolution_m, path)
     return FloorPlan(occupancy=states[::-1].copy(), resolution_m=resolution_m, name=path.stem)
 
 
