@@ -34,6 +34,7 @@ from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.plans.outside import outside_of
 from robosim.support.checks import check_numbers
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
@@ -201,6 +202,11 @@ class Building(Faces):
             parts = parts[shapely.area(parts) > _TIDY_M]  # neither slivers nor lines
             self._free_of[key] = shapely.orient_polygons(shapely.MultiPolygon(list(parts)))
         return self._free_of[key]
+
+    @property
+    def indoor_m2(self) -> float:
+        """Area of the free floor [m2], without free space around the building."""
+        return self.free.area - float(outside_of(self.plan).sum()) * self.plan.resolution_m**2
 
     @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:

@@ -83,7 +83,7 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
     keys.append(Patch(facecolor="0.85", edgecolor="0.5", lw=0.5, label="too near to a wall, or no floor"))
     explain(axes, keys, f"where the middle of a hull of\nradius {places.radius_m:g} m may be")
     axes.set_title(
-        f"{building.plan.name}: {building.free.area:.1f} m2 of free floor; a robot drives from place to place within a "
+        f"{building.plan.name}: {building.indoor_m2:.1f} m2 of free floor; a robot drives from place to place within a "
         "part only",
         fontsize=9,
         parse_math=False,
