@@ -33,7 +33,7 @@ class Polygons(NamedTuple):
 
 
 #: Prefixes of OFF by what stands behind a vertex; "4" and "n" have other dimensions.
-_OFF = re.compile(rb"\s*(ST)?(C)?(N)?(4)?(n)?OFF\b")
+_OFF = re.compile(rb"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b")
 _PLY_KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _PLY_NAMES = (
     "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 float64"
