@@ -21,7 +21,7 @@ from typing import Literal, get_args
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
 from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
@@ -47,6 +47,8 @@ _NEAR_M = 0.5
 _HOLE_M2 = 0.1
 #: The least free area that is believed to be all there is [m2].
 _LEFT_M2 = 1.0
+#: A closed surface is a wall and no room if it is thinner [m].
+_THICKEST_WALL_M = 0.35
 #: A surface of less than this share of the floor is not the floor.
 _FLOOR_SHARE = 0.2
 #: Faces of larger meshes are taken as they point: to follow them from neighbour to neighbour takes too long.
@@ -149,6 +151,16 @@ def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
         for axis in _OTHER
     }
     if largest[other] <= 2 * largest[usual]:
+        if largest[other] > largest[usual]:
+            logger.warning(
+                "%s: the %s axis is taken to point up, as usual in such files, but the largest floor has %.0f m2 then, "
+                "and %.0f m2 if the %s axis does. If this is wrong, pass up=%r (--up %s).",
+                path,
+                usual,
+                largest[usual],
+                largest[other],
+                *(other,) * 3,
+            )
         return usual
     logger.warning(
         "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s axis. If "
@@ -207,7 +219,7 @@ def plan_from_triangles(
     return FloorPlan(occupancy=states, resolution_m=resolution_m, origin=(*origin, 0.0), name=name)
 
 
-def _ground(triangles: Triangles, height_m: float) -> Triangles:
+def _ground(triangles: Triangles, height_m: float) -> Float[np.ndarray, "2 3 3"]:
     """Level ground that faces up, below all triangles."""
     (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
     corner = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
@@ -215,8 +227,9 @@ def _ground(triangles: Triangles, height_m: float) -> Triangles:
 
 
 def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
-    """Triangles with each connected surface turned over whose floor at a height faces down by most of its area.
+    """Triangles with surfaces turned over that are inside out: floors that face down, and walls that face inwards.
 
+    Each connected surface is judged by itself; where more than two faces meet in an edge, one body stands on another.
     Surfaces whose faces point anywhere are put right before, in meshes that are small enough for that.
     """
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3))
@@ -225,18 +238,39 @@ def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
         triangles = np.array(mesh.triangles)
         logger.warning("neighbouring faces of the mesh point to different sides; they are turned alike.")
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    surface = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(triangles))
+    over = _is_inverted_wall(triangles, normals, length, surface)[surface]
     level = np.abs(triangles[:, :, 2].mean(axis=1) - height_m) <= _DIP_M
-    level = np.flatnonzero(level & (np.abs(normals[:, 2]) > LEVEL_COSINE * np.linalg.norm(normals, axis=1)))
+    level = np.flatnonzero(level & (np.abs(normals[:, 2]) > LEVEL_COSINE * length))
     air = np.zeros(len(triangles))
     air[level] = area_below_air(triangles, level, SLICE_M[1]) * np.sign(normals[level, 2])
-    if air.sum() >= 0:
-        return triangles
-    # Where more than two faces meet in an edge, one body stands on another.
-    surface = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(triangles))
-    # Walls' own undersides face down too, and are not the floor.
-    over = np.bincount(surface, air)[surface] < _FLOOR_SHARE * air.sum()
-    logger.warning("a floor of the mesh faces down; its surface is read as inside out.")
+    if air.sum() < 0:
+        # Walls' own undersides face down too, and are not the floor.
+        over |= np.bincount(surface, air)[surface] < _FLOOR_SHARE * air.sum()
+    if over.any():
+        logger.warning("a floor or wall of the mesh is inside out; its surface is turned over.")
     return np.where(over[:, None, None], triangles[:, ::-1], triangles)
+
+
+def _is_inverted_wall(
+    triangles: Triangles,
+    normals: Float[np.ndarray, "n 3"],
+    length: Float[np.ndarray, " n"],
+    surface: Int[np.ndarray, " n"],
+) -> Bool[np.ndarray, " s"]:
+    """Which surfaces close a thin volume, as of a wall, and face into it; none where rooms are such surfaces too."""
+    n = int(surface.max()) + 1
+    area = np.bincount(surface, length, n)
+    total = np.stack([np.bincount(surface, axis, n) for axis in normals.T])
+    closed = np.linalg.norm(total, axis=0) < 1e-6 * area
+    count = np.bincount(surface, minlength=n)
+    middle = np.stack([np.bincount(surface, axis, n) / count for axis in triangles[:, 0].T], axis=1)
+    volume = np.bincount(surface, np.einsum("ij,ij->i", triangles[:, 0] - middle[surface], normals), n) / 6
+    upright = np.bincount(surface, length * (np.abs(normals[:, 2]) < LEVEL_COSINE * length), n) / 2
+    inwards = closed & (volume < 0)
+    thin = -2 * volume < _THICKEST_WALL_M * upright
+    return inwards & thin & ~(inwards & ~thin).any()
 
 
 def choose_storey(storeys: list[Storey], floor_height_m: float | None) -> Storey:

@@ -108,9 +108,9 @@ def test_one_far_vertex_is_rejected_at_once(tmp_path):
 
 def test_up_is_guessed_where_only_one_axis_has_a_floor(tmp_path, caplog):
     """A house with y up in an STL file is taken so, and that is said."""
-    house = np.concatenate([box((0, 0, -0.3), (6, 4, 0)), walls()])
+    house = np.concatenate([box((0, 0, -0.3), (12, 9, 0)), walls(size=(12.0, 9.0))])
     turned = house[:, :, [0, 2, 1]] * (1, 1, -1)
     with caplog.at_level(logging.WARNING):
         plan = read_plan(written(turned, tmp_path))
-    assert plan.free.sum() * 0.05**2 == pytest.approx(20.16, abs=0.3)
+    assert plan.free.sum() * 0.05**2 == pytest.approx(11.6 * 8.6, abs=0.3)
     assert any("y axis is taken to point up" in message for message in caplog.messages)
