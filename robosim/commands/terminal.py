@@ -87,8 +87,10 @@ class PlanOptions:
     """Height of the storey's floor [m], for meshes of several storeys."""
     up: Literal["auto", "y", "z"] = "auto"
     """Axis of a mesh that points up; auto goes by its format and floors."""
-    unit: float = 1.0
-    """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
+    unit: float | None = None
+    """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches; metres if not given."""
+    ground: float | None = None
+    """Height of level ground to add below a mesh that has no floor [m]."""
     thinnest_wall: float | None = None
     """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
     not given."""
@@ -107,6 +109,7 @@ class PlanOptions:
             resolution=(0.001, 10, "m, the side of a cell"),
             floor_height=(-1e5, 1e5, "m"),
             unit=(1e-9, 1e6, "m"),
+            ground=(-1e5, 1e5, "m"),
             thinnest_wall=(1e-3, 10, "m"),
         )
 
@@ -126,6 +129,7 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         floor_height_m=options.floor_height,
         up=options.up,
         unit_m=options.unit,
+        ground_m=options.ground,
         thinnest_wall_m=options.thinnest_wall,
         allow_large=options.allow_large,
         map_reading=options.map_reading,

@@ -66,8 +66,10 @@ class Said:
     """Heights above the floor between which nothing may stand in free cells [m]."""
     up: UpAxis = "auto"
     """Axis that points up."""
-    unit_m: float = 1.0
-    """Unit of length [m]."""
+    unit_m: float | None = None
+    """Unit of length [m]; None for metres, if the mesh is of a plausible size then."""
+    ground_m: float | None = None
+    """Height of level ground to add below a mesh without a floor [m]."""
     thinnest_wall_m: float | None = None
     """Thickness below which dark strokes of a picture are no walls [m]."""
     allow_large: bool = False
@@ -91,7 +93,8 @@ def read_plan(
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] | None = None,
     up: UpAxis = "auto",
-    unit_m: float = 1.0,
+    unit_m: float | None = None,
+    ground_m: float | None = None,
     thinnest_wall_m: float | None = None,
     allow_large: bool = False,
     map_reading: MapReading = "common",
@@ -107,7 +110,9 @@ def read_plan(
         slice_m: For meshes: heights above the floor between which nothing may stand in free cells [m];
             0.2 to 1.5 if not given.
         up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
-        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres.
+        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres; metres if not given, and
+            an error if the building is implausibly large then.
+        ground_m: For meshes without a floor: height of level ground below all of it [m].
         thinnest_wall_m: For images: dark strokes thinner than this are not walls but text, door arcs or furniture, and
             are dropped [m]; all are walls if not given.
         allow_large: For images and arrays: confirms a building longer than 500 m.
@@ -130,6 +135,7 @@ def read_plan(
         slice_m=slice_m,
         up=up,
         unit_m=unit_m,
+        ground_m=ground_m,
         thinnest_wall_m=thinnest_wall_m,
         allow_large=allow_large,
         map_reading=map_reading,
@@ -160,7 +166,8 @@ def _check_said(path: Path, said: Said, reader: str) -> None:
         ("floor height", said.floor_height_m, None, "mesh"),
         ("slice", said.slice_m, None, "mesh"),
         ("up axis", said.up, "auto", "mesh"),
-        ("unit", said.unit_m, 1.0, "mesh"),
+        ("unit", said.unit_m, None, "mesh"),
+        ("ground", said.ground_m, None, "mesh"),
         ("thinnest wall", said.thinnest_wall_m, None, "image"),
         ("map reading", said.map_reading, "common", "ros"),
     )
@@ -216,6 +223,7 @@ def storey(path: Path, said: Said) -> FloorPlan:
         slice_m=said.slice_m or mesh_slice.SLICE_M,
         up=said.up,
         unit_m=said.unit_m,
+        ground_m=said.ground_m,
     )
 
 
