@@ -26,7 +26,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.support.axes import axes_in_metres
+from wireless.support.axes import axes_in_metres, ray_colours
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.listing import MOST_ROWS, Listing
 from wireless.support.reading import reading
@@ -208,7 +208,7 @@ class Paths:
         ways = [
             np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
         ]
-        rays = LineCollection(ways, cmap="viridis_r", linewidths=1.0)
+        rays = LineCollection(ways, cmap=ray_colours(), linewidths=1.0)
         rays.set_array(self.power_db[weakest_first])
         axes.add_collection(rays)
         for at, marker, name in ((ends[0], "*", "transmitter"), (ends[1], "P", "receiver")):

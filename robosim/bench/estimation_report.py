@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import STATES
 from robosim.drawing.shares import draw_shares
+from robosim.support.figures import save_figure
 from wireless.estimation.estimators import ESTIMATORS
 from wireless.paths import LinkState
 

@@ -55,7 +55,7 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
         element: What the arrays are made of.
         out: Folder for the picture; a new one under runs/ if not given.
     """
-    from robosim.drawing.plots import save_figure
+    from robosim.support.figures import save_figure
     from wireless.antennas.figures import arrays_figure
 
     with results_in(out, "figures") as folder:

@@ -6,8 +6,8 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.drawing.plots import save_figure
 from robosim.robot.calibration import Runs
+from robosim.support.figures import save_figure
 
 #: Points drawn of each action.
 _MOST = 2000

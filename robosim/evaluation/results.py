@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart
 from robosim.evaluation.comparison import Compared, compared, subject_of
@@ -31,6 +30,7 @@ from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
 from robosim.evaluation.ways import ways_figure
 from robosim.support.assets import shipped_plans
+from robosim.support.figures import save_figure
 from robosim.support.files import plain, whole_file, write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.workers import Workers

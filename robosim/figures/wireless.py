@@ -22,7 +22,6 @@ from robosim.building.building import BuildingConfig
 from robosim.building.outline import check_tolerance
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.links import choose_telling, link_figure
-from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import draw_state
 from robosim.drawing.shares import draw_shares
 from robosim.evaluation.arrivals import PUBLISHED, on_plan, pooled, trace_links
@@ -34,6 +33,7 @@ from robosim.radio.receivers import check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.assets import shipped_weights
 from robosim.support.checks import SEED, check_numbers
+from robosim.support.figures import save_figure
 from robosim.support.progress import tracked
 from wireless.antennas.codebook import terminal_named
 from wireless.antennas.figures import arrays_figure
@@ -260,8 +260,11 @@ def _draw_states(
     right = np.mean(guess == true)
     figure = Figure(figsize=(13, 7), layout="constrained")
     left, middle = figure.subplots(1, 2)
-    draw_state(left, scene.building, grid, true, tx[0], "true link state")
-    draw_state(middle, scene.building, grid, guess, tx[0], f"told link state, {100 * right:.1f} % right")
+    for axes, state, title in (
+        (left, true, "true link state"),
+        (middle, guess, f"estimated link state, {100 * right:.1f} % correct"),
+    ):
+        draw_state(axes, scene.building, grid, state, tx[0], title, frequency_hz=paths.frequency_hz)
     save_figure(figure, out / "states.png")
     return Picture(
         name="states.png",

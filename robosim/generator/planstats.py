@@ -27,6 +27,7 @@ from scipy.stats import ks_2samp
 
 from robosim.generator.rooms import clearance, find_rooms, largest_piece
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.figures import save_figure
 from slam.planning.marching import march
 
 #: Smaller islands are specks of the raster rather than things [m2].
@@ -132,7 +133,7 @@ def plot_comparison(
     Args:
         real: Plans to be compared with.
         generated: Plans to be judged.
-        path: PNG to write.
+        path: Name of the PNG file.
         hull_radius_m: Radius of the hull that rooms and passages are counted for [m].
 
     Returns:
@@ -149,7 +150,7 @@ def plot_comparison(
     for axes, (name, (a, b)) in zip(figure.subplots(3, 3).flat, pairs.items(), strict=True):
         _draw_distributions(axes, a, b)
         axes.set_title(f"{_TITLES[name]}\nKS distance {distances[name]:.2f}", fontsize=10)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
     return distances
 
 

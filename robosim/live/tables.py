@@ -9,20 +9,18 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
 from robosim.live.colours import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
     ROBOT_COLOUR,
     TRUE_ARRIVAL,
     TX_COLOUR,
-    Colour,
     TableName,
-    css,
     gradient,
 )
 from robosim.radio.measurement import Measurement
 from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css
 from slam.poses import wrap
 from wireless.paths import Interaction, LinkState, Paths
 
@@ -144,7 +142,7 @@ def radio_legend(coloured_by: str, *, estimates: bool = True) -> str:
         *([_item(_line(ESTIMATED_ARRIVAL), "estimated arrival")] if estimates else []),
     ]
     if coloured_by == "power":
-        rays = _scale("ray: received power [dBm]", "viridis_r", [f"{v:g}" for v in POWER_DBM])
+        rays = _scale("ray: received power [dBm]", "plasma", [f"{v:g}" for v in POWER_DBM])
     else:
         rays = "".join(_item(_line(colour), kind) for kind, colour in RAY_COLOURS.items())
     return block("".join(items) + rays + "<br>R reflection, D diffraction, T through a wall, S scattering")

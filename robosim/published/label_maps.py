@@ -6,9 +6,9 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
-from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import STATES, TX_COLOUR
 from robosim.published.label_links import Links, prepared
+from robosim.support.figures import save_figure
 from wireless.formats.mmwrobotnav import Measurements
 
 OUTAGE = "0.6"

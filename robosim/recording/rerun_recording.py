@@ -26,7 +26,6 @@ from robosim.drawing.picture import (
     ESTIMATE_ORANGE,
     PALETTE,
     PATH_PURPLE,
-    STATE_COLOURS,
     TARGET_RED,
     TRUE_GREEN,
     WALL_BLUE,
@@ -36,6 +35,7 @@ from robosim.drawing.picture import (
 from robosim.drawing.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
 from robosim.episode import Decision
 from robosim.radio.measurement import Measurement
+from robosim.support.colours import OBSTRUCTED_COLOUR, STATE_COLOURS
 from robosim.support.files import partial_path
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
@@ -46,11 +46,11 @@ from wireless.paths import Interaction, LinkState, Paths
 RECORDING = "episode.rrd"
 #: Colours of traced paths by what they met: nothing, then by the most telling kind.
 RAY_COLOURS = {
-    "line of sight": (0, 158, 115),
-    "reflection": (0, 114, 178),
+    "line of sight": STATE_COLOURS[LinkState.LOS],
+    "reflection": STATE_COLOURS[LinkState.FIRST_ORDER],
     "diffraction": (204, 121, 167),
     "reflection and diffraction": (230, 159, 0),
-    "transmission": (120, 120, 120),
+    "transmission": OBSTRUCTED_COLOUR,
     "scattering": (213, 94, 0),
 }
 
