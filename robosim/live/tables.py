@@ -28,6 +28,8 @@ from wireless.paths import Interaction, LinkState, Paths
 ROWS = 8
 #: Elevations below this are not listed [rad]: all paths run level.
 LEVEL_RAD = 1e-3
+#: Colour of bad news.
+_BAD = "#b3261e"
 _STYLE = (
     "<style>.rs{font:12px/1.35 system-ui,sans-serif;margin:0 .75em .4em;color:inherit}"
     ".rs table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
@@ -47,6 +49,13 @@ _STYLE = (
 def block(content: str) -> str:
     """HTML in the page's style."""
     return f'{_STYLE}<div class="rs">{content}</div>'
+
+
+def page_head(title: str, about: str) -> str:
+    """What stands above all else in the panel; the title of the browser's tab is taken from it."""
+    return block(
+        f'<span data-page="{escape(title)}">{escape(about)}</span><div style="color:{_BAD}" data-dropped></div>'
+    )
 
 
 def path_table(paths: Paths, tx_power_dbm: float) -> str:
@@ -192,7 +201,7 @@ def lines(pairs: Sequence[tuple[str, str]]) -> str:
 
 def sentence(text: str, *, bad: bool = False) -> str:
     """One line of text; red if it is bad news."""
-    colour = ' style="color:#b3261e"' if bad else ""
+    colour = f' style="color:{_BAD}"' if bad else ""
     return block(f"<span{colour}>{escape(text)}</span>")
 
 
