@@ -30,7 +30,8 @@ DROP = """<script>(() => {
     event.preventDefault();
     const taker = document.querySelector('input[type=file]');
     const line = document.querySelector('[data-dropped]');
-    if (!taker && line) line.textContent = 'Files can be opened under Radio, where a single plan is explored: robosim live PLAN.';
+    if (!taker && line)
+      line.textContent = 'Files can be opened under Radio, where a single plan is explored: robosim live PLAN.';
     if (!taker || !event.dataTransfer.files.length) return;
     taker.files = event.dataTransfer.files;
     taker.dispatchEvent(new Event('change', {bubbles: true}));
