@@ -11,6 +11,7 @@ from robosim.commands.terminal import (
     results_in,
 )
 from robosim.support.checks import PLANS, SEED, check_number, check_some
+from wireless.support.counting import counted
 
 
 def plans(
@@ -43,7 +44,7 @@ def plans(
         path = folder / "plans.png"
         plot_comparison(real, made, path)
     tell({"files": [path.name]}, folder)
-    console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
+    console.print(f"Wrote {path}: {counted(len(real), 'real plan')} and {counted(count, 'generated one')}")
 
 
 def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Path | None = None) -> None:

@@ -37,8 +37,8 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     result = log.result()
     shortest = f" (shortest {log.task.shortest_m:.1f} m)" if log.seeks_target else ""
     axes.set_title(
-        f"{building.plan.name}: {log.ended} after {log.steps} steps, {result['path_length_m']:.1f} m{shortest}, "
-        f"{100 * result['coverage']:.0f} % seen, pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
+        f"{building.plan.name}: {log.ended} after {counted(log.steps, 'step')}, {result['path_length_m']:.1f} m"
+        f"{shortest}, {100 * result['coverage']:.0f} % seen, pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
         fontsize=9,
         parse_math=False,  # names may have dollars in them
     )

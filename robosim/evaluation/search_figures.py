@@ -40,6 +40,7 @@ from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
 from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
+from wireless.support.counting import counted
 
 #: Arrival rates that were published: easy, moderate, hard.
 PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or-first": (1.0, 1.0, 0.94)}
@@ -95,7 +96,8 @@ def draw_search(
                 _LIMIT_CAPTION,
             )
         )
-    notes = [f"{len(rows)} episodes of {tasks} tasks in {len({row['plan'] for row in rows})} plans."]
+    plans = len({row["plan"] for row in rows})
+    notes = [f"{counted(len(rows), 'episode')} of {counted(tasks, 'task')} in {counted(plans, 'plan')}."]
     notes += _following(results, rows)
     example = find_example(results, rows, follower, better)
     if example is None:
@@ -252,7 +254,12 @@ def example_figure(building: Building, example: Example) -> Figure:
     centre = example.stuck.poses[first, :2]
     panels[0].add_patch(Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
     panels[0].annotate(
-        f"stays {stayed} decisions", centre, (0, 28), textcoords="offset points", ha="center", fontsize=9
+        f"stays {counted(stayed, 'decision')}",
+        centre,
+        (0, 28),
+        textcoords="offset points",
+        ha="center",
+        fontsize=9,
     )
     handles = [
         Line2D(
@@ -281,7 +288,7 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
     axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
-        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",
+        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {counted(row['steps'], 'step')}",
         fontsize=10,
         parse_math=False,
     )

@@ -40,6 +40,7 @@ from wireless.antennas.figures import arrays_figure
 from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder
+from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
@@ -181,7 +182,7 @@ def _draw_errors(rows: list[dict[str, Any]], n_plans: int, out: Path) -> Picture
     figure = Figure(figsize=(8, 5.6), layout="constrained")
     axes = figure.subplots()
     draw_shares(axes, summary, PUBLISHED)
-    axes.set_title(f"azimuth of arrival of the strongest path, {n_plans} plan(s)", fontsize=10)
+    axes.set_title(f"azimuth of arrival of the strongest path, {counted(n_plans, 'plan')}", fontsize=10)
     save_figure(figure, out / "aoa-error.png")
     shares = "; ".join(
         f"{row['state'].lower().replace('_', '-')} {100 * row['within'][5.0]:.1f} %"

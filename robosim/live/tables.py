@@ -23,6 +23,7 @@ from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
 from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css
 from slam.poses import wrap
 from wireless.paths import Interaction, LinkState, Paths
+from wireless.support.counting import counted
 
 #: Most rows of a table of paths.
 ROWS = 8
@@ -84,7 +85,7 @@ def path_table(paths: Paths, tx_power_dbm: float) -> str:
 
 
 def _paths(count: int) -> str:
-    return "1 path" if count == 1 else f"{count} paths"
+    return counted(count, "path")
 
 
 def state_bars(measurement: Measurement, true_state: LinkState) -> str:
