@@ -43,6 +43,7 @@ Environments to learn in:
 
     TargetSearch     the search for a target as a Gymnasium environment
     TargetSearchVector  many of them in one process
+    sb3_vec_env      the same as a vector environment of Stable-Baselines3
     SearchConfig     what is observed, what is rewarded, which tasks there are
     MadeHomes        invented homes as a source of plans
 
@@ -143,6 +144,7 @@ _MODULES = {
     "DepthNoise": "camera.depth_noise",
     "TargetSearch": "environments.target_search",
     "TargetSearchVector": "environments.target_search_vector",
+    "sb3_vec_env": "environments.sb3",
     "SearchConfig": "environments.config",
     "MadeHomes": "environments.sources",
     "make_task": "task.tasks",
@@ -229,6 +231,7 @@ if TYPE_CHECKING:
     from robosim.datasets.torch_data import LinkDataset as LinkDataset
     from robosim.datasets.trace import trace_plan as trace_plan
     from robosim.environments.config import SearchConfig as SearchConfig
+    from robosim.environments.sb3 import sb3_vec_env as sb3_vec_env
     from robosim.environments.sources import MadeHomes as MadeHomes
     from robosim.environments.target_search import TargetSearch as TargetSearch
     from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector

@@ -26,8 +26,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.support.axes import axes_in_metres
+from wireless.support.axes import axes_in_metres, ray_colours
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
+from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
 from wireless.support.reading import reading
 
@@ -230,7 +231,7 @@ class Paths:
         ways = [
             np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
         ]
-        rays = LineCollection(ways, cmap="viridis_r", linewidths=1.0)
+        rays = LineCollection(ways, cmap=ray_colours(), linewidths=1.0)
         rays.set_array(self.power_db[weakest_first])
         axes.add_collection(rays)
         for at, marker, name in ((ends[0], "*", "transmitter"), (ends[1], "P", "receiver")):
@@ -242,8 +243,10 @@ class Paths:
 
     def _summary(self) -> str:
         """How many paths of what."""
-        n_tx, n_rx = len(self.tx_position), len(self.rx_position)
-        return f"{len(self)} path(s), {n_tx} transmitter(s) to {n_rx} receiver(s) at {self.frequency_hz / 1e9:g} GHz"
+        ends = (
+            f"{counted(len(self.tx_position), 'transmitter')} to {counted(len(self.rx_position), 'receiver')}"
+        )
+        return f"{counted(len(self), 'path')}, {ends} at {self.frequency_hz / 1e9:g} GHz"
 
     def _listing(self) -> Listing:
         """The first paths as a table."""

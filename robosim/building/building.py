@@ -31,7 +31,7 @@ from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.footprint import filled, footprint
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.building.wall_materials import cut_at_materials, materials_behind
-from robosim.parts import MATERIAL, MaterialPart
+from robosim.parts import MATERIAL, MaterialPart, NextMaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.outside import outside_of
@@ -87,12 +87,12 @@ class BuildingConfig:
     """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
     wall_material: MaterialPart = "partition"
     """Radio material of walls."""
-    floor_material: MaterialPart = "concrete"
-    """Radio material of the floor."""
-    ceiling_material: MaterialPart = "ceiling_board"
-    """Radio material of the ceiling."""
-    furniture_material: MaterialPart = "partition"
-    """Radio material of furniture."""
+    floor_material: NextMaterialPart = "concrete"
+    """Radio material of the floor; names as for walls."""
+    ceiling_material: NextMaterialPart = "ceiling_board"
+    """Radio material of the ceiling; names as for walls."""
+    furniture_material: NextMaterialPart = "partition"
+    """Radio material of furniture; names as for walls."""
 
     def __post_init__(self) -> None:
         check_tolerance(self.tolerance_m)

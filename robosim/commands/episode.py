@@ -28,6 +28,7 @@ from robosim.support.checks import check_number
 from robosim.support.installation import install_first
 from robosim.support.interrupt import SIGNALLED, Interrupt
 from robosim.task.tasks import Anchor
+from wireless.support.counting import counted
 
 
 def episode(
@@ -97,9 +98,9 @@ def episode(
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     shortest = f" (shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f})"
     told = (
-        f" after {result['steps']} steps and {result['path_length_m']:.2f} m"
+        f" after {counted(result['steps'], 'step')} and {result['path_length_m']:.2f} m"
         f"{shortest if result['seeks_target'] else ''}, {seen}, "
-        f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
+        f"{counted(result['collisions'], 'collision')}, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
     console.print(Text.assemble((result["ended"], "bold"), told))
     # An episode that ends where it starts has no decision to film.

@@ -17,6 +17,7 @@ from robosim.commands.terminal import (
     results_in,
 )
 from robosim.support.checks import RADIUS_M, SEED, check_number
+from wireless.support.counting import counted
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].
 MITSUBA_HZ = 28e9
@@ -99,13 +100,17 @@ def plan(
     )
     told = (
         f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.indoor_m2:.1f} m2 free, "
-        f"{len(building.walls_2d)} wall pieces, {len(building.mesh.faces)} triangles"
+        f"{counted(len(building.walls_2d), 'wall piece')}, {counted(len(building.mesh.faces), 'triangle')}"
     )
     console.print(Text.assemble((floor_plan.name, "bold"), told))
     tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
-    console.print(f"A hull of radius {radius:g} m{tall} can drive in {n_parts} separate part(s) of it.")
+    console.print(
+        f"A hull of radius {radius:g} m{tall} can drive in {counted(n_parts, 'separate part')} of it."
+    )
     if building.furnishings:
-        console.print(f"{len(building.furnishings)} things are placed in it, of {n_placed} triangles.")
+        console.print(
+            f"{counted(len(building.furnishings), 'thing')} placed in it, of {counted(n_placed, 'triangle')}."
+        )
     if engine == "space":
         console.print(
             "It is no extruded plan, so that radio is traced in space: some ten to a hundred times slower a link."
@@ -164,5 +169,5 @@ def generate(
             write_ros(made, folder / f"{made.name}.yaml")
             names.append(made.name)
     tell({"plans": [f"{name}.yaml" for name in names]}, folder)
-    console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
+    console.print(f"Wrote {counted(count, 'plan')}, {made.name}.yaml the last, in {folder}")
     console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

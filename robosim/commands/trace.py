@@ -22,6 +22,7 @@ from robosim.commands.terminal import (
     read_storey,
 )
 from robosim.support.installation import install_first
+from wireless.support.counting import counted
 
 
 def trace(
@@ -87,7 +88,7 @@ def trace(
             {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
             folder,
         )
-        console.print(f"{len(paths)} paths from {len(tx)} transmitter(s) to the receiver")
+        console.print(f"{counted(len(paths), 'path')} from {counted(len(tx), 'transmitter')} to the receiver")
         drawn = "rays_tx1.png" if isinstance(floor_plan, FloorPlan) else "storeys_tx1.png"
         console.print(f"Wrote paths.parquet and {drawn} in {folder}")
         return
@@ -108,7 +109,7 @@ def trace(
     timing, states = result["timing"], result["states"]
     shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items() if n)
     told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
-    console.print(Text.assemble((f"{result['links']} links", "bold"), told))
+    console.print(Text.assemble((counted(result["links"], "link"), "bold"), told))
     drawn = ", *.png" if plots else ""
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"

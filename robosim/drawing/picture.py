@@ -28,7 +28,7 @@ from robosim.drawing.snapshot import (
     Snapshot,
 )
 from robosim.drawing.timeline import Timeline
-from robosim.support.colours import LINK_CATEGORIES
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -49,12 +49,6 @@ TRUE_GREEN = (0, 158, 115)
 ESTIMATE_ORANGE = (230, 159, 0)
 PATH_PURPLE = (204, 121, 167)
 TARGET_RED = (213, 94, 0)
-#: Colour and name of each link category, and so of each link state.
-STATE_COLOURS: dict[int, tuple[int, int, int]] = {
-    one: (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:], 16))
-    for one, (_, colour) in LINK_CATEGORIES.items()
-}
-STATE_NAMES: dict[int, str] = {one: name for one, (name, _) in LINK_CATEGORIES.items()}
 #: Length of the strongest arrival's arrow [m].
 ARRIVAL_M = 1.5
 #: Colour of each kind of cell of the built map, as OpenCV's tables are.

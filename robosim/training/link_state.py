@@ -29,6 +29,7 @@ from wireless.linkstate.learning.networks import weights_of
 from wireless.linkstate.learning.training import Recipe
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
+from wireless.support.counting import counted
 
 #: States that a link with paths can be told to be in.
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
@@ -84,7 +85,9 @@ def train_link_state(
         )
     if any(len(part) == len(links.names) for part in parts):
         raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
-    console.print(Text(f"{len(links.state)} links of {len(links.names)} buildings in {data}"))
+    console.print(
+        Text(f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {data}")
+    )
     # More folds, members and tests may be asked for of the same networks.
     settings = {
         "data": f"{data.name}: {', '.join(links.names)}",
@@ -208,7 +211,9 @@ def _validate(
         _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
     if result:
         result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
-        console.print(f"mean validation accuracy of {len(parts)} folds: {result['mean_accuracy']:.4f}")
+        console.print(
+            f"mean validation accuracy of {counted(len(parts), 'fold')}: {result['mean_accuracy']:.4f}"
+        )
     return result
 
 
