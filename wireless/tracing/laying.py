@@ -80,6 +80,9 @@ def turns_back(
         b = plane[patch, 0] * x + plane[patch, 1] * y + plane[patch, 2] * z - plane[patch, 3]
         if (a * b > 0 and min(abs(a), abs(b)) > near_m) or abs(a - b) < near_m:
             return 0
+        # Who is on the patch, an edge of it too, is not mirrored by it.
+        if (j == 0 and abs(b) < near_m) or (k == 0 and abs(a) < near_m):
+            return 0
         f = a / (a - b)
         x, y, z = u + f * (x - u), v + f * (y - v), w + f * (z - w)
         first, last = start[patch], start[patch + 1]
