@@ -17,7 +17,8 @@ from jaxtyping import Bool, Float, Int, UInt64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from wireless.geometry.occlusion import NEAR_M, Tree, make_tree
+from wireless.geometry.occlusion import Tree, make_tree
+from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 
 #: Where parity is counted along; upwards on each axis, which spares boxes the question which side a way comes from.
@@ -31,9 +32,10 @@ class Sides:
 
     Args:
         mesh: Triangles; corners at the same place are one.
+        near_m: Points this close to a triangle are on it.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh):
+    def __init__(self, mesh: trimesh.Trimesh, near_m: float = NEAR_M):
         surface, closed, once = surfaces_of(mesh)
         self.surface: Int[np.ndarray, " f"] = surface
         """Surface of each face."""
@@ -43,7 +45,7 @@ class Sides:
             1 << 63, 1 << 64, len(closed), dtype=np.uint64, endpoint=False
         )
         own = np.flatnonzero(self.closed & once & (trimesh.triangles.area(mesh.triangles) > 0))
-        self._tree = make_tree(np.asarray(mesh.triangles)[own])
+        self._tree = make_tree(np.asarray(mesh.triangles)[own], near_m=near_m)
         self._surface = surface[own][self._tree.number]
         self._bits = bits[self._surface]
         self._way = _WAY / np.linalg.norm(_WAY) * 2 * np.linalg.norm(mesh.extents)
@@ -143,7 +145,7 @@ def _sums(
         np.zeros(len(points), np.bool_),
     )
     low, high, child = tree.low, tree.high, tree.child
-    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    normal, triangle, inward, near_m = tree.normal, tree.triangle, tree.inward, tree.near_m
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         stack[0], depth = 0, 1
@@ -167,7 +169,7 @@ def _sums(
                 for k in range(3):
                     off += normal[t, k] * (points[i, k] - triangle[t, 0, k])
                     rise += normal[t, k] * way[k]
-                share = -off / rise if abs(off) >= NEAR_M else 0.0
+                share = -off / rise if abs(off) >= near_m else 0.0
                 if not 0 <= share <= 1:
                     continue
                 for k in range(3):
@@ -177,7 +179,7 @@ def _sums(
                         + inward[t, k, 2] * (z + share * way[2] - triangle[t, k, 2])
                     )
                     least = min(least, into)
-                if abs(off) < NEAR_M and least >= -NEAR_M:
+                if abs(off) < near_m and least >= -near_m:
                     on[i] = True
                 if share > 0 and least >= 0:
                     sums[i] ^= bits[t]

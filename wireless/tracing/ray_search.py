@@ -216,6 +216,7 @@ def _rough_bounds(
     least: float,
     sight: Float[np.ndarray, "n 3"],
     image: Float[np.ndarray, "m1 3"],
+    near_m: float,
 ) -> Float[np.ndarray, " n"]:
     """What the power of bends cannot exceed if their faces were mirrors; -1 if it is none or below the least.
 
@@ -228,7 +229,7 @@ def _rough_bounds(
         after = mirror_over(plane, rx, far[q], image) if far[q, 0] >= 0 else 0
         z, distance, behind = edge_sight(edges[0], edges[1], e, image[after] if after else rx)
         sight[h, 0], sight[h, 1], sight[h, 2], rough[h] = z, distance, behind, -1.0
-        if distance >= NOWHERE_M and is_open(edges[2][e], distance, behind):
+        if distance >= NOWHERE_M and is_open(edges[2][e], distance, behind, near_m):
             most = edge_bound(behind, angle[q], edges[2][e], wavenumber, column[8, q], distance)
             if most >= least:
                 rough[h] = most
@@ -328,7 +329,9 @@ def bend(
         mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
         least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
         sight = np.empty((len(mine), 3))
-        rough = _rough_bounds(edges, plane, setting.wavenumber, bends, mine, rx[r], least, sight, image)
+        rough = _rough_bounds(
+            edges, plane, setting.wavenumber, bends, mine, rx[r], least, sight, image, space.surfaces.near_m
+        )
         # What may be strongest comes first, so that a full list spares the rest.
         order = np.argsort(-rough, kind="mergesort")
         order = order[: (rough >= 0).sum()]
