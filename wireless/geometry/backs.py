@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.closed import Sides
 from wireless.geometry.images import Panes, Space
-from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
 
 #: How far off a patch its sides are asked what they are inside of [m].
@@ -29,7 +28,8 @@ class Backs:
         count = np.diff(space.start)
         patch, first = np.repeat(np.arange(len(count)), count), space.start[:-1]
         corners = space.triangle.reshape(-1, 3)
-        self._sides = Sides(trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False))
+        faces, near_m = np.arange(len(corners)).reshape(-1, 3), space.tree.near_m
+        self._sides = Sides(trimesh.Trimesh(corners, faces, process=False), near_m)
         surface = self._sides.surface
         known = self._sides.closed & ~space.passes[space.patch_facet[patch]]
         known &= ~np.isin(surface, surface[~known])
@@ -40,11 +40,12 @@ class Backs:
         start = np.searchsorted(surface[order], np.arange(surface.max(initial=0) + 2))
         plane = space.panes.plane
         self._known &= ~_crossed(
-            space.panes, space.window, space.corners, self._surface, space.triangle[order], start
+            space.panes, space.window, space.corners, self._surface, space.triangle[order], start, 4 * near_m
         )
         centre = space.triangle[first].mean(axis=1)
         (front, on), (back, also) = (
-            self._sides.inside(centre + off * plane[:, :3], self._surface) for off in (_OFF_M, -_OFF_M)
+            self._sides.inside(centre + off * plane[:, :3], self._surface)
+            for off in (_OFF_M + 2 * near_m, -_OFF_M - 2 * near_m)
         )
         self._known &= (front != back) & ~on & ~also
         self._front = front
@@ -66,6 +67,7 @@ def _crossed(
     surface: Int[np.ndarray, " p"],
     triangle: Float[np.ndarray, "t 3 3"],
     start: Int[np.ndarray, " s1"],
+    near_m: float,
 ) -> Bool[np.ndarray, " p"]:
     """Whether triangles of each patch's surface, sorted by surface, cross the window around it."""
     plane, low, high, crossed = panes.plane, panes.low, panes.high, np.zeros(len(panes.plane), np.bool_)
@@ -75,14 +77,14 @@ def _crossed(
             beside = False
             for i in range(3):
                 a, b, c = triangle[t, 0, i], triangle[t, 1, i], triangle[t, 2, i]
-                beside = beside or min(a, b, c) > high[p, i] + NEAR_M or max(a, b, c) < low[p, i] - NEAR_M
+                beside = beside or min(a, b, c) > high[p, i] + near_m or max(a, b, c) < low[p, i] - near_m
             if beside:
                 continue
             for k in range(3):
                 off[k] = -plane[p, 3]
                 for i in range(3):
                     off[k] += plane[p, i] * triangle[t, k, i]
-            if min(off) >= -NEAR_M or max(off) <= NEAR_M:
+            if min(off) >= -near_m or max(off) <= near_m:
                 continue
             n = 0  # where sides of the triangle meet the plane
             for k in range(3):
@@ -92,7 +94,7 @@ def _crossed(
                     for i in range(3):
                         ends[n, i] = triangle[t, k, i] + share * (triangle[t, j, i] - triangle[t, k, i])
                     n += 1
-            if _enters(ends, window[p, : corners[p]], plane[p]):
+            if _enters(ends, window[p, : corners[p]], plane[p], near_m):
                 crossed[p] = True
                 break
     return crossed
@@ -100,7 +102,10 @@ def _crossed(
 
 @compiled
 def _enters(
-    ends: Float[np.ndarray, "2 3"], window: Float[np.ndarray, "k 3"], plane: Float[np.ndarray, "4"]
+    ends: Float[np.ndarray, "2 3"],
+    window: Float[np.ndarray, "k 3"],
+    plane: Float[np.ndarray, "4"],
+    near_m: float,
 ) -> bool:
     """Whether a line between two points of a plane enters a convex window there by more than rounding."""
     first, last, n = 0.0, 1.0, len(window)
@@ -115,7 +120,7 @@ def _enters(
             for e in range(2):
                 depth[e] += across * (ends[e, i] - a[i])
         depth *= np.sign(inner) / np.sqrt(size)
-        one, other = depth[0] - NEAR_M, depth[1] - NEAR_M
+        one, other = depth[0] - near_m, depth[1] - near_m
         if one < 0 and other < 0:
             return False
         if one < 0:

@@ -17,11 +17,14 @@ from jaxtyping import Bool, Float, Int, UInt64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from wireless.geometry.occlusion import NEAR_M, Tree, make_tree
+from wireless.geometry.occlusion import Tree, make_tree
+from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 
 #: Where parity is counted along; upwards on each axis, which spares boxes the question which side a way comes from.
 _WAY = np.array([0.2718281828, 0.5772156649, 0.7700401577])
+#: Walls are thicker than twice this, and what is doubled is closer [m].
+_ASIDE_M = 1e-4
 
 
 class Sides:
@@ -29,9 +32,10 @@ class Sides:
 
     Args:
         mesh: Triangles; corners at the same place are one.
+        near_m: Points this close to a triangle are on it.
     """
 
-    def __init__(self, mesh: trimesh.Trimesh):
+    def __init__(self, mesh: trimesh.Trimesh, near_m: float = NEAR_M):
         surface, closed, once = surfaces_of(mesh)
         self.surface: Int[np.ndarray, " f"] = surface
         """Surface of each face."""
@@ -41,7 +45,7 @@ class Sides:
             1 << 63, 1 << 64, len(closed), dtype=np.uint64, endpoint=False
         )
         own = np.flatnonzero(self.closed & once & (trimesh.triangles.area(mesh.triangles) > 0))
-        self._tree = make_tree(np.asarray(mesh.triangles)[own])
+        self._tree = make_tree(np.asarray(mesh.triangles)[own], near_m=near_m)
         self._surface = surface[own][self._tree.number]
         self._bits = bits[self._surface]
         self._way = _WAY / np.linalg.norm(_WAY) * 2 * np.linalg.norm(mesh.extents)
@@ -50,6 +54,11 @@ class Sides:
         """Whether points are on the same sides of all closed surfaces, and none is on one."""
         sums, on = self._sums(points, np.full(len(points), -1))
         return not on.any() and bool((sums == sums[0]).all())
+
+    def parity(self, points: Float[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
+        """Of how many closed surfaces each point is inside, modulo two."""
+        every, one = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
+        return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._way)[0]
 
     def inside(
         self, points: Float[np.ndarray, "n 3"], surface: Int[np.ndarray, " n"]
@@ -63,6 +72,37 @@ class Sides:
     ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
         points = np.ascontiguousarray(points, float)
         return _sums(self._tree, self._surface, self._bits, points, only, self._way)
+
+
+def two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
+    """Which faces have the inside of closed surfaces on one side only: the two faces of walls, and of solids.
+
+    The others are sheets: of no closed surface, or with another face of one on their back. Walls that are open at the
+    top and the bottom of the mesh count as closed there.
+    """
+    whole = _capped(mesh)
+    sides = Sides(whole)
+    corner = whole.triangles[: len(mesh.faces)]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    some = np.flatnonzero(sides.closed[: len(corner)] & (size > 0))
+    middle, aside = corner[some].mean(axis=1), _ASIDE_M * normal[some] / size[some, None]
+    found = np.zeros(len(corner), bool)
+    found[some] = sides.parity(middle + aside) != sides.parity(middle - aside)
+    return found
+
+
+def _capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A mesh around its own middle, with a cone over all that is open at its top, and one under its bottom."""
+    merged = trimesh.Trimesh(np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0), mesh.faces)
+    edges, count = np.unique(merged.edges_sorted, axis=0, return_counts=True)
+    open_edges, corners = edges[count % 2 == 1], np.asarray(merged.vertices)
+    vertices, faces = [corners], [np.asarray(merged.faces)]
+    for number, end in enumerate(merged.bounds[:, 2]):
+        rim = open_edges[(np.abs(corners[open_edges, 2] - end) < _ASIDE_M).all(axis=1)]
+        faces.append(np.column_stack([rim, np.full(len(rim), len(corners) + number)]))
+        vertices.append(np.array([[0.0, 0.0, 2 * end]]))
+    return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
 
 def surfaces_of(
@@ -105,7 +145,7 @@ def _sums(
         np.zeros(len(points), np.bool_),
     )
     low, high, child = tree.low, tree.high, tree.child
-    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    normal, triangle, inward, near_m = tree.normal, tree.triangle, tree.inward, tree.near_m
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         stack[0], depth = 0, 1
@@ -129,7 +169,7 @@ def _sums(
                 for k in range(3):
                     off += normal[t, k] * (points[i, k] - triangle[t, 0, k])
                     rise += normal[t, k] * way[k]
-                share = -off / rise if abs(off) >= NEAR_M else 0.0
+                share = -off / rise if abs(off) >= near_m else 0.0
                 if not 0 <= share <= 1:
                     continue
                 for k in range(3):
@@ -139,7 +179,7 @@ def _sums(
                         + inward[t, k, 2] * (z + share * way[2] - triangle[t, k, 2])
                     )
                     least = min(least, into)
-                if abs(off) < NEAR_M and least >= -NEAR_M:
+                if abs(off) < near_m and least >= -near_m:
                     on[i] = True
                 if share > 0 and least >= 0:
                     sums[i] ^= bits[t]

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.boxes import Boxes
-from wireless.geometry.occlusion import NEAR_M, Tree, blocker
+from wireless.geometry.occlusion import Tree, blocker
 from wireless.support.compiled import compiled
 
 #: Most corners of a polygon; one that would get more stays as it was.
@@ -171,6 +171,7 @@ def _cut(
     corners: Int[np.ndarray, " s"],
     count: int,
     spare: Float[np.ndarray, "m 3"],
+    near_m: float,
 ) -> int:
     """Replace the last piece by its parts that a convex wall does not hide; new count, -1 if it is unclear."""
     if sides(apex, wall, n_wall, plane) < n_wall:
@@ -196,7 +197,7 @@ def _cut(
         level += normal[i] * wall[0, i]
     own, away, back, level_away = count - 1, np.empty(3), np.empty(3), 0.0
     for k in range(n_wall + 1):
-        if k < n_wall:  # outside of one side: a wall hides what passes it by less than NEAR_M
+        if k < n_wall:  # outside of one side: a wall hides what passes it by less than near_m
             into, j = 0.0, (k + 1) % n_wall
             sx, sy, sz = wall[j, 0] - wall[k, 0], wall[j, 1] - wall[k, 1], wall[j, 2] - wall[k, 2]
             into = (
@@ -207,11 +208,11 @@ def _cut(
             into = abs(into) / np.sqrt(sx * sx + sy * sy + sz * sz)
             for i in range(3):
                 away[i], back[i] = -plane[k, i], plane[k, i]
-            level_away = -plane[k, 3] + 0.5 * NEAR_M * into
+            level_away = -plane[k, 3] + 0.5 * near_m * into
         else:  # before the wall
             for i in range(3):
                 away[i], back[i] = normal[i], -normal[i]
-            level_away = level - 10 * NEAR_M
+            level_away = level - 10 * near_m
         m = clip(piece[own], corners[own], away, level_away, spare)
         if m == 0:
             continue
@@ -282,7 +283,7 @@ def sees(
             for i in range(3):
                 a += behind[i] * apex[i]
                 b += behind[i] * middle[i]
-            if b - a < NEAR_M:
+            if b - a < tree.near_m:
                 return True
             for i in range(3):
                 start[i] = apex[i] - a / (b - a) * (middle[i] - apex[i])
@@ -293,7 +294,7 @@ def sees(
         m = clip(wall[w], wall_corners[w], behind[:3], behind[3], near)
         if m < 3:
             return True
-        count = _cut(apex, near, m, plane, piece, corners, count, spare)
+        count = _cut(apex, near, m, plane, piece, corners, count, spare, tree.near_m)
         if count < 0:
             return True
         if count == 0:

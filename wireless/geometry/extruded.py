@@ -15,7 +15,8 @@ import shapely
 import trimesh
 from jaxtyping import Float, Int
 
-from wireless.geometry.facets import SLIVER_M, clusters
+from wireless.geometry.facets import clusters, is_wide
+from wireless.geometry.tolerance import NEAR_M
 
 #: How far from vertical or level a face may lean, as the sine of the angle.
 LEAN = 1e-6
@@ -81,8 +82,7 @@ def upright_and_level(
     """Which triangles stand upright and which lie level, slivers left out; None if one leans or none stands."""
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     size = np.linalg.norm(cross, axis=1)
-    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
-    real = np.flatnonzero(size > SLIVER_M * longest)
+    real = np.flatnonzero(is_wide(corners, NEAR_M))
     up = np.abs(cross[real, 2]) / size[real]
     upright, level = real[up < LEAN], real[up > 1 - LEAN]
     if len(upright) + len(level) < len(real) or not len(upright):

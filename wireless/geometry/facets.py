@@ -1,7 +1,8 @@
 """Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other
-share one image. Edges are found along lines: where triangle sides lie on each other, in whole or in part,
+share one image. What lies in one plane is decided in `wireless.geometry.tolerance`. Where sheets of several materials
+lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along lines: where triangle sides lie on each other, in whole or in part,
 the faces around each piece of line are sorted by angle, faces that the piece merely lies on included. A gap
 of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
 T-junctions nor walls that stand on a larger floor make edges that are none.
@@ -16,10 +17,10 @@ import trimesh
 from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.occlusion import Tree, box_holds, make_tree
+from wireless.geometry.sheets import uncovered
+from wireless.geometry.tolerance import NEAR_M, fit_lines, fit_planes, tolerance_of
 from wireless.support.compiled import compiled
 
-#: Triangles thinner than this [m] are dropped: they hide nothing, and their plane is anybody's guess.
-SLIVER_M = 1e-9
 #: Gaps between faces that exceed 180 degrees by less [rad] are no edge.
 FLAT_RAD = 1e-4
 #: How far from level floors and ceilings may lean, as 1 less the cosine of the angle.
@@ -53,9 +54,17 @@ class Surfaces(NamedTuple):
     facet_start: Int[np.ndarray, " f1"]
     """Where each facet's triangles begin, and an end."""
     facet_point: Float[np.ndarray, "f 3"]
-    """A point of each facet."""
+    """A point of the plane fitted to each facet."""
     facet_normal: Float[np.ndarray, "f 3"]
     """Unit normal of each facet, of either side."""
+    plane: Float[np.ndarray, "f 4"]
+    """The same normals, and the levels of the planes."""
+    facet_off_m: Float[np.ndarray, " f"]
+    """How far the corner that deviates most is off each facet's plane [m]."""
+    near_m: float
+    """What is closer than this touches: rounding, and twice what corners are off their planes and lines [m]."""
+    tolerance_m: float
+    """Corners closer to a plane or line than this are in it [m]."""
     facet_face: Int[np.ndarray, " f"]
     """One mesh face of each facet."""
     edge: Float[np.ndarray, "e 2 3"]
@@ -89,29 +98,37 @@ def find_surfaces(
     Args:
         mesh: Triangles [m].
         face_material: A number for the material of each face.
-        snap_m: Planes and lines closer than this are one.
+        snap_m: Planes and lines closer than this are one, at least.
     """
-    triangle = np.asarray(mesh.vertices, float)[np.asarray(mesh.faces)]
-    cross = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
-    size = np.linalg.norm(cross, axis=1)
-    longest = np.linalg.norm(triangle - np.roll(triangle, 1, axis=1), axis=2).max(axis=1)
-    real = np.flatnonzero(size > SLIVER_M * longest)
-    triangle, normal = triangle[real], _one_way(cross[real] / size[real, None])
-    group = clusters(np.asarray(face_material)[real].astype(float), 0.5)
-    for axis in range(3):
-        group = clusters(normal[:, axis], ALIKE, group)
-    group = clusters(np.einsum("ij,ij->i", normal, triangle[:, 0]), snap_m, group)
-    order = np.argsort(group, kind="stable")
-    triangle, normal, facet, face = triangle[order], normal[order], group[order], real[order]
+    vertex = np.asarray(mesh.vertices, float)
+    tolerance_m = tolerance_of(vertex, snap_m)
+    triangle = vertex[np.asarray(mesh.faces)]
+    fits = fit_planes(triangle, tolerance_m)
+    axis = _one_way(fits.axis)
+    face = np.flatnonzero(fits.group >= 0)
+    plane, material = fits.group[face], np.asarray(face_material)[face]
+    triangle, source = uncovered(triangle[face], plane, material, axis, tolerance_m)
+    face, plane, material = face[source], plane[source], material[source]
+    facet = clusters(material.astype(float), 0.5, plane)
+    order = np.argsort(facet, kind="stable")
+    triangle, face, facet, plane = triangle[order], face[order], facet[order], plane[order]
     start = np.searchsorted(facet, np.arange(facet[-1] + 2))
-    lines = _pieces_of_lines(triangle, facet, snap_m)
-    edge, wedge, gap, facets = _edges(lines, triangle, facet, normal[start[:-1]], snap_m)
+    plane = plane[start[:-1]]
+    normal, point = axis[plane], fits.point[plane]
+    planes = np.column_stack([normal, np.einsum("ij,ij->i", normal, point)])
+    lines, off_m = _pieces_of_lines(triangle, facet, normal, tolerance_m)
+    tree = make_tree(triangle, planes[facet], tolerance_m)
+    edge, wedge, gap, facets = _edges(lines, tree, facet, normal, tolerance_m)
     return Surfaces(
         triangle=triangle,
         triangle_facet=facet,
         facet_start=start,
-        facet_point=triangle[start[:-1], 0],
-        facet_normal=normal[start[:-1]],
+        facet_point=point,
+        facet_normal=normal,
+        plane=planes,
+        facet_off_m=fits.off_m[plane],
+        near_m=NEAR_M + 2 * (float(fits.off_m.max()) + off_m),
+        tolerance_m=tolerance_m,
         facet_face=face[start[:-1]],
         edge=edge,
         edge_wedge=wedge,
@@ -154,6 +171,13 @@ def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces
     )
 
 
+def is_wide(triangle: Float[np.ndarray, "t 3 3"], least_m: float) -> Bool[np.ndarray, " t"]:
+    """Which triangles are no slivers: wider than some least width [m]."""
+    cross = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    longest = np.linalg.norm(triangle - np.roll(triangle, 1, axis=1), axis=2).max(axis=1)
+    return np.linalg.norm(cross, axis=1) > least_m * longest
+
+
 def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
     """The same lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
@@ -163,29 +187,29 @@ def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _pieces_of_lines(
-    triangle: Float[np.ndarray, "t 3 3"], facet: Int[np.ndarray, " t"], snap_m: float
-) -> _Pieces:
-    """Pieces of triangle sides, from end to end along each line."""
+    triangle: Float[np.ndarray, "t 3 3"],
+    facet: Int[np.ndarray, " t"],
+    facet_normal: Float[np.ndarray, "f 3"],
+    tolerance_m: float,
+) -> tuple[_Pieces, float]:
+    """Pieces of triangle sides, from end to end along each line; and how far sides are off their lines [m].
+
+    Slivers have no inside to speak of: the sides of their neighbours are on the same lines.
+    """
+    wide = is_wide(triangle, tolerance_m)
+    triangle, facet = triangle[wide], facet[wide]
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
     tip = np.roll(triangle, -2, axis=1).reshape(-1, 3)
-    length = np.linalg.norm(stop - start, axis=1)
-    way = _one_way((stop - start) / length[:, None])
-    foot = start - np.einsum("ij,ij->i", start, way)[:, None] * way
-    line = np.zeros(len(way), int)
-    for axis in range(3):
-        line = clusters(way[:, axis], ALIKE, line)
-    for axis in range(3):
-        line = clusters(foot[:, axis], snap_m, line)
-    inward = tip - start
-    inward = inward - np.einsum("ij,ij->i", inward, way)[:, None] * way
-    inward = inward / np.linalg.norm(inward, axis=1)[:, None]
-    _, model = np.unique(line, return_index=True)
-    along, base = way[model], foot[model]
-    ends = np.sort(np.column_stack([np.einsum("ij,ij->i", p, along[line]) for p in (start, stop)]), axis=1)
+    fits = fit_lines(np.stack([start, stop], axis=1), tolerance_m)
+    line, along, base = fits.group, _one_way(fits.axis), fits.point
+    inward = np.cross(along[line], facet_normal[np.repeat(facet, 3)])
+    inward *= (np.sign(np.einsum("ij,ij->i", tip - start, inward)) / np.linalg.norm(inward, axis=1))[:, None]
+    ends = np.stack([np.einsum("ij,ij->i", p - base[line], along[line]) for p in (start, stop)], axis=1)
+    ends.sort(axis=1)
     # Cuts along each line, where a side ends; each end is at one, and each side goes from one to another.
     place, of = ends.ravel(), np.repeat(line, 2)
     order = np.lexsort((place, of))
-    new = np.append(True, (np.diff(of[order]) > 0) | (np.diff(place[order]) > snap_m))
+    new = np.append(True, (np.diff(of[order]) > 0) | (np.diff(place[order]) > tolerance_m))
     cut = np.empty(len(place), np.int64)
     cut[order] = np.cumsum(new) - 1
     at, on = place[order][new], of[order][new]
@@ -195,7 +219,7 @@ def _pieces_of_lines(
     order = np.argsort(piece, kind="stable")
     side, piece = side[order], piece[order]
     some, number = np.unique(piece, return_inverse=True)
-    return _Pieces(
+    pieces = _Pieces(
         ends=base[on[some]][:, None]
         + np.stack([at[some], at[some + 1]], axis=1)[..., None] * along[on[some]][:, None],
         along=along[on[some]],
@@ -203,6 +227,7 @@ def _pieces_of_lines(
         facet=facet[side // 3],
         inward=inward[side],
     )
+    return pieces, float(fits.off_m.max())
 
 
 def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
@@ -212,14 +237,14 @@ def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
 
 def _edges(
     pieces: _Pieces,
-    triangle: Float[np.ndarray, "t 3 3"],
+    tree: Tree,
     facet: Int[np.ndarray, " t"],
     facet_normal: Float[np.ndarray, "f 3"],
-    snap_m: float,
+    tolerance_m: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends, wedge vectors, open angles and facets of all edges; pieces in a row that agree become one."""
     n = len(pieces.ends)
-    start, holding = _holding(make_tree(triangle), pieces.ends.mean(axis=1), snap_m)
+    start, holding = _holding(tree, pieces.ends.mean(axis=1), tolerance_m)
     held = np.unique(np.column_stack([np.repeat(np.arange(n), np.diff(start)), facet[holding]]), axis=0)
     side = np.cross(pieces.along[held[:, 0]], facet_normal[held[:, 1]])
     size = np.linalg.norm(side, axis=1)
@@ -248,7 +273,7 @@ def _edges(
     facets, gap = np.column_stack([face[widest], face[after[widest]]]), gap[widest]
     ends, along, out = pieces.ends[of], pieces.along[of], out[widest]
     wedge = np.stack([along, out, np.cross(along, out)], axis=1)
-    joins = np.linalg.norm(ends[:-1, 1] - ends[1:, 0], axis=1) < snap_m
+    joins = np.linalg.norm(ends[:-1, 1] - ends[1:, 0], axis=1) < tolerance_m
     joins &= (facets[:-1] == facets[1:]).all(axis=1) & (np.abs(np.diff(gap)) < ALIKE)
     joins &= np.abs(np.diff(wedge, axis=0)).max(axis=(1, 2), initial=0) < ALIKE
     begin = np.flatnonzero(np.append(True, ~joins)[: len(ends)])
@@ -278,9 +303,9 @@ def _holding(
                 depth += 2
                 continue
             for t in range(-1 - one, -1 - one + other):
-                off, least = 0.0, np.inf
+                off, least = -tree.level[t], np.inf
                 for i in range(3):
-                    off += tree.normal[t, i] * (p[i] - tree.triangle[t, 0, i])
+                    off += tree.normal[t, i] * p[i]
                 for k in range(3):
                     into = 0.0
                     for i in range(3):

@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees, sides
 from wireless.geometry.facets import Surfaces
-from wireless.geometry.occlusion import NEAR_M, Tree, box_holds, holds, make_tree, planes
+from wireless.geometry.occlusion import Tree, box_holds, holds, inward_of, make_tree
 from wireless.geometry.patches import find_patches
 from wireless.support.compiled import compiled
 
@@ -84,6 +84,8 @@ class Windows(NamedTuple):
     """Corners of a window around it."""
     corners: Int[np.ndarray, " p"]
     """Their number."""
+    near_m: float
+    """What is closer than this touches."""
 
 
 class Views(NamedTuple):
@@ -110,13 +112,12 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool
         passes: Facets that let paths through.
     """
     patches = find_patches(surfaces)
-    tree = make_tree(surfaces.triangle)
+    tree = make_tree(surfaces.triangle, surfaces.plane[surfaces.triangle_facet], surfaces.near_m)
     patch = np.empty(len(surfaces.triangle), np.int64)
     patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))
     triangle = surfaces.triangle[patches.triangle]
     shining = np.flatnonzero(mirrors[patches.facet])
-    normal = surfaces.facet_normal[patches.facet]
-    level = np.einsum("ij,ij->i", normal, surfaces.facet_point[patches.facet])
+    plane = surfaces.plane[patches.facet]
     used = (np.arange(patches.window.shape[1]) < patches.corners[:, None])[..., None]
     low = np.where(used, patches.window, np.inf).min(axis=1)
     high = np.where(used, patches.window, -np.inf).max(axis=1)
@@ -134,10 +135,10 @@ def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool
         patch_facet=patches.facet,
         window=patches.window,
         corners=patches.corners,
-        panes=Panes(np.column_stack([normal, level]), low, high),
+        panes=Panes(plane, low, high),
         start=patches.start,
         triangle=triangle,
-        inward=planes(triangle)[1],
+        inward=inward_of(triangle, np.repeat(plane[:, :3], np.diff(patches.start), axis=0)),
         patch_boxes=boxes._replace(number=shining[boxes.number]),
         edge_boxes=make_boxes(surfaces.edge.min(axis=1), surfaces.edge.max(axis=1)),
     )
@@ -161,7 +162,9 @@ def in_large_patch(
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            if tree_patch[t] == patch and holds(tree.triangle[t : t + 1], tree.inward[t : t + 1], p):
+            if tree_patch[t] == patch and holds(
+                tree.triangle[t : t + 1], tree.inward[t : t + 1], p, tree.near_m
+            ):
                 return True
     return False
 
@@ -193,7 +196,7 @@ def _twice(views: Views) -> Views:
 @compiled
 def windows_of(space: Space) -> Windows:
     """What views in a space are opened by."""
-    return Windows(space.panes.plane, space.patch_facet, space.window, space.corners)
+    return Windows(space.panes.plane, space.patch_facet, space.window, space.corners, space.tree.near_m)
 
 
 @compiled
@@ -235,7 +238,7 @@ def opens(
     off, reach = -windows.plane[patch, 3], -np.inf
     for i in range(3):
         off += windows.plane[patch, i] * views.image[v, order, i]
-    if abs(off) < NEAR_M or (order > 0 and facet == windows.facet[views.chain[v, order - 1]]):
+    if abs(off) < windows.near_m or (order > 0 and facet == windows.facet[views.chain[v, order - 1]]):
         return False
     n = windows.corners[patch]
     if order > 0:
@@ -244,7 +247,7 @@ def opens(
             for i in range(3):
                 depth += plane[n_planes - 1, i] * windows.window[patch, k, i]
             reach = max(reach, depth)
-        if reach <= NEAR_M:
+        if reach <= windows.near_m:
             return False
     n = clipped(windows.window[patch], n, plane, n_planes, opened.window[w], spare)
     if n == 0:

@@ -1,8 +1,9 @@
 """Whether two points see each other past triangles, in double precision: a box tree walked per segment.
 
 A triangle hides what lies strictly on both sides of its plane, if the way between meets it or passes within
-`NEAR_M` of it. So ways may start, end and turn on triangles, or run in their planes, whatever the length,
-and cracks below `NEAR_M` are shut. Single-precision ray engines need an offset for this, which is what loses
+the tree's `near_m` of it. So ways may start, end and turn on triangles, or run in their planes, whatever the length,
+and cracks below `near_m` are shut. Triangles of one surface are looked at in its plane
+(`wireless.geometry.tolerance`), which hides nothing of what ends on it. Single-precision ray engines need an offset for this, which is what loses
 short ways and leaks far from the origin.
 
 Embree answers 6 to 7 times as many segments per second (8 against 1.2 million a core), and is wrong on 1 in 4000
@@ -17,10 +18,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.boxes import make_boxes
+from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 
-#: What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it.
-NEAR_M = 1e-9
 #: What `sight` tells.
 FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
@@ -44,33 +44,56 @@ class Tree(NamedTuple):
     """Corners of triangles, in the tree's order [m]."""
     normal: Float[np.ndarray, "t 3"]
     """Unit normals."""
+    level: Float[np.ndarray, " t"]
+    """Where each plane is along its normal [m]."""
     inward: Float[np.ndarray, "t 3 3"]
     """Unit vectors in the plane, into the triangle from each side (corner k to k + 1)."""
+    near_m: float
+    """What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it."""
 
 
-def planes(
-    triangle: Float[np.ndarray, "t 3 3"],
-) -> tuple[Float[np.ndarray, "t 3"], Float[np.ndarray, "t 3 3"]]:
-    """Unit normals, and unit vectors into each triangle from its three sides."""
+def inward_of(
+    triangle: Float[np.ndarray, "t 3 3"], normal: Float[np.ndarray, "t 3"]
+) -> Float[np.ndarray, "t 3 3"]:
+    """Unit vectors in the plane of each normal, into each triangle from its three sides."""
     side = np.roll(triangle, -1, axis=1) - triangle
-    normal = np.cross(side[:, 0], side[:, 1])
-    normal = normal / np.linalg.norm(normal, axis=1)[:, None]
     inward = np.cross(normal[:, None], side)
-    return normal, inward / np.linalg.norm(inward, axis=2)[..., None]
+    turn = np.where(np.einsum("ij,ij->i", inward[:, 0], side[:, 1]) < 0, -1.0, 1.0)
+    length = np.linalg.norm(
+        inward, axis=2
+    )  # none: a sliver's side at right angles to the plane, which bounds nothing
+    return inward * (turn[:, None] / np.where(length > 0, length, 1))[..., None]
 
 
-def make_tree(triangle: Float[np.ndarray, "t 3 3"]) -> Tree:
-    """Sort triangles into boxes."""
-    normal, inward = planes(triangle)
-    boxes = make_boxes(triangle.min(axis=1) - NEAR_M * 4, triangle.max(axis=1) + NEAR_M * 4)
+def make_tree(
+    triangle: Float[np.ndarray, "t 3 3"],
+    plane: Float[np.ndarray, "t 4"] | None = None,
+    near_m: float = NEAR_M,
+) -> Tree:
+    """Sort triangles into boxes.
+
+    Args:
+        triangle: Corners [m].
+        plane: Unit normal and level of the plane that each is taken to lie in; None for its own.
+        near_m: What is closer than this touches.
+    """
+    if plane is None:
+        normal = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+        normal = normal / np.linalg.norm(normal, axis=1)[:, None]
+        plane = np.column_stack([normal, np.einsum("ij,ij->i", normal, triangle[:, 0])])
+    boxes = make_boxes(triangle.min(axis=1) - near_m * 4, triangle.max(axis=1) + near_m * 4)
+    triangle, plane = triangle[boxes.number], plane[boxes.number]
+    normal = plane[:, :3].copy()
     return Tree(
         low=boxes.low,
         high=boxes.high,
         child=boxes.child,
         number=boxes.number,
-        triangle=triangle[boxes.number],
-        normal=normal[boxes.number],
-        inward=inward[boxes.number],
+        triangle=triangle,
+        normal=normal,
+        level=plane[:, 3].copy(),
+        inward=inward_of(triangle, normal),
+        near_m=near_m,
     )
 
 
@@ -90,12 +113,13 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
     Written out number by number, and for all legs at once, as most of the time of tracing in space is spent here,
     and to hand a tree on takes as long as a look.
     """
-    low, high, child = tree.low, tree.high, tree.child
-    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    low, high, child, near_m = tree.low, tree.high, tree.child, tree.near_m
+    normal, level, triangle, inward = tree.normal, tree.level, tree.triangle, tree.inward
     stack, touched = np.empty(64, np.int64), False
     for leg in range(legs - 1, -1, -1):  # what a transmitter sees is known better than what a receiver does
         px, py, pz = point[leg, 0], point[leg, 1], point[leg, 2]
-        dx, dy, dz = point[leg + 1, 0] - px, point[leg + 1, 1] - py, point[leg + 1, 2] - pz
+        qx, qy, qz = point[leg + 1, 0], point[leg + 1, 1], point[leg + 1, 2]
+        dx, dy, dz = qx - px, qy - py, qz - pz
         # A way in a plane of a box is either between its sides or far out of it.
         ix = 1 / dx if dx != 0 else _STEEP
         iy = 1 / dy if dy != 0 else _STEEP
@@ -118,10 +142,9 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
                 depth += 2
                 continue
             for t in range(-1 - one, -1 - one + other):
-                x, y, z = px - triangle[t, 0, 0], py - triangle[t, 0, 1], pz - triangle[t, 0, 2]
-                dp = normal[t, 0] * x + normal[t, 1] * y + normal[t, 2] * z
-                dq = normal[t, 0] * (x + dx) + normal[t, 1] * (y + dy) + normal[t, 2] * (z + dz)
-                if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+                dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
+                dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
+                if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                     continue
                 f, least = dp / (dp - dq), np.inf
                 x, y, z = px + f * dx, py + f * dy, pz + f * dz
@@ -134,7 +157,7 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
                     least = min(least, into)
                 if least >= deep_m:
                     return t, True
-                touched = touched or least >= -NEAR_M
+                touched = touched or least >= -near_m
     return -1, touched
 
 
@@ -144,13 +167,13 @@ def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) ->
     ends = np.empty((2, 3))
     for i in range(3):
         ends[0, i], ends[1, i] = p[i], q[i]
-    return _met(tree, ends, 1, -NEAR_M)[0]
+    return _met(tree, ends, 1, -tree.near_m)[0]
 
 
 @compiled
 def sight_along(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int) -> int:
     """What so many legs from point to point are: `HIDDEN` if one is, `TOUCHED` if one only meets sides, or `FREE`."""
-    t, touched = _met(tree, point, legs, NEAR_M)
+    t, touched = _met(tree, point, legs, tree.near_m)
     return HIDDEN if t >= 0 else TOUCHED if touched else FREE
 
 
@@ -168,8 +191,8 @@ def crosses(
     tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
 ) -> bool:
     """Whether a way from p to q changes sides of a triangle that it turns on."""
-    low, high, child = tree.low, tree.high, tree.child
-    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    low, high, child, near_m = tree.low, tree.high, tree.child, tree.near_m
+    normal, level, triangle, inward = tree.normal, tree.level, tree.triangle, tree.inward
     x, y, z = at[0], at[1], at[2]
     stack = np.empty(64, np.int64)
     stack[0], depth = 0, 1
@@ -177,12 +200,12 @@ def crosses(
         depth -= 1
         box = stack[depth]
         if (
-            x < low[box, 0] - NEAR_M
-            or x > high[box, 0] + NEAR_M
-            or y < low[box, 1] - NEAR_M
-            or y > high[box, 1] + NEAR_M
-            or z < low[box, 2] - NEAR_M
-            or z > high[box, 2] + NEAR_M
+            x < low[box, 0] - near_m
+            or x > high[box, 0] + near_m
+            or y < low[box, 1] - near_m
+            or y > high[box, 1] + near_m
+            or z < low[box, 2] - near_m
+            or z > high[box, 2] + near_m
         ):
             continue
         one, other = child[box, 0], child[box, 1]
@@ -191,19 +214,19 @@ def crosses(
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            off, dp, dq, least = 0.0, 0.0, 0.0, np.inf
+            off, dp, dq, least = -level[t], -level[t], -level[t], np.inf
             for i in range(3):
-                off += normal[t, i] * (at[i] - triangle[t, 0, i])
-                dp += normal[t, i] * (p[i] - triangle[t, 0, i])
-                dq += normal[t, i] * (q[i] - triangle[t, 0, i])
-            if abs(off) >= NEAR_M or abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+                off += normal[t, i] * at[i]
+                dp += normal[t, i] * p[i]
+                dq += normal[t, i] * q[i]
+            if abs(off) >= near_m or abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                 continue
             for k in range(3):
                 into = 0.0
                 for i in range(3):
                     into += inward[t, k, i] * (at[i] - triangle[t, k, i])
                 least = min(least, into)
-            if least >= -NEAR_M:
+            if least >= -near_m:
                 return True
     return False
 
@@ -216,7 +239,10 @@ def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> 
 
 @compiled
 def holds(
-    triangle: Float[np.ndarray, "t 3 3"], inward: Float[np.ndarray, "t 3 3"], p: Float[np.ndarray, "3"]
+    triangle: Float[np.ndarray, "t 3 3"],
+    inward: Float[np.ndarray, "t 3 3"],
+    p: Float[np.ndarray, "3"],
+    near_m: float,
 ) -> bool:
     """Whether a point of a plane lies in one of the plane's triangles; sides count."""
     for t in range(len(triangle)):
@@ -225,7 +251,7 @@ def holds(
             depth = 0.0
             for i in range(3):
                 depth += inward[t, k, i] * (p[i] - triangle[t, k, i])
-            inside = inside and depth >= -NEAR_M
+            inside = inside and depth >= -near_m
         if inside:
             return True
     return False
@@ -257,15 +283,16 @@ def passed(
     Returns:
         Number of walls; -1 if they are too many, or one lets nothing through.
     """
-    low, high, child = tree.low, tree.high, tree.child
-    normal, triangle, inward = tree.normal, tree.triangle, tree.inward
+    low, high, child, near_m = tree.low, tree.high, tree.child, tree.near_m
+    normal, level, triangle, inward = tree.normal, tree.level, tree.triangle, tree.inward
     px, py, pz = p[0], p[1], p[2]
-    dx, dy, dz = q[0] - px, q[1] - py, q[2] - pz
+    qx, qy, qz = q[0], q[1], q[2]
+    dx, dy, dz = qx - px, qy - py, qz - pz
     ix = 1 / dx if dx != 0 else _STEEP
     iy = 1 / dy if dy != 0 else _STEEP
     iz = 1 / dz if dz != 0 else _STEEP
     length, stack = np.sqrt(dx * dx + dy * dy + dz * dz), np.empty(64, np.int64)
-    stack[0], depth, count = 0, 1, 0
+    stack[0], depth, count, same_m = 0, 1, 0, SAME_M + 4 * near_m
     while depth > 0:
         depth -= 1
         box = stack[depth]
@@ -283,10 +310,9 @@ def passed(
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            x, y, z = px - triangle[t, 0, 0], py - triangle[t, 0, 1], pz - triangle[t, 0, 2]
-            dp = normal[t, 0] * x + normal[t, 1] * y + normal[t, 2] * z
-            dq = normal[t, 0] * (x + dx) + normal[t, 1] * (y + dy) + normal[t, 2] * (z + dz)
-            if abs(dp) < NEAR_M or abs(dq) < NEAR_M or (dp > 0) == (dq > 0):
+            dp = normal[t, 0] * px + normal[t, 1] * py + normal[t, 2] * pz - level[t]
+            dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
+            if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                 continue
             f, least = dp / (dp - dq), np.inf
             x, y, z = px + f * dx, py + f * dy, pz + f * dz
@@ -297,13 +323,13 @@ def passed(
                     + inward[t, k, 2] * (z - triangle[t, k, 2])
                 )
                 least = min(least, into)
-            if least < -NEAR_M:
+            if least < -near_m:
                 continue
             if not passes[t]:
                 return -1
             place, known = count, False
             for j in range(count):
-                known = known or abs(where[j] - f) * length < SAME_M
+                known = known or abs(where[j] - f) * length < same_m
             if known:
                 continue
             if count == most:

@@ -3,7 +3,7 @@
 The triangles of a facet that hang together are a patch. If they fill a convex outline with few corners, as
 the two halves of a wall do, that is its window and also one wall. Any other patch, such as a floor, is looked
 through by a window around it, and hides by triangles. Large walls hide much at once, and few patches are few
-windows.
+windows. Where corners were rounded, cracks that this leaves between triangles are shut, and windows are as much wider.
 """
 
 from typing import NamedTuple
@@ -13,6 +13,8 @@ import shapely
 from jaxtyping import Float, Int
 
 from wireless.geometry.facets import Surfaces
+from wireless.geometry.sheets import axes_in
+from wireless.geometry.tolerance import NEAR_M
 
 #: Most corners of a patch.
 PATCH_CORNERS = 8
@@ -54,14 +56,20 @@ def find_patches(surfaces: Surfaces) -> Patches:
         zip(surfaces.facet_start[:-1], surfaces.facet_start[1:], strict=True)
     ):
         own = surfaces.triangle[first:last]
-        alone = [(own[0], np.zeros(1, int), True)]
-        parts = alone if len(own) == 1 else _parts(own, surfaces.facet_normal[facet])
-        for window, which, filled in parts:
+        alone = [(own[0], own[0], np.zeros(1, int), True)]
+        # Each triangle may be off by half of what is wider than rounding.
+        crack_m = surfaces.near_m - NEAR_M if surfaces.near_m > 2 * NEAR_M else 0.0
+        parts = (
+            alone
+            if len(own) == 1 and not crack_m
+            else _parts(own, surfaces.facet_point[facet], surfaces.facet_normal[facet], crack_m)
+        )
+        for window, wall, which, filled in parts:
             windows.append(window)
             members.append(first + which)
             facets.append(facet)
             wall_of[first + which] = len(walls) + (0 if filled else np.arange(len(which)))
-            walls += [window] if filled else list(own[which])
+            walls += [wall] if filled else list(own[which])
     window, corners = _padded(windows)
     wall, wall_corners = _padded(walls)
     return Patches(
@@ -87,24 +95,38 @@ def _padded(
 
 
 def _parts(
-    triangle: Float[np.ndarray, "n 3 3"], normal: Float[np.ndarray, "3"]
-) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
-    """Window and triangles of each part of triangles in one plane, and whether they fill the window."""
-    base = triangle[0, 0]
-    across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    across = across / np.linalg.norm(across)
-    axes = np.array([across, np.cross(normal, across)])
-    flat = (triangle - base) @ axes.T
-    parts = shapely.get_parts(shapely.union_all(shapely.polygons(flat)))
-    part = shapely.STRtree(parts).nearest(shapely.points(flat.mean(axis=1)))
-    found: list[tuple[np.ndarray, np.ndarray, bool]] = []
+    triangle: Float[np.ndarray, "n 3 3"],
+    base: Float[np.ndarray, "3"],
+    normal: Float[np.ndarray, "3"],
+    crack_m: float,
+) -> list[tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
+    """Window, outline and triangles of each part of triangles in one plane, and whether they fill the outline.
+
+    Args:
+        triangle: Corners [m].
+        base: A point of the plane.
+        normal: Its unit normal.
+        crack_m: Cracks up to this are shut; windows are twice that wider.
+    """
+    axes = axes_in(normal)
+    flat = shapely.polygons((triangle - base) @ axes.T)
+    if crack_m:
+        flat = shapely.buffer(flat, crack_m / 2, join_style="mitre")
+    parts = shapely.get_parts(shapely.union_all(flat))
+    part = shapely.STRtree(parts).nearest(shapely.centroid(flat))
+    found: list[tuple[np.ndarray, np.ndarray, np.ndarray, bool]] = []
     for i, whole in enumerate(parts):
         which, hull = np.flatnonzero(part == i), whole.convex_hull
         if not len(which):
             continue
-        outline = shapely.get_coordinates(hull.simplify(_STRAIGHT_M))[:-1]
-        filled = hull.area - whole.area <= _CRACK_M * hull.length
-        if not 3 <= len(outline) <= PATCH_CORNERS:
-            outline, filled = shapely.get_coordinates(hull.oriented_envelope)[:-1], False
-        found.append((base + outline @ axes, which, bool(filled)))
+        outline = hull.simplify(max(_STRAIGHT_M, crack_m / 2))
+        filled = hull.area - whole.area <= max(_CRACK_M, crack_m) * hull.length
+        filled &= not crack_m or hull.difference(whole).buffer(-crack_m / 2).is_empty
+        if not 3 <= len(outline.exterior.coords) - 1 <= PATCH_CORNERS:
+            outline, filled = hull.oriented_envelope, False
+        wider = outline.buffer(2 * crack_m, join_style="mitre") if crack_m else outline
+        if len(wider.exterior.coords) - 1 > PATCH_CORNERS:
+            wider = wider.oriented_envelope
+        window, wall = (base + shapely.get_coordinates(one)[:-1] @ axes for one in (wider, outline))
+        found.append((window, wall, which, bool(filled)))
     return found

@@ -26,7 +26,7 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.images import Space
-from wireless.geometry.occlusion import NEAR_M
+from wireless.geometry.tolerance import NEAR_M
 
 #: Steps of the sequence: powers of the number whose cube is itself and one (the plane's golden ratio).
 _STEPS = 0.7548776662466927, 0.5698402909980532

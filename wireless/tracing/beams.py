@@ -16,7 +16,6 @@ from jaxtyping import Bool, Float, Int
 
 from wireless.geometry.cones import MAX_CORNERS
 from wireless.geometry.images import Space, cone_of, new_views, opens, windows_of
-from wireless.geometry.occlusion import NEAR_M
 from wireless.geometry.shooting import Bent
 from wireless.support.compiled import compiled
 from wireless.tracing.laying import edge_sight, is_open
@@ -150,7 +149,8 @@ def place_edges(
             continue
         e = edge[j]
         z, distance, angle = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, e, views.image[k, k])
-        if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[e], distance, angle):
+        near_m = space.surfaces.near_m
+        if distance < near_m or not is_open(space.surfaces.edge_gap_rad[e], distance, angle, near_m):
             continue
         low, high = _part_in(space.surfaces.edge[e], plane[:n_planes])
         if low <= high:

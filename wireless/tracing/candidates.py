@@ -247,9 +247,11 @@ class Candidates:
 def hidden_by_opaque(space: Space) -> Space:
     """The same space, in which what lets paths through hides nothing."""
     opaque = np.flatnonzero(~space.tree_passes)
-    tree = make_tree(space.tree.triangle[opaque])
+    old = space.tree
+    plane = np.column_stack([old.normal, old.level])
+    tree = make_tree(old.triangle[opaque], plane[opaque], old.near_m)
     return space._replace(
-        tree=tree._replace(number=space.tree.number[opaque[tree.number]]),
+        tree=tree._replace(number=old.number[opaque[tree.number]]),
         tree_wall=space.tree_wall[opaque[tree.number]],
         tree_passes=np.zeros(len(opaque), bool),
     )

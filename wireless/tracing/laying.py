@@ -14,7 +14,6 @@ from jaxtyping import Float, Int
 
 from wireless.em.fields import DIFFRACTION, REFLECTION
 from wireless.geometry.images import FEW_TRIANGLES, Space, in_large_patch
-from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
 
 
@@ -37,6 +36,8 @@ class Ground(NamedTuple):
     """Axes of each, see `wireless.geometry.facets.Surfaces`."""
     edge_gap_rad: Float[np.ndarray, " e"]
     """Open angle of each."""
+    near_m: float
+    """What is closer than this touches."""
 
 
 @compiled
@@ -52,6 +53,7 @@ def ground_of(space: Space) -> Ground:
         surfaces.edge,
         surfaces.edge_wedge,
         surfaces.edge_gap_rad,
+        surfaces.near_m,
     )
 
 
@@ -69,14 +71,17 @@ def turns_back(
     2 if some lie in patches of many triangles, which are not asked.
     """
     plane, start, triangle, inward = ground.plane, ground.start, ground.triangle, ground.inward
-    x, y, z, found = target[0], target[1], target[2], 1
+    x, y, z, found, near_m = target[0], target[1], target[2], 1, ground.near_m
     for j in range(order):
         k = order - 1 - j
         patch = chain[k]
         u, v, w = image[k + 1, 0], image[k + 1, 1], image[k + 1, 2]
         a = plane[patch, 0] * u + plane[patch, 1] * v + plane[patch, 2] * w - plane[patch, 3]
         b = plane[patch, 0] * x + plane[patch, 1] * y + plane[patch, 2] * z - plane[patch, 3]
-        if (a * b > 0 and min(abs(a), abs(b)) > NEAR_M) or abs(a - b) < NEAR_M:
+        if (a * b > 0 and min(abs(a), abs(b)) > near_m) or abs(a - b) < near_m:
+            return 0
+        # Who is on the patch, an edge of it too, is not mirrored by it.
+        if (j == 0 and abs(b) < near_m) or (k == 0 and abs(a) < near_m):
             return 0
         f = a / (a - b)
         x, y, z = u + f * (x - u), v + f * (y - v), w + f * (z - w)
@@ -94,7 +99,7 @@ def turns_back(
                         + inward[t, i, 2] * (z - triangle[t, i, 2])
                     )
                     least = min(least, depth)
-                inside = inside or least >= -NEAR_M
+                inside = inside or least >= -near_m
             if not inside:
                 return 0
         points[j, 0], points[j, 1], points[j, 2] = x, y, z
@@ -122,9 +127,9 @@ def edge_sight(
 
 
 @compiled
-def is_open(gap: float, distance: float, angle: float) -> bool:
+def is_open(gap: float, distance: float, angle: float, near_m: float) -> bool:
     """Whether what lies at some angle and distance is outside of a wedge, its faces included."""
-    near = NEAR_M / max(distance, NEAR_M)
+    near = near_m / max(distance, near_m)
     return angle <= gap + near or angle >= 2 * np.pi - near
 
 
@@ -156,14 +161,14 @@ def lay(
         target = point[n + 1]
         z, a, _ = edge_sight(ends, wedge, edge, near[0][n])
         end, b, _ = edge_sight(ends, wedge, edge, far[0][far[2]])
-        if a < NEAR_M or b < NEAR_M:
+        if a < ground.near_m or b < ground.near_m:
             return -1, False
         z, end = (z * b + end * a) / (a + b), 0.0
         for i in range(3):
             along = wedge[edge, 0, i]
             target[i] = ends[edge, 0, i] + z * along
             end += along * (ends[edge, 1, i] - ends[edge, 0, i])
-        if z < -NEAR_M or z > end + NEAR_M:
+        if z < -ground.near_m or z > end + ground.near_m:
             return -1, False
         found = turns_back(ground, far[0], far[1], far[2], target, points)
         if found == 0:
@@ -189,7 +194,7 @@ def lay(
         gap = ground.edge_gap_rad[edge]
         for j in (n, n + 2):
             _, distance, angle = edge_sight(ends, wedge, edge, point[j])
-            if not is_open(gap, distance, angle):
+            if not is_open(gap, distance, angle, ground.near_m):
                 return -1, False
     return m, found == 2 or back == 2
 

@@ -20,10 +20,9 @@ from wireless.em.fields import NOWHERE_M
 from wireless.geometry.boxes import Boxes
 from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clipped, meeting, sees
 from wireless.geometry.images import Space, Views, all_views, cone_of, new_views, spread, windows_of
-from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
 from wireless.tracing.laying import edge_sight, ground_of, images_over, is_open, lay, on_large
-from wireless.tracing.space_paths import ASIDE_M, pass_walls, try_path, weigh_path
+from wireless.tracing.space_paths import aside, pass_walls, try_path, weigh_path
 from wireless.tracing.table import (
     Scratch,
     Setting,
@@ -215,7 +214,10 @@ def _reflect(
 
 @compiled
 def _widen(
-    line: Float[np.ndarray, "k 3"], image: Float[np.ndarray, "3"], strip: Float[np.ndarray, "4 3"]
+    line: Float[np.ndarray, "k 3"],
+    image: Float[np.ndarray, "3"],
+    strip: Float[np.ndarray, "4 3"],
+    aside_m: float,
 ) -> None:
     """Make a strip across the view of a line, so narrow that it is seen if the line is seen or touched."""
     size, across = 0.0, np.empty(3)
@@ -225,7 +227,7 @@ def _widen(
             image[a] - line[0, a]
         )
         size += across[i] ** 2
-    across *= ASIDE_M / np.sqrt(size) if size > 0 else 0.0
+    across *= aside_m / np.sqrt(size) if size > 0 else 0.0
     for i in range(3):
         strip[0, i], strip[1, i] = line[0, i] - across[i], line[1, i] - across[i]
         strip[2, i], strip[3, i] = line[1, i] + across[i], line[0, i] + across[i]
@@ -244,7 +246,7 @@ def lit_edges(
     )
     plane, piece = np.empty((MAX_CORNERS + 1, 4)), np.empty((PIECES, MAX_CORNERS, 3))
     line, ends, behind = np.empty((MAX_CORNERS, 3)), np.empty((2, 3)), np.zeros(4)
-    strip = np.empty((4, 3))
+    strip, near_m = np.empty((4, 3)), space.surfaces.near_m
     for v in range(n):
         n_planes = cone_of(windows_of(space), views, v, plane)
         if n_planes > 0:
@@ -253,12 +255,12 @@ def lit_edges(
         for j in range(meeting(space.edge_boxes, plane, n_planes, found)):
             edge = found[j]
             z, distance, angle = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, edge, image)
-            if distance < NEAR_M or not is_open(space.surfaces.edge_gap_rad[edge], distance, angle):
+            if distance < near_m or not is_open(space.surfaces.edge_gap_rad[edge], distance, angle, near_m):
                 continue
             ends[:] = space.surfaces.edge[edge]
             if clipped(ends, 2, plane, n_planes, line, piece[0]) == 0:
                 continue
-            _widen(line, image, strip)
+            _widen(line, image, strip, aside(near_m))
             if occluding and not sees(
                 space.tree, space.tree_wall, space.wall, space.wall_corners, image, behind, strip, 4, piece
             ):
@@ -284,7 +286,7 @@ def _bend(
     count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways over an edge into the lists of their links."""
-    keep, orders, plane = rank.shape[1], setting.edge_reflections, room.plane
+    keep, orders, plane, near_m = rank.shape[1], setting.edge_reflections, room.plane, space.surfaces.near_m
     occluding = setting.max_through == 0
     side = setting.side_reflections
     near, n_near = all_views(space, tx, side, occluding)
@@ -303,7 +305,7 @@ def _bend(
                     continue
                 gap = space.surfaces.edge_gap_rad[edge]
                 far_z, far_m, phi = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, edge, image)
-                if far_m < NOWHERE_M or not is_open(gap, far_m, phi):
+                if far_m < NOWHERE_M or not is_open(gap, far_m, phi, near_m):
                     continue
                 end = 0.0
                 for i in range(3):
@@ -317,7 +319,7 @@ def _bend(
                     z = (near_z * far_m + far_z * near_m) / (near_m + far_m)
                     if before + after > orders:  # views come by order
                         break
-                    if z < -NEAR_M or z > end + NEAR_M:
+                    if z < -near_m or z > end + near_m:
                         continue
                     if count[r] == keep:
                         most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)
@@ -355,28 +357,29 @@ def trace_space(
         rx: Positions of receivers.
         rx_boxes: Receivers, sorted into boxes.
     """
-    keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
-    rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
+    keep, most, found = setting.keep, most_interactions(setting), np.zeros(len(rx), np.int64)
+    rank, best = np.empty((len(rx), keep, 5)), np.empty((len(rx), keep, 3 + most), np.int64)
     room = make_room(setting, len(rx))
-    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, table.found)
+    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, found)
     if setting.edge_reflections >= 0 and len(space.surfaces.edge):
-        _bend(space, setting, tx, rx, room, rank, best, table.found)
-    write_lists(space, setting, tx, rx, room, best, table)
-    return table
+        _bend(space, setting, tx, rx, room, rank, best, found)
+    return table_of(space, setting, tx, rx, room, best, found)
 
 
 @compiled
-def write_lists(
+def table_of(
     space: Space,
     setting: Setting,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     room: Room,
     best: Int[np.ndarray, "r k w"],
-    table: Table,
-) -> None:
-    """Lay out and weigh the paths of each link's list once more, for the table."""
+    found: Int[np.ndarray, " r"],
+) -> Table:
+    """The table of each link's list, whose paths are laid out and weighed once more."""
     scratch, ground, surfaces = room.scratch, ground_of(space), space.surfaces
+    table, row = make_table(setting, len(rx), found.sum()), 0
+    table.found[:] = found
     for r in range(len(rx)):
         for j in range(table.found[r]):
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
@@ -399,4 +402,6 @@ def write_lists(
             length, power = weigh_path(
                 surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch
             )
-            write_row(table, r * setting.keep + j, length, power, m, scratch)
+            write_row(table, row, length, power, m, scratch)
+            row += 1
+    return table

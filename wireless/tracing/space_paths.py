@@ -11,7 +11,6 @@ from wireless.geometry.images import FEW_TRIANGLES, Space, in_large_patch
 from wireless.geometry.occlusion import (
     FREE,
     HIDDEN,
-    NEAR_M,
     TOUCHED,
     Tree,
     crosses,
@@ -20,12 +19,19 @@ from wireless.geometry.occlusion import (
     sight,
     sight_along,
 )
+from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 from wireless.tracing.laying import Ground, ground_of, images_over, turns_back
 from wireless.tracing.table import Scratch, Setting, enter, weigh
 
-#: How far beside a target [m], and at how many places around, a path is looked for that is free.
-ASIDE_M, _TURNS = 1e-6, 16
+#: At how many places around a target a path is looked for that is free.
+_TURNS = 16
+
+
+@compiled
+def aside(near_m: float) -> float:
+    """How far beside a target that is [m]: well beyond what touches."""
+    return max(1e-6, 30 * near_m)
 
 
 @compiled
@@ -152,7 +158,7 @@ def _turn(
     step = 0.0
     for i in range(3):
         step += abs(q[i] - at[i])
-    return TOUCHED if step < 10 * NEAR_M or crosses(tree, p, at, q) else FREE
+    return TOUCHED if step < 10 * tree.near_m or crosses(tree, p, at, q) else FREE
 
 
 @compiled
@@ -183,7 +189,7 @@ def _is_limit(
     for turn in range(_TURNS):
         c, s = np.cos((turn + 0.5) * 2 * np.pi / _TURNS), np.sin((turn + 0.5) * 2 * np.pi / _TURNS)
         # Before the target too, lest it be behind the wall that it lies on.
-        place[:] = target + ASIDE_M * (c * across + s * other - 10 * along)
+        place[:] = target + aside(space.tree.near_m) * (c * across + s * other - 10 * along)
         if not _walk_back(space, image, chain, order, place, points):
             continue
         free, here = True, source
@@ -229,11 +235,11 @@ def try_path(
         return count
     if setting.max_through > 0:
         m = pass_walls(space, setting, m, scratch, where, which)
-    if m < 0 or m > setting.max_interactions:
+    if m < 0 or m > setting.max_met:
         return count
     if m > bare:
         length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
-        if count == len(rank) and power <= rank[count - 1, 0]:
+        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
             return count
     if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, points):
         return count

@@ -11,7 +11,6 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.geometry.images import Panes
-from wireless.geometry.occlusion import NEAR_M
 from wireless.support.compiled import compiled
 from wireless.tracing.beams import WIDER_M, Beams, Bends
 
@@ -45,7 +44,7 @@ def _in_beams(
     for c in range(size):
         a, b = off[c], nx[c] * px + ny[c] * py + nz[c] * pz - level[c]
         # On one side of the patch: no number, nor what is made of it.
-        share[c] = a / (a - b) if a * b <= NEAR_M * abs(a) else np.nan
+        share[c] = a / (a - b) if a * b <= WIDER_M * abs(a) else np.nan
         margin[c] = np.inf
     for i in range(3):
         image, low, high, x = (

@@ -1,0 +1,296 @@
+"""What is one surface: the tolerance of a mesh, and the planes and lines that its triangles lie in.
+
+Files round coordinates, mostly to 32 bits, so the triangles of one flat wall are not quite in one plane. Here is the
+only place that decides what is flat: `tolerance_of` estimates how far rounding moves corners, and triangles whose
+corners all lie within that of one plane are one surface. Its plane is fitted to all of them, each weighted by its
+area, and how far its corners are off the plane is known (`Fits.off_m`). Exact meshes have planes that are exact to
+rounding in double precision, whatever the tolerance; what is decided about paths (sight, reflection points, edges)
+uses `NEAR_M` plus the deviation that was found, and not the tolerance.
+
+Groups grow from the largest triangle outwards, and are fitted again with each ring: a small triangle says nothing of
+a plane far away. Only corners count, so that slivers, whose normals are arbitrary, join the plane that they lie in.
+Sides of triangles are grouped into lines in the same way.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from wireless.geometry.boxes import Boxes, make_boxes
+from wireless.support.compiled import compiled
+
+#: What double precision cannot tell apart in a building [m]: tolerance of a mesh that is exact.
+NEAR_M = 1e-9
+#: Tolerance of a mesh in steps of its coordinates: a corner is off by up to 0.87, and planes of small triangles by more.
+_STEPS = 4
+#: Coarsest and finest step [m] that coordinates are looked at for, as powers of two: 32-bit numbers up to 32 km.
+_COARSEST, _FINEST = -9, -22
+#: A mesh this many times farther from zero than it is long was moved there; its numbers had their steps before.
+_FAR = 100.0
+
+
+class Fits(NamedTuple):
+    """Planes or lines, each fitted to a group of triangles or of sides."""
+
+    group: Int[np.ndarray, " n"]
+    """Group of each triangle or side; -1 for what has no size."""
+    point: Float[np.ndarray, "g 3"]
+    """A point of each plane or line [m]."""
+    axis: Float[np.ndarray, "g 3"]
+    """Unit normal of each plane, or unit vector along each line."""
+    off_m: Float[np.ndarray, " g"]
+    """How far the corner that deviates most is off it [m]."""
+
+
+def tolerance_of(vertex: Float[np.ndarray, "v 3"], snap_m: float) -> float:
+    """How far corners of one flat surface may be off its plane [m].
+
+    That is four steps of 32-bit numbers as large as the coordinates; at least `snap_m`; and more if all coordinates
+    lie on a coarser lattice, as those of a mesh do that was rounded far from zero and then moved back (up to 2 mm,
+    32-bit numbers at 32 km). Only a mesh that was rounded far away, moved and then turned needs a larger `snap_m`.
+
+    Args:
+        vertex: Corners [m].
+        snap_m: What is closer is one in any case.
+    """
+    span, reach = float(np.ptp(vertex, axis=0).max()), float(np.abs(vertex).max())
+    step = float(np.spacing(np.float32(reach if reach <= _FAR * span else span)))
+    for x in (vertex - vertex[0]).T:
+        for power in range(_COARSEST + 1, _FINEST, -1):
+            if np.abs(x / 2.0**power - np.rint(x / 2.0**power)).max() < 1e-3:
+                if power <= _COARSEST:  # whole centimetres and the like are designed, not rounded
+                    step = max(step, 2.0**power)
+                break
+    return max(snap_m, _STEPS * step)
+
+
+def fit_planes(triangle: Float[np.ndarray, "n 3 3"], tolerance_m: float) -> Fits:
+    """Planes of triangles, largest first; triangles without area belong to none."""
+    cross = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
+    return _fits(triangle, cross, tolerance_m)
+
+
+def fit_lines(ends: Float[np.ndarray, "n 2 3"], tolerance_m: float) -> Fits:
+    """Lines of segments, longest first; segments without length belong to none."""
+    return _fits(ends, ends[:, 1] - ends[:, 0], tolerance_m)
+
+
+def _fits(corner: Float[np.ndarray, "n k 3"], axis: Float[np.ndarray, "n 3"], tolerance_m: float) -> Fits:
+    size = np.linalg.norm(axis, axis=1)
+    real = np.flatnonzero(size > 0)
+    corner, axis, order = corner[real], axis[real] / size[real, None], np.argsort(-size[real], kind="stable")
+    boxes = make_boxes(corner.min(axis=1), corner.max(axis=1))
+    group = np.full(len(size), -1)
+    group[real], point, axis, off = _grow(corner, axis, size[real], order, boxes, tolerance_m)
+    return Fits(group, point, axis, off)
+
+
+@compiled
+def _distance(
+    corner: Float[np.ndarray, "k 3"], point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]
+) -> float:
+    """How far the farthest of three corners is off a plane, or of two off a line [m]."""
+    most = 0.0
+    for k in range(len(corner)):
+        along, size = 0.0, 0.0
+        for i in range(3):
+            along += axis[i] * (corner[k, i] - point[i])
+        if len(corner) == 3:
+            most = max(most, abs(along))
+            continue
+        for i in range(3):
+            size += (corner[k, i] - point[i] - along * axis[i]) ** 2
+        most = max(most, np.sqrt(size))
+    return most
+
+
+@compiled
+def _fit(
+    corner: Float[np.ndarray, "n k 3"],
+    size: Float[np.ndarray, " n"],
+    members: Int[np.ndarray, " m"],
+    axis: Float[np.ndarray, "3"],
+) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    """Point and axis of the plane or line fitted to members, close to an axis that is close already.
+
+    Least squares over areas or lengths: the product of two linear functions integrates over a simplex of k corners to
+    (sum of f g + sum of f times sum of g) / (k (k + 1)). What the axis is off by is small, so it is found exactly.
+    """
+    k, total = corner.shape[1], 0.0
+    centre, first = np.zeros(3), corner[members[0], 0]
+    for m in members:
+        total += size[m]
+        for i in range(3):
+            for c in range(k):
+                centre[i] += size[m] * (corner[m, c, i] - first[i]) / k
+    centre = first + centre / total
+    least = np.argmin(np.abs(axis))
+    one = np.zeros(3)
+    one[(least + 1) % 3], one[(least + 2) % 3] = -axis[(least + 2) % 3], axis[(least + 1) % 3]
+    one /= np.sqrt((one**2).sum())
+    frame = np.stack((one, np.cross(axis, one), axis))
+    product, place, sums = np.zeros((3, 3)), np.empty((k, 3)), np.empty(3)
+    for m in members:
+        for a in range(3):
+            sums[a] = 0.0
+            for c in range(k):
+                place[c, a] = 0.0
+                for i in range(3):
+                    place[c, a] += frame[a, i] * (corner[m, c, i] - centre[i])
+                sums[a] += place[c, a]
+        for a in range(3):
+            for b in range(3):
+                inner = sums[a] * sums[b]
+                for c in range(k):
+                    inner += place[c, a] * place[c, b]
+                product[a, b] += size[m] * inner
+    if k == 2:
+        turn = product[2] / product[2, 2]
+    else:
+        det = product[0, 0] * product[1, 1] - product[0, 1] ** 2
+        if det <= 1e-14 * (product[0, 0] + product[1, 1]) ** 2:  # a line: no plane is better than that
+            return centre, axis
+        turn = np.zeros(3)
+        turn[0] = -(product[1, 1] * product[0, 2] - product[0, 1] * product[1, 2]) / det
+        turn[1] = -(product[0, 0] * product[1, 2] - product[0, 1] * product[0, 2]) / det
+    turned = axis + turn[0] * frame[0] + turn[1] * frame[1]
+    return centre, turned / np.sqrt((turned**2).sum())
+
+
+@compiled
+def _collect(
+    corner: Float[np.ndarray, "n k 3"],
+    boxes: Boxes,
+    state: Int[np.ndarray, " n"],
+    me: int,
+    low: Float[np.ndarray, "3"],
+    high: Float[np.ndarray, "3"],
+    point: Float[np.ndarray, "3"],
+    axis: Float[np.ndarray, "3"],
+    near_m: float,
+    members: Int[np.ndarray, " n"],
+    count: int,
+) -> int:
+    """Append what lies in a plane or on a line, is in part within a box, and is neither taken nor refused."""
+    stack, depth, line = np.empty(64, np.int64), 1, corner.shape[1] == 2
+    stack[0] = 0
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        apart, along, reach, radius = False, 0.0, near_m, near_m
+        for i in range(3):
+            half = (boxes.high[box, i] - boxes.low[box, i]) / 2
+            apart = apart or boxes.low[box, i] > high[i] or boxes.high[box, i] < low[i]
+            along += axis[i] * (boxes.low[box, i] + half - point[i])
+            reach += abs(axis[i]) * half
+            radius += half
+        off = 0.0
+        for i in range(3):
+            middle = (boxes.low[box, i] + boxes.high[box, i]) / 2
+            off += (middle - point[i] - along * axis[i]) ** 2
+        if apart or (off > radius * radius if line else abs(along) > reach):
+            continue
+        first, other = boxes.child[box]
+        if first >= 0:
+            stack[depth], stack[depth + 1] = first, other
+            depth += 2
+            continue
+        for j in range(-1 - first, -1 - first + other):
+            t = boxes.number[j]
+            if state[t] < 0 and state[t] != -2 - me:
+                outside = False
+                for i in range(3):
+                    least, most = np.inf, -np.inf
+                    for k in range(corner.shape[1]):
+                        least, most = min(least, corner[t, k, i]), max(most, corner[t, k, i])
+                    outside = outside or least > high[i] or most < low[i]
+                if not outside and _distance(corner[t], point, axis) <= near_m:
+                    state[t], members[count] = me, t
+                    count += 1
+    return count
+
+
+@compiled
+def _settle(
+    corner: Float[np.ndarray, "n k 3"],
+    size: Float[np.ndarray, " n"],
+    members: Int[np.ndarray, " n"],
+    before: int,
+    count: int,
+    point: Float[np.ndarray, "3"],
+    axis: Float[np.ndarray, "3"],
+    off: float,
+    near_m: float,
+) -> tuple[int, Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
+    """Fit a group with its new members, without those that then are off: how many it has, and its fit.
+
+    What is left out comes last. If a member from before would be off, all new ones are left out.
+    """
+    while count > before:
+        at, to = _fit(corner, size, members[:count], axis)
+        most, kept, good = 0.0, before, True
+        for j in range(count):
+            away = _distance(corner[members[j]], at, to)
+            most = max(most, away)
+            if j < before:
+                good = good and away <= near_m
+            elif away <= near_m:
+                members[kept], members[j] = members[j], members[kept]
+                kept += 1
+        if most <= near_m:
+            return count, at, to, most
+        count = kept if good else before
+    return before, point, axis, off
+
+
+@compiled
+def _grow(
+    corner: Float[np.ndarray, "n k 3"],
+    own_axis: Float[np.ndarray, "n 3"],
+    size: Float[np.ndarray, " n"],
+    order: Int[np.ndarray, " n"],
+    boxes: Boxes,
+    near_m: float,
+) -> tuple[
+    Int[np.ndarray, " n"], Float[np.ndarray, "g 3"], Float[np.ndarray, "g 3"], Float[np.ndarray, " g"]
+]:
+    """Groups, and point, axis and deviation of each; see `Fits`."""
+    n = len(corner)
+    # Group of each; -1 for none; -2 - g for none if group g refused it last.
+    state, members, count = np.full(n, -1), np.empty(n, np.int64), 0
+    points, axes, offs = np.empty((n, 3)), np.empty((n, 3)), np.zeros(n)
+    low, high = np.empty(3), np.empty(3)
+    for s in order:
+        if state[s] >= 0:
+            continue
+        state[s], members[0], m = count, s, 1
+        point, axis, off = corner[s, 0].copy(), own_axis[s].copy(), 0.0
+        for i in range(3):
+            low[i], high[i] = corner[s, :, i].min(), corner[s, :, i].max()
+        while True:
+            # As far again as the group is long, and no farther while that finds something.
+            span, whole = (high - low).max(), True
+            for i in range(3):
+                low[i] -= span
+                high[i] += span
+                whole = whole and low[i] <= boxes.low[0, i] and high[i] >= boxes.high[0, i]
+            before = m
+            m = _collect(corner, boxes, state, count, low, high, point, axis, near_m, members, m)
+            if m == before:
+                if whole:
+                    break
+                continue
+            found = m
+            m, point, axis, off = _settle(corner, size, members, before, found, point, axis, off, near_m)
+            for j in range(m, found):
+                state[members[j]] = -2 - count
+            for i in range(3):
+                low[i], high[i] = np.inf, -np.inf
+                for j in range(m):
+                    for k in range(corner.shape[1]):
+                        low[i] = min(low[i], corner[members[j], k, i])
+                        high[i] = max(high[i], corner[members[j], k, i])
+        points[count], axes[count], offs[count] = point, axis, off
+        count += 1
+    return state, points[:count].copy(), axes[:count].copy(), offs[:count].copy()
