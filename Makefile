@@ -8,7 +8,8 @@
 # or sudo.
 #
 #   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
-#   make docs      the documentation, in docs/_build/html; the first time some minutes, as every example is run
+#   make docs      the documentation, in docs/_build/html; some three minutes the first time, as every example is run.
+#                  PyTorch is not needed
 #   make linkcheck whether the pages that it links to are there; needs the network
 #   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
 #   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
@@ -21,6 +22,9 @@ OUT ?= out/demo
 FRESH ?= demo test
 MOMENTS ?= 20
 BIN := $(VENV)/bin
+# What was installed under the former name, robosim, goes first: it owns the same command.
+INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
+  $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
 .PHONY: demo test coverage docs linkcheck faults fuzz install python system system-all fresh clean
@@ -36,7 +40,7 @@ test: $(VENV)/.test-installed
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n auto --dist worksteal
 
-# Warnings are errors. The doctests of its pages run with `make test`.
+# Warnings are errors. The blocks of its pages run with `make test`.
 docs: $(VENV)/.docs-installed
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
@@ -74,15 +78,15 @@ $(BIN)/pip: | system
 	@$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[live]'
+	$(INSTALL) '.[live]'
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml | system-all $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[test]'
+	$(INSTALL) '.[test]'
 	@touch $@ $(VENV)/.installed
 
 $(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
-	$(BIN)/python -m pip install --quiet --use-pep517 --editable '.[docs]'
+	$(INSTALL) '.[docs]'
 	@touch $@ $(VENV)/.installed
 
 # Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import scipy.stats
+from sphinx.ext.autodoc.mock import _MockModule
 
 ROOT = Path(__file__).resolve().parent.parent
 # This checkout before any that is installed.
@@ -72,6 +73,9 @@ bibtex_bibfiles = ["references.bib"]
 bibtex_reference_style = "author_year"
 bibtex_default_style = "plain"
 
+# Modules that train are documented without PyTorch, which the extra `docs` does not bring. Shapes need a class.
+autodoc_mock_imports = ["torch"]
+_MockModule.Tensor = type("Tensor", (), {"__module__": "torch"})
 autodoc_member_order = "bysource"
 autodoc_default_options = {"undoc-members": True}
 autodoc_typehints = "signature"

@@ -43,6 +43,7 @@ Environments to learn in:
 
     TargetSearch     the search for a target as a Gymnasium environment
     TargetSearchVector  many of them in one process
+    sb3_vec_env      the same as a vector environment of Stable-Baselines3
     SearchConfig     what is observed, what is rewarded, which tasks there are
     MadeHomes        invented homes as a source of plans
 
@@ -88,6 +89,7 @@ Data sets:
 """
 
 import _signal  # without what `signal` adds: as early as can be
+import logging
 import os
 import sys
 
@@ -106,6 +108,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import gymnasium
+
+# So, as every name that is imported here otherwise is one of the public ones below.
+_installation = import_module("robosim.support.installation")
 
 #: Where each public name is: imported when it is first asked for, since not everybody needs everything.
 _MODULES = {
@@ -139,6 +144,7 @@ _MODULES = {
     "DepthNoise": "camera.depth_noise",
     "TargetSearch": "environments.target_search",
     "TargetSearchVector": "environments.target_search_vector",
+    "sb3_vec_env": "environments.sb3",
     "SearchConfig": "environments.config",
     "MadeHomes": "environments.sources",
     "make_task": "task.tasks",
@@ -170,7 +176,13 @@ _MODULES = {
     "Situation": "policies.situation",
     "Measurement": "radio.measurement",
 }
+#: What `from robosim import *` brings: data sets for PyTorch only where that is installed.
 __all__ = ["__version__", *_MODULES]
+if not _installation.is_installed("torch"):
+    __all__ = [name for name in __all__ if _MODULES.get(name) != "datasets.torch_data"]
+
+if (_trouble := _installation.namesake()) is not None:
+    logging.getLogger(__name__).warning(_trouble)
 
 # MuJoCo's EGL needs a newer PyOpenGL than the one that pyrender asks for: with MUJOCO_GL=egl, as many servers have it
 # set, `import mujoco` would fail. Its renderer is not used here but to compare with.
@@ -219,6 +231,7 @@ if TYPE_CHECKING:
     from robosim.datasets.torch_data import LinkDataset as LinkDataset
     from robosim.datasets.trace import trace_plan as trace_plan
     from robosim.environments.config import SearchConfig as SearchConfig
+    from robosim.environments.sb3 import sb3_vec_env as sb3_vec_env
     from robosim.environments.sources import MadeHomes as MadeHomes
     from robosim.environments.target_search import TargetSearch as TargetSearch
     from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector
@@ -269,7 +282,7 @@ else:
     def __getattr__(name: str) -> object:
         """A public name, imported when it is first asked for."""
         if name == "__version__":
-            value: object = version("robosim")
+            value: object = _installation.package_version()
         elif name in _MODULES:
             value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
         else:

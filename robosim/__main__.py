@@ -12,6 +12,12 @@ def main() -> None:
     """Entry point of the `robosim` command as a program of its own."""
     try:
         gc.disable()  # until all is loaded: see `robosim.support.garbage`
+        import robosim
+
+        if not hasattr(robosim, "_MODULES"):  # another project's files have replaced this one's
+            from robosim.support.installation import namesake
+
+            sys.exit(f"robosim: {namesake()}")
         from robosim.cli import main as command
 
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:

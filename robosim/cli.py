@@ -12,7 +12,6 @@ import signal
 import sys
 import traceback
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Annotated, Any, Union
 
 import tyro
@@ -21,16 +20,17 @@ from rich.logging import RichHandler
 from rich.text import Text
 
 from robosim.commands.speaking import speaking
-from robosim.commands.table import COMMANDS, GROUPS, listed, loaded, named
+from robosim.commands.table import COMMANDS, GROUPS, HELP_ALL, listed, loaded, named, with_common
 from robosim.support.garbage import look_for_garbage
+from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.processes import processes_kept
 
 #: Options that every command has, wherever they stand.
 _EVERYWHERE = ("--debug", "--quiet", "--json", "--version")
 _EVERYWHERE_HELP = (
-    "Everywhere: --quiet prints errors alone, --json prints the result as one JSON object and nothing else, --debug "
-    "shows where an error comes from, --version says which version this is."
+    "Everywhere: --quiet prints errors only, --json prints the result as one JSON object and nothing else, --debug "
+    "prints where an error comes from, --version prints the version. Each command also takes --figures pdf or svg."
 )
 #: What a shell's completion is asked for by.
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     everywhere = {word for word in words if word in _EVERYWHERE}
     words = [word for word in words if word not in _EVERYWHERE]
     if "--version" in everywhere:
-        print(f"robosim {version('robosim')}")
+        print(f"robosim {package_version()}")
         return
     handler = RichHandler(console=Console(stderr=True), show_time=False, show_path=False)
     logging.basicConfig(level=logging.WARNING, format="%(message)s", handlers=[handler])
@@ -88,8 +88,12 @@ def _run(words: list[str]) -> None:
             from robosim.commands.episode_config import started  # brings the whole simulator
 
             command = started(command, rest)
+        command = with_common(command)
         look_for_garbage()
-        tyro.cli(command, prog=f"robosim {name}", args=rest)
+        # One help of each command shows every option; `started` has shortened the other.
+        tyro.cli(
+            command, prog=f"robosim {name}", args=["--help" if word == HELP_ALL else word for word in rest]
+        )
         return
     group = words[0] if words and words[0] in GROUPS else ""
     description = GROUPS.get(
@@ -99,7 +103,7 @@ def _run(words: list[str]) -> None:
     )
     commands, rest = listed(group), words[1:] if group else words
     if any(word.startswith(_COMPLETION) for word in rest):
-        commands = {**commands, **{name: loaded(name) for name in COMMANDS if " " not in name}}
+        commands = {**commands, **{name: with_common(loaded(name)) for name in COMMANDS if " " not in name}}
         commands |= {name: _union(name) for name in GROUPS}
     look_for_garbage()
     prog = f"robosim {group}".strip()
@@ -113,14 +117,8 @@ def _explained(error: Exception) -> tuple[int, str]:
         return 1, text
     if isinstance(error, ValueError):
         return 2, text
-    if isinstance(error, ImportError):
-        from robosim.remedies import EXTRAS
-
-        if error.name in EXTRAS:
-            return (
-                2,
-                f"this needs {error.name}, which is not installed: pip install 'robosim[{EXTRAS[error.name]}]'",
-            )
+    if isinstance(error, ImportError) and error.name in EXTRAS:
+        return 2, str(missing_extra(error.name, "this"))
     if isinstance(error, OSError):
         if error.errno in _FULL:
             where = f" ({error.filename})" if error.filename else ""
@@ -138,7 +136,9 @@ def _union(group: str) -> Any:
     """The commands of a group as one type, for tyro to complete words from."""
     return Union[  # noqa: UP007
         tuple(
-            Annotated[Any, tyro.conf.subcommand(name=name, constructor=loaded(f"{group} {name}"))]
+            Annotated[
+                Any, tyro.conf.subcommand(name=name, constructor=with_common(loaded(f"{group} {name}")))
+            ]
             for name in listed(group)
         )
     ]

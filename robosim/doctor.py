@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 from time import perf_counter
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,7 @@ from rich.text import Text
 from robosim.camera.rendering.gl_binding import default_system
 from robosim.camera.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
 from robosim.remedies import CACHE_REMEDY, remedy
+from robosim.support.installation import EXTRAS, install_command, is_installed, package_version
 
 if TYPE_CHECKING:
     from robosim.building.building import Building
@@ -60,14 +62,14 @@ def examine() -> list[Finding]:
         _check("opencv ArUco", "cv2", _aruco),
         _check("video (H.264)", "av", _video),
         _check("learned mapper", "onnxruntime", _mapper),
-        _check("training", "torch", _training, needed=False),
+        *(_extra(module) for module in EXTRAS),
     ]
 
 
 def report(findings: list[Finding], console: Console) -> bool:
     """Print the findings as a table, and return whether the main job can be done."""
     console.print(
-        f"robosim {importlib.metadata.version('robosim')} on Python {platform.python_version()}, "
+        f"robosim {package_version()} on Python {platform.python_version()}, "
         f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores"
     )
     table = Table(box=None, pad_edge=False)
@@ -75,7 +77,8 @@ def report(findings: list[Finding], console: Console) -> bool:
         table.add_column(column, overflow="fold")
     for finding in findings:
         colour = "green" if finding.works else "red" if finding.needed else "yellow"
-        state = Text("works" if finding.works else "fails", colour)
+        absent = not finding.needed and finding.detail.endswith("is not installed.")
+        state = Text("works" if finding.works else "absent" if absent else "fails", colour)
         # As they are, whether or not the console takes brackets for markup.
         table.add_row(Text(finding.part), state, Text(finding.detail), Text(finding.fix))
     console.print(table)
@@ -279,10 +282,13 @@ def _mapper() -> str:
     return f"{_version('onnxruntime')}, {1000 / rate:.1f} ms a frame"
 
 
-def _training() -> str:
-    import torch
-
-    return f"torch {torch.__version__}"
+def _extra(module: str) -> Finding:
+    part = f"extra {EXTRAS[module]}"
+    if not is_installed(module):
+        return Finding(
+            part, False, f"{module} is not installed.", install_command(EXTRAS[module]), needed=False
+        )
+    return _check(part, module, lambda: f"{module} {import_module(module).__version__}", needed=False)
 
 
 def _room() -> "Building":

@@ -188,4 +188,6 @@ TerminalPart = Annotated[Part, TERMINAL.option()]
 EstimatorPart = Annotated[Part, ESTIMATOR.option()]
 ClassifierPart = Annotated[Part, CLASSIFIER.option()]
 MaterialPart = Annotated[Part, MATERIAL.option()]
+#: The same for options of a command that has one of those already, so that its help lists the names once.
+NextMaterialPart = Annotated[Part, MATERIAL.option(metavar="MATERIAL")]
 ReaderPart = Annotated[Part, READER.option("auto")]

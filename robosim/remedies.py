@@ -8,6 +8,7 @@ import importlib.metadata
 import re
 
 from robosim.camera.rendering.gl_libraries import OpenGLError
+from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command
 
 #: Where numba finds no folder for compiled code: neither the package's own nor one in the home directory.
 CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is kept"
@@ -18,9 +19,8 @@ _PACKAGES = {
     "PIL": "pillow",
     "yaml": "pyyaml",
     "OpenGL": "PyOpenGL==3.1.0",
+    "rerun": "rerun-sdk",
 }
-#: Packages that not everybody needs, and the extra that brings them.
-EXTRAS = {"torch": "train"}
 _LIBRARY = re.compile(r"(lib[\w.+-]+\.so[.\d]*): cannot open shared object file")
 
 
@@ -41,7 +41,7 @@ def remedy(error: BaseException, module: str) -> str:
     if isinstance(error, ImportError) and error.name and _known(error.name):
         module = error.name
     if (extra := EXTRAS.get(module.partition(".")[0])) and not _installed(module):
-        return f"pip install 'robosim[{extra}]'"
+        return install_command(extra)
     if not _installed(module):
         return f"pip install '{_requirement(module)}'"
     again = f"pip install --force-reinstall --no-deps '{_requirement(module)}'"
@@ -72,7 +72,7 @@ def _requirement(module: str) -> str:
     """What to ask pip for to get a module: as this project's own requirement says, if it has one."""
     package = _package(module)
     try:
-        stated = importlib.metadata.requires("robosim") or []
+        stated = importlib.metadata.requires(DISTRIBUTION) or []
     except importlib.metadata.PackageNotFoundError:
         stated = []
     for requirement in stated:

@@ -1,6 +1,5 @@
 """One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
 
-import importlib.metadata
 import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -24,6 +23,7 @@ from robosim.policies.reason import decisions_along
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
 from robosim.support.files import write_json
+from robosim.support.installation import package_version
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.parts import described, told
 from robosim.support.progress import text_column
@@ -254,7 +254,7 @@ def _result(
         **log.result(),
         "walls": len(building.walls_2d),
         "config": described(config),
-        "versions": {name: importlib.metadata.version(name) for name in ("robosim", "mujoco", "numpy")},
+        "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
         "timing": {
             "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},
             "decisions_per_s": log.steps / loop if loop else 0.0,

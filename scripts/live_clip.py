@@ -4,7 +4,7 @@
 
 Playwright drives Debian's Chromium over the real page of `robosim live`; each frame is a picture of the window, taken
 once all that was asked for is drawn, so that the clip does not depend on how fast this machine draws. Needs
-robosim[live], Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
+the extra `live`, Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
 """
 
 import argparse
@@ -142,7 +142,7 @@ def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
 def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
     """Let a search run, and go through its decisions one after another."""
     tab, searches = film.tab, page.search(config, BuildingConfig())
-    choose(tab, "show", "Search")
+    tab.get_by_role("button", name="Search", exact=True).first.click()
     tab.get_by_role("button", name="Start", exact=True).first.click()
     wait(lambda: bool(searches.searches) and not any(one.alive for one in searches.searches), "the search")
     recording = searches.searches[0].recording
@@ -158,12 +158,6 @@ def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
         wait(lambda i=i: searches.player.shown == i, f"decision {i}")
         drawn(tab)
         film.take(LAST_MS if i == last else SEARCH_MS // count)
-
-
-def choose(tab: Tab, label: str, option: str) -> None:
-    """Take an option of a list."""
-    tab.locator(f"xpath=//*[normalize-space(text())='{label}']/following::input[1]").first.click()
-    tab.get_by_role("option", name=option, exact=True).first.click()
 
 
 def wait(condition: Any, what: str) -> None:

@@ -132,7 +132,7 @@ else:
     def __getattr__(name: str) -> object:
         """A public name, imported when it is first asked for."""
         if name == "__version__":
-            value: object = version("robosim")
+            value: object = version("robosim-wireless")
         elif name in _MODULES:
             value = getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
         else:

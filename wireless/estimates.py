@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
 
 
@@ -52,7 +53,8 @@ class PathEstimates:
     def _summary(self) -> str:
         """How many paths of what."""
         without = (self.count == 0).sum()
-        return f"{self.count.sum()} estimated path(s) of {len(self)} link(s), {without} of them without any"
+        paths = counted(self.count.sum(), "estimated path")
+        return f"{paths} of {counted(len(self), 'link')}, {without} of them without any"
 
     def _listing(self) -> Listing:
         """The first estimates as a table, in degrees and nanoseconds."""

@@ -26,8 +26,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.support.axes import axes_in_metres
+from wireless.support.axes import axes_in_metres, ray_colours
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
+from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
 from wireless.support.reading import reading
 
@@ -69,6 +70,16 @@ class LinkState(IntEnum):
     LOS = 1
     FIRST_ORDER = 2
     HIGHER_ORDER = 3
+
+
+class LinkCategory(IntEnum):
+    """`LinkState` with line of sight through walls apart, as tables and pictures show it."""
+
+    OUTAGE = 0
+    LOS = 1
+    FIRST_ORDER = 2
+    HIGHER_ORDER = 3
+    OBSTRUCTED_LOS = 4
 
 
 class Interaction(IntEnum):
@@ -183,13 +194,25 @@ class Paths:
         Args:
             threshold_db: Paths of less power gain do not count.
         """
+        category = self.link_category(threshold_db)
+        return np.where(category == LinkCategory.OBSTRUCTED_LOS, np.uint8(LinkState.LOS), category)
+
+    def link_category(self, threshold_db: float = -np.inf) -> UInt8[np.ndarray, "n_tx n_rx"]:
+        """`LinkCategory` of each link: its link state, or obstructed line of sight if the direct path passes walls.
+
+        Args:
+            threshold_db: Paths of less power gain do not count.
+        """
         heard = self.select(self.power_db >= threshold_db)
         shape = len(self.tx_position), len(self.rx_position)
         direct = heard.order == (heard.interaction == Interaction.TRANSMISSION).sum(axis=1)
         state = np.zeros(shape[0] * shape[1], np.uint8)
         state[heard.link] = LinkState.HIGHER_ORDER
         state[heard.link[(heard.order == 1) & ~direct]] = LinkState.FIRST_ORDER
-        state[heard.link[direct & (heard.rank == 0)]] = LinkState.LOS
+        strongest = direct & (heard.rank == 0)
+        state[heard.link[strongest]] = np.where(
+            heard.order[strongest] > 0, LinkCategory.OBSTRUCTED_LOS, LinkCategory.LOS
+        )
         return state.reshape(shape)
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
@@ -208,7 +231,7 @@ class Paths:
         ways = [
             np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
         ]
-        rays = LineCollection(ways, cmap="viridis_r", linewidths=1.0)
+        rays = LineCollection(ways, cmap=ray_colours(), linewidths=1.0)
         rays.set_array(self.power_db[weakest_first])
         axes.add_collection(rays)
         for at, marker, name in ((ends[0], "*", "transmitter"), (ends[1], "P", "receiver")):
@@ -220,8 +243,10 @@ class Paths:
 
     def _summary(self) -> str:
         """How many paths of what."""
-        n_tx, n_rx = len(self.tx_position), len(self.rx_position)
-        return f"{len(self)} path(s), {n_tx} transmitter(s) to {n_rx} receiver(s) at {self.frequency_hz / 1e9:g} GHz"
+        ends = (
+            f"{counted(len(self.tx_position), 'transmitter')} to {counted(len(self.rx_position), 'receiver')}"
+        )
+        return f"{counted(len(self), 'path')}, {ends} at {self.frequency_hz / 1e9:g} GHz"
 
     def _listing(self) -> Listing:
         """The first paths as a table."""

@@ -1,62 +1,84 @@
-"""Pages of the command line, made from each command's own --help when the site is built."""
+"""Pages of the command line, made from each command's own parser when the site is built."""
 
-import contextlib
-import io
-import os
+import argparse
+import inspect
 import re
+import warnings
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+import tyro
 from made_pages import write_pages
-from sphinx.application import Sphinx
 
-from robosim.commands.table import COMMANDS, GROUPS
+from robosim.commands.episode_config import started
+from robosim.commands.table import COMMANDS, GROUPS, loaded
 
-#: So wide that nothing is wrapped.
-_WIDTH = "4000"
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
+#: What a parser appends to the help of an option.
+_ENDING = re.compile(r" *\((required|repeatable|default: ?(.*))\)$")
+#: Choices as a parser writes them, with what else an option takes: {a,b}|FILE.
+_CHOICES = re.compile(r"\{([^}]*)\}(\|.*)?")
+#: What every page of a command ends with.
+_EVERYWHERE = (
+    "Every command also takes `--json`, `--quiet`, `--debug` and `--version`: {doc}`/reference/cli`."
+)
 
 
-def setup(app: Sphinx) -> dict[str, bool]:
+def setup(app: "Sphinx") -> dict[str, bool]:
     """Connect."""
     app.connect("builder-inited", _write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
-def _write(app: Sphinx) -> None:
+def _write(app: "Sphinx") -> None:
     folder = Path(app.srcdir) / "reference" / "commands"
     folder.mkdir(parents=True, exist_ok=True)
     wanted = {}
     for command in dict.fromkeys(name.split()[0] for name in COMMANDS):
-        inner = [name.split() for name in COMMANDS if name.split()[0] == command]
+        inner = [name for name in COMMANDS if name.split()[0] == command]
         if command in GROUPS:
-            body = f"# `robosim {command}`\n\n{_prose(GROUPS[command])}\n\n"
-            wanted[f"{command}.md"] = body + "".join(_page(words, 2) for words in inner)
+            title = f"# `robosim {command}`\n\n{_prose(GROUPS[command])}.\n\n"
+            body = title + "".join(page(name, 2) for name in inner)
         else:
-            wanted[f"{command}.md"] = _page(inner[0], 1)
+            body = page(inner[0], 1)
+        wanted[f"{command}.md"] = f"{body}{_EVERYWHERE}\n"
     write_pages(folder, wanted, ".md")
 
 
-def _help(words: list[str]) -> str:
-    """What a command says when asked for help."""
-    from robosim.cli import main
+def page(name: str, level: int) -> str:
+    """What a command does, its arguments and its options as Markdown, from a heading of a level on."""
+    parser = parser_of(name)
+    parts = [
+        f"({parser.prog.replace(' ', '-')})=",
+        f"{'#' * level} `{parser.prog}`",
+        _description(parser.description or ""),
+    ]
+    for group in parser._action_groups:
+        entries = [_entry(action) for action in group._group_actions if action.dest != "help"]
+        if entries:
+            title = (group.title or "").removeprefix("positional ").capitalize()
+            parts += [f"**{title}**" if level > 1 else f"{'#' * (level + 1)} {title}"]
+            parts += [_prose(group.description or ""), *entries]
+    return "\n\n".join(part for part in parts if part) + "\n\n"
 
-    os.environ["COLUMNS"], before = _WIDTH, os.environ.get("COLUMNS")
-    try:
-        # Boxes are drawn where the terminal knows their characters.
-        out = io.TextIOWrapper(io.BytesIO(), "utf-8", write_through=True)
-        with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
-            main([*words, "--help"])
-    finally:
-        os.environ.pop("COLUMNS")
-        if before is not None:
-            os.environ["COLUMNS"] = before
-    return re.sub(r"\x1b\[[0-9;]*m", "", out.buffer.getvalue().decode())
+
+def parser_of(name: str) -> argparse.ArgumentParser:
+    """The parser of a command."""
+    command = loaded(name)
+    if "settings" in inspect.signature(command).parameters:
+        command = started(command, [])
+    with warnings.catch_warnings():
+        # The only description of a parser that tyro offers.
+        warnings.filterwarnings("ignore", "get_parser", DeprecationWarning)
+        return tyro.extras.get_parser(command, prog=f"robosim {name}")
 
 
 def _description(text: str) -> str:
-    """What stands between usage and the first box; the example in a block of its own."""
-    paragraphs = text.split("╭")[0].split("\n\n")[1:]
+    """Paragraphs; the example in a block of its own."""
     out = []
-    for paragraph in paragraphs:
+    for paragraph in text.split("\n\n"):
         line = " ".join(paragraph.split())
         if line.startswith("Example: "):
             out.append(f"```console\n$ {line.removeprefix('Example: ')}\n```")
@@ -65,37 +87,37 @@ def _description(text: str) -> str:
     return "\n\n".join(out)
 
 
-def _page(words: list[str], level: int) -> str:
-    text = _help(words)
-    name = " ".join(["robosim", *words])
-    parts = [f"({name.replace(' ', '-')})=", f"{'#' * level} `{name}`", _description(text)]
-    for title, options in _boxes(text):
-        parts.append(
-            f"**{title[0].upper()}{title[1:]}**" if level > 1 else f"{'#' * (level + 1)} {title.capitalize()}"
-        )
-        parts.extend(f"`{option}`\n: {_prose(what) or '–'}" for option, what in options)
-    return "\n\n".join(parts) + "\n\n"
+def _entry(action: argparse.Action) -> str:
+    """An entry of a definition list: the option with its type; its meaning, its choices and its default."""
+    text = " ".join((action.help or "").split())
+    ending = _ENDING.search(text)
+    text = _ENDING.sub("", text)
+    value, several = _value(action)
+    names: list[str] = []
+    if choices := _CHOICES.fullmatch(value):
+        names = [name for name in re.split("[,|]", choices[1] + (choices[2] or "")) if name != "None"]
+        value = ""
+    name = ", ".join(action.option_strings) or action.dest.upper()
+    term = " ".join(filter(None, [name, value if action.option_strings else "", several]))
+    sentences = [_prose(text)]
+    if names:
+        sentences.append(f"One of {', '.join(f'`{name}`' for name in names)}.")
+    if type(action).__name__ == "BooleanOptionalAction":  # tyro has one of its own
+        sentences.append("On by default." if action.default else "Off by default.")
+    elif ending and ending[1] == "required":
+        sentences.append("Required.")
+    elif ending and ending[1] == "repeatable" and "several times" not in text:
+        sentences.append("Can be given several times.")
+    elif ending and ending[2] not in (None, "None", ""):
+        sentences.append(f"Default: `{ending[2]}`.")
+    return f"`{term}`\n: {' '.join(filter(None, sentences)) or '–'}"
 
 
-def _boxes(text: str) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Titles of the boxes in a help text, and the options in each with what they mean."""
-    boxes: list[tuple[str, list[tuple[str, str]]]] = []
-    options: list[tuple[str, str]] = []
-    for line in text.splitlines():
-        if line.startswith("╭"):
-            options = []
-            boxes.append((line.strip("╭╮─ "), options))
-        elif line.startswith("│"):
-            content = line[1:-1].removeprefix(" ").rstrip()
-            if content.startswith("-") or (content and not content[0].isspace() and "  " in content):
-                option, _, what = content.partition("  ")
-                options.append((option.strip(), what.strip()))
-            elif content.startswith(" ") and options:
-                option, what = options[-1]
-                options[-1] = option, f"{what} {content.strip()}"
-    for _, found in boxes:
-        found[:] = [entry for entry in found if not entry[0].startswith("-h")]
-    return [(title, found) for title, found in boxes if found]
+def _value(action: argparse.Action) -> tuple[str, str]:
+    """The type of an option's value, and dots if it takes several."""
+    # Of [[STR [STR ...]]] one STR is left.
+    value = re.sub(r"^\[+(\{[^}]*\}[^\[\] ]*|[^\[\] ]+)( \[.*|\]*)$", r"\1", str(action.metavar or ""))
+    return value.removeprefix("{None}|"), "..." if action.nargs == "*" else ""
 
 
 def _prose(text: str) -> str:

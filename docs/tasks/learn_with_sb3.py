@@ -11,27 +11,18 @@ import argparse
 import gymnasium
 import numpy as np
 from stable_baselines3 import PPO
-from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecNormalize
 
-import robosim  # registers the environment
+import robosim
 from robosim import GeneratorConfig, MadeHomes
 
-STEPS_OF_A_SEARCH = 300
-
-
-def environment(homes: MadeHomes, *, difficulty: float, curriculum: bool) -> gymnasium.Env:
-    """One robot; all robots of this process share buildings and radio tables."""
-    return gymnasium.make(
-        "robosim/TargetSearch-v1",
-        plan=homes,
-        observe=("lidar", "radio"),
-        targets=2,
-        difficulty=difficulty,
-        curriculum=curriculum,
-        rewards={"arrival": 10.0, "progress": 1.0, "collision": -0.1, "step": -0.01},
-        max_episode_steps=STEPS_OF_A_SEARCH,
-    )
+SEARCH = {
+    "observe": ("lidar", "radio"),
+    "targets": 2,
+    "difficulty": 0.0,
+    "rewards": {"arrival": 10.0, "progress": 1.0, "collision": -0.1, "step": -0.01},
+    "max_episode_steps": 300,
+}
 
 
 def arrivals(env: gymnasium.Env, act, searches: int) -> float:
@@ -50,12 +41,12 @@ def main(steps: int, robots: int = 8, searches: int = 20, homes: int = 10) -> di
     """Train, then compare."""
     small = GeneratorConfig(rooms=3, area_m2=35.0)
     seen, unseen = (MadeHomes(count=homes, seed=seed, config=small) for seed in (0, 10_000))
-    train = make_vec_env(lambda: environment(seen, difficulty=0.0, curriculum=True), robots, seed=0)
+    train = robosim.sb3_vec_env(robots, seen, curriculum=True, **SEARCH)
     train = VecNormalize(train, norm_obs_keys=["lidar", "path_delay", "path_snr"])
     policy = PPO("MultiInputPolicy", train, n_steps=256, batch_size=512, gamma=0.98, seed=0)
     policy.learn(steps)
     train.training = False
-    judge = environment(unseen, difficulty=0.0, curriculum=False)
+    judge = gymnasium.make("robosim/TargetSearch-v1", plan=unseen, **SEARCH)
     rng = np.random.default_rng(0)
     return {
         "learned": arrivals(judge, lambda o: int(policy.predict(train.normalize_obs(o))[0]), searches),

@@ -30,7 +30,6 @@ from jaxtyping import Float, Int
 from rich.console import Console
 from rich.table import Table
 
-from robosim.drawing.plots import save_figure
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.evaluation.episodes import Job, make_jobs, task_of
 from robosim.evaluation.evaluate import find_suite
@@ -38,6 +37,7 @@ from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.support.arrays_in import Array, read_npz
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.reading import reading

@@ -17,10 +17,10 @@ from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
 
-from robosim.drawing.plots import save_figure
 from robosim.published.edge_cases import Cases, find_cases, offset_db
 from robosim.published.edge_laws import laws, published_faces
 from robosim.published.label_links import GAP_M, PLASTERBOARD_M
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from wireless.estimation.public import PublicReceiver

@@ -19,9 +19,9 @@ from rich.console import Console
 from rich.table import Table
 
 from robosim.bench.radio_tables import plot_errors, radio_errors, radio_table
-from robosim.drawing.plots import save_figure
 from robosim.plans.floorplan import FloorPlan
 from robosim.simulator import SimulatorConfig
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
 

@@ -22,7 +22,6 @@ from rich.console import Console
 from rich.table import Table
 
 from robosim.building.building import BuildingConfig
-from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.episode_file import Head, read_head
 from robosim.evaluation.episodes import Job, make_jobs, run_job
@@ -30,6 +29,7 @@ from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.scores import Estimate, bootstrap
 from robosim.radio.link import RadioLinkConfig
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json, write_whole
 from robosim.support.parts import Part
 from robosim.support.progress import tracked

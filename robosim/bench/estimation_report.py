@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from rich.text import Text
 
-from robosim.drawing.plots import save_figure
-from robosim.drawing.radio import STATES
 from robosim.drawing.shares import draw_shares
+from robosim.support.colours import STATE_NAMES
+from robosim.support.figures import save_figure
 from wireless.estimation.estimators import ESTIMATORS
 from wireless.paths import LinkState
 
@@ -85,13 +85,13 @@ def _plan_table(report: dict[str, Any]) -> Table:
     for row in [*report["plans"], *({"plan": "all", **row} for row in report["pooled"])]:
         counted = [*(row["within"][most] for most in degrees), row["within_of_rivals"][5.0]]
         shares = (f"{100 * share:.1f} %" if row["links"] else "-" for share in counted)
-        state = STATES[LinkState[row["state"]]][0]
+        state = STATE_NAMES[LinkState[row["state"]]]
         table.add_row(
             Text(row["plan"]), state, row["estimator"], f"{row['links']:,}", f"{row['unheard']:,}", *shares
         )
     for name, shares_of in report["published"].items():
         shares = (f"{100 * shares_of[most]:.0f} %" if most in shares_of else "-" for most in degrees)
-        table.add_row("published", STATES[LinkState[name]][0], "", "", "", *shares)
+        table.add_row("published", STATE_NAMES[LinkState[name]], "", "", "", *shares)
     return table
 
 

@@ -24,13 +24,14 @@ from rich.table import Table
 from robosim.building.building import Building, make_building
 from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
-from robosim.drawing.plots import plan_axes, save_figure
+from robosim.drawing.plots import plan_axes
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
 from robosim.support.checks import LEVEL, SEED, check_numbers
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder

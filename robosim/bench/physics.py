@@ -20,11 +20,11 @@ from rich.table import Table
 from rich.text import Text
 
 from robosim.building.building import Building
-from robosim.drawing.plots import save_figure
 from robosim.robot.dynamic import PhysicsConfig, World
 from robosim.robot.kinematic import KinematicWorld
 from robosim.robot.odometry import NoiseModel
 from robosim.robot.robots import RobotConfig
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from slam.actions import Action
 from slam.poses import between

@@ -15,8 +15,8 @@ from rich.console import Console
 from rich.table import Table
 from scipy.constants import speed_of_light
 
-from robosim.drawing.plots import save_figure
 from robosim.published.measured_paths import MeasuredHall
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import tracked
 from slam.poses import wrap

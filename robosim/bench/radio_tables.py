@@ -16,13 +16,13 @@ from rich.table import Table
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.drawing.plots import save_figure
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.link import RadioLink
 from robosim.radio.table import RadioTable
 from robosim.radio.table_reader import read_paths
 from robosim.radio.transmitters import random_transmitters
 from robosim.robot.robots import RobotConfig
+from robosim.support.figures import save_figure
 from slam.poses import wrap
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths

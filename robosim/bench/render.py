@@ -29,7 +29,8 @@ from robosim.camera.rendering.gl_libraries import missing
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.files import read_plan
 from robosim.support.assets import shipped_plans
-from robosim.support.files import whole_file, write_json
+from robosim.support.figures import save_figure
+from robosim.support.files import write_json
 
 #: The camera that the others are compared with: of each kind of picture the first of these that works.
 OURS = {
@@ -253,5 +254,4 @@ def _plot(rows: list[Row], path: Path) -> None:
     axes.set(xscale="log", yscale="log", xlabel="frames per second", ylabel="largest error of depth [mm]")
     axes.grid(True, which="both", lw=0.3)
     figure.legend(fontsize="x-small", loc="outside right upper")
-    with whole_file(path) as partial:
-        figure.savefig(partial, dpi=130)
+    save_figure(figure, path)

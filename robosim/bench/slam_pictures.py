@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 
 from robosim.bench.exploration import area_under, held
 from robosim.building.building import Building
-from robosim.drawing.plots import save_figure
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.colours import ESTIMATE, TRUE
+from robosim.support.figures import save_figure
 from robosim.support.reading import reading
 from slam.networks.scores import PatchScores
 

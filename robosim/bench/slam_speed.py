@@ -25,12 +25,12 @@ from robosim.camera.depth_noise import DepthNoise
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
-from robosim.drawing.plots import save_figure
 from robosim.episode import Decision, run_episode
 from robosim.navigation import make_navigator
 from robosim.parts import MAPPER
 from robosim.plans.files import read_plan
 from robosim.support.checks import SIZE_PX, check_numbers
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
 from robosim.support.text_in import read_json

@@ -33,7 +33,8 @@ from rich.text import Text
 from robosim.bench import sight, space
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.plans.floorplan import FloorPlan
-from robosim.support.files import whole_file, write_json
+from robosim.support.figures import save_figure
+from robosim.support.files import write_json
 from robosim.support.progress import tracked
 from wireless.paths import Paths
 from wireless.tracing.blocks import available_cores
@@ -121,8 +122,7 @@ def run(
         | {"settings": settings, "pooled": summary, "speed": speeds, "sight": sights, "space": triangles},
     )
     _plot(summary, speeds, Path(out) / "wireless.png")
-    with whole_file(Path(out) / "space.png") as partial:
-        space.plot(triangles).savefig(partial, dpi=120)
+    save_figure(space.plot(triangles), Path(out) / "space.png")
     return Group(
         _error_table(summary), _speed_table(speeds, about), _sight_table(sights), *space.tables(triangles)
     )
@@ -421,5 +421,4 @@ def _plot(rows: list[dict[str, Any]], speeds: list[dict[str, Any]], path: Path) 
         fontsize="x-small",
         loc="outside right upper",
     )
-    with whole_file(path) as partial:
-        figure.savefig(partial, dpi=120)
+    save_figure(figure, path)

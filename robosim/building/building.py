@@ -31,9 +31,10 @@ from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.footprint import filled, footprint
 from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
 from robosim.building.wall_materials import cut_at_materials, materials_behind
-from robosim.parts import MATERIAL, MaterialPart
+from robosim.parts import MATERIAL, MaterialPart, NextMaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
+from robosim.plans.outside import outside_of
 from robosim.support.checks import check_numbers
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
@@ -86,12 +87,12 @@ class BuildingConfig:
     """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
     wall_material: MaterialPart = "partition"
     """Radio material of walls."""
-    floor_material: MaterialPart = "concrete"
-    """Radio material of the floor."""
-    ceiling_material: MaterialPart = "ceiling_board"
-    """Radio material of the ceiling."""
-    furniture_material: MaterialPart = "partition"
-    """Radio material of furniture."""
+    floor_material: NextMaterialPart = "concrete"
+    """Radio material of the floor; names as for walls."""
+    ceiling_material: NextMaterialPart = "ceiling_board"
+    """Radio material of the ceiling; names as for walls."""
+    furniture_material: NextMaterialPart = "partition"
+    """Radio material of furniture; names as for walls."""
 
     def __post_init__(self) -> None:
         check_tolerance(self.tolerance_m)
@@ -201,6 +202,11 @@ class Building(Faces):
             parts = parts[shapely.area(parts) > _TIDY_M]  # neither slivers nor lines
             self._free_of[key] = shapely.orient_polygons(shapely.MultiPolygon(list(parts)))
         return self._free_of[key]
+
+    @property
+    def indoor_m2(self) -> float:
+        """Area of the free floor [m2], without free space around the building."""
+        return self.free.area - float(outside_of(self.plan).sum()) * self.plan.resolution_m**2
 
     @property
     def walls_2d(self) -> Float[np.ndarray, "n 2 2"]:

@@ -3,7 +3,9 @@
 ``"cell_edge"`` plans have a wall on every edge between a free cell and another one. Going along such edges
 with the free cell on the left gives closed rings, counter-clockwise around free space and clockwise around
 holes. Where two free cells touch by a corner only, no way leads through: there the line turns so that
-different components stay apart and that every ring is simple, as the OGC rules for polygons ask.
+different components stay apart and that every ring is simple, as the OGC rules for polygons ask. A slanted wall one
+cell thick (`robosim.building.thin_walls`) would fall apart into posts by that rule: before it is straightened, its
+outline passes those corners twice.
 
 ``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
 `cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
@@ -23,8 +25,9 @@ import numpy as np
 import shapely
 from jaxtyping import Bool, Float, Int
 
-from robosim.building.rings import rings_of, together
+from robosim.building.rings import polygons_of, rings_of, together
 from robosim.building.straight import straightened
+from robosim.building.thin_walls import thin_wall_corners
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.support.checks import check_number
 
@@ -64,15 +67,16 @@ def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.Mul
         MapError: If there is no free area.
     """
     check_tolerance(tolerance_m)
+    if plan.wall_line == "cell_edge" and tolerance_m is None:
+        straight = straightened(*_rings_and_thin_walls(plan.free))
+        return straight or _edge_polygons(plan.free)
     free = _edge_polygons(plan.free) if plan.wall_line == "cell_edge" else _centre_polygons(plan.free)
     if free.is_empty:
         raise MapError(
             f"{plan.name}: free cells form lines one cell wide only, and walls through their centres leave "
             'no space between them. Use wall_line="cell_edge", or a finer plan.'
         )
-    if tolerance_m is None:
-        return straightened(free) if plan.wall_line == "cell_edge" else free
-    return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m > 0 else free
+    return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m else free
 
 
 def wall_lines(plan: FloorPlan, tolerance_m: float | None = None) -> list[Float[np.ndarray, "_ 2"]]:
@@ -175,23 +179,49 @@ def check_tolerance(tolerance_m: float | None) -> None:
 
 def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:
     """Polygons around the 4-connected components of the free cells, in cell coordinates."""
+    return polygons_of(*_edge_rings(free, np.zeros((free.shape[0] + 1, free.shape[1] + 1), bool)))
+
+
+def _rings_and_thin_walls(
+    free: Bool[np.ndarray, "ny nx"],
+) -> tuple[list[Int[np.ndarray, "_ 2"]], Int[np.ndarray, " n"], Int[np.ndarray, "m 2"]]:
+    """Closed lines around the free cells, as `straightened` takes them."""
+    corners = (free.shape[0] + 1, free.shape[1] + 1)
+    thin = thin_wall_corners(_edge_rings(free, np.ones(corners, bool))[0])
+    joined = np.zeros(corners, bool)
+    joined[thin[:, 1], thin[:, 0]] = True
+    return *_edge_rings(free, joined), thin
+
+
+def _edge_rings(
+    free: Bool[np.ndarray, "ny nx"], joined: Bool[np.ndarray, "ny1 nx1"]
+) -> tuple[list[Int[np.ndarray, "_ 2"]], Int[np.ndarray, " n"]]:
+    """Closed lines around 4-connected free cells, and the number of each one's component, in the order of `rings_of`.
+
+    Args:
+        free: The cells.
+        joined: Corners of cells that a line may pass twice, since the cells that are not free are joined there.
+    """
     cells = np.pad(free, 1)
     _, label = cv2.connectedComponents(cells.astype(np.uint8), connectivity=4)
-    parts: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
-    for ring, component in _trace(cells, label):
-        around, holes = parts.setdefault(component, ([], []))
-        (around if _signed_area(ring) > 0 else holes).append(ring - 1)
-    return together([shapely.Polygon(around[0], holes) for around, holes in parts.values()])
+    parts: dict[int, list[np.ndarray]] = {}
+    for ring, component in _trace(cells, label, joined.ravel()):
+        of_part = parts.setdefault(component, [])
+        # The outer line, which alone runs counter-clockwise, comes first.
+        of_part.insert(0 if _signed_area(ring) > 0 else len(of_part), ring - 1)
+    owner = np.repeat(np.arange(len(parts)), [len(rings) for rings in parts.values()])
+    return [ring for rings in parts.values() for ring in rings], owner
 
 
 def _trace(
-    cells: Bool[np.ndarray, "ny nx"], label: Int[np.ndarray, "ny nx"]
+    cells: Bool[np.ndarray, "ny nx"], label: Int[np.ndarray, "ny nx"], joined: Bool[np.ndarray, " n"]
 ) -> list[tuple[Int[np.ndarray, "_ 2"], int]]:
     """Corners (ix, iy) of the closed lines around free cells, and the component each line belongs to.
 
     Args:
         cells: Free cells; those at the border of the array must not be free.
         label: Number of the 4-connected component of each free cell, from 1 on; 0 elsewhere.
+        joined: Which inner corners of cells, row by row, a line may pass twice.
     """
     # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
     around = np.stack([label[1:, 1:], label[1:, :-1], label[:-1, :-1], label[:-1, 1:]], axis=-1).reshape(
@@ -211,7 +241,7 @@ def _trace(
     # Both ways: two free cells touch by this corner. The line goes over to the other one if some way around
     # joins them, and so leaves a ring that is simple; else it stays with the cell it came along.
     here, other = around[reached, (way + 1) % 4], around[reached, (way + 3) % 4]
-    goes_over = goes_right & (~goes_left | (here == other))
+    goes_over = goes_right & (~goes_left | ((here == other) & ~joined[reached]))
     turn = np.where(goes_over, right, np.where(goes_left, left, way))
     following = np.searchsorted(edges, reached * 4 + turn)
 

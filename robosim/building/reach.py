@@ -18,7 +18,7 @@ from scipy import ndimage
 
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.outside import outside_of, tell_outside
+from robosim.plans.outside import outside_of
 from robosim.support.checks import RADIUS_M, check_number
 from slam.planning.marching import march
 from wireless.support.compiled import compiled
@@ -114,9 +114,14 @@ class Reach:
         return self.plan.to_map(np.array([column + 0.5, row + 0.5]))
 
     def swept(self, part: int) -> Bool[np.ndarray, "ny nx"]:
-        """Free cells that some place of the hull within a part covers: the area that it can visit."""
+        """Free cells within the building that some place of the hull within a part covers: the area that it can visit.
+
+        Of a part that is wholly outside, the cells there.
+        """
         gap = ndimage.distance_transform_edt(self.parts != part) * self.plan.resolution_m
-        return (gap <= self.radius_m + self.plan.resolution_m) & self.floor
+        covered = (gap <= self.radius_m + self.plan.resolution_m) & self.floor
+        inside = covered & ~self.outside
+        return inside if inside.any() else covered
 
     def travel_m(self, point: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:
         """Length of the shortest drive of the hull's centre from a point to each cell [m].
@@ -185,7 +190,6 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
     inside[plan.free] = _within(free, radius_m, plan.centres(plan.free))
     labels, n = ndimage.label(inside)
     outside = outside_of(plan)
-    tell_outside(plan, outside)
     size = np.bincount(labels[~outside], minlength=n + 1)[1:]
     rank = np.zeros(n + 1, int)
     rank[1 + np.argsort(-size, kind="stable")] = np.arange(1, n + 1)

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import shapely
-from jaxtyping import Float, Int
+from jaxtyping import Int, Num
 
 
 def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " n"]]:
@@ -14,7 +14,7 @@ def rings_of(free: shapely.MultiPolygon) -> tuple[np.ndarray, Int[np.ndarray, " 
 
 
 def polygons_of(
-    points: Sequence[Float[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"]
+    points: Sequence[Num[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"]
 ) -> shapely.MultiPolygon:
     """Polygons from the corners of their closed lines, in the order of `rings_of`; valid or not.
 

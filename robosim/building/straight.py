@@ -8,9 +8,18 @@ Smeulders 1984, IEEE Trans. PAMI 6(4)), whose centroid is the wall. So no wall m
 along the grid, and the cells beside it keep their side; at corners, one may be cut by the walls that meet there.
 
 The longest segments go first. A single step is a corner of the building and stays; so do walls along the grid, and
-points where walls touch. Neighbouring walls are drawn on to where they meet.
+the places where straight walls would cross. Neighbouring walls are drawn on to where they meet.
+
+The two sides of a slanted wall one cell thick touch at each of its steps, and one outline may pass a corner twice
+there. Both sides become straight lines like any others (`robosim.building.thin_walls`); other points where walls touch
+stay.
+
+The time is nearly proportional to the length of the outlines: the farthest ends of segments rise along an outline, so
+that only maximal segments are measured (their tangential cover; Feschet and Tougne 1999), and the longest comes from a
+priority queue.
 """
 
+from heapq import heapify, heappop, heappush
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -19,7 +28,7 @@ import shapely
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from robosim.building.rings import polygons_of, rings_of
+from robosim.building.rings import polygons_of, together
 from wireless.support.compiled import compiled
 
 #: A slanted wall has more steps to one side than this, or as many and so many cells along it.
@@ -32,6 +41,10 @@ _NEAR = 1.0
 _SHORT = 0.1
 #: Around a place where straight walls cross, none is made within so many cells; how often that is tried.
 _APART, _TRIES = 3.0, 20
+
+#: Most corners of a preimage: it has few, but rounding makes several of one where many lines meet. From half of that
+#: on, those nearer to each other than this are merged.
+_CORNERS, _SAME = 64, 1e-12
 
 #: Corners of all slopes and offsets that a line through an edge may have.
 _SQUARE = np.array([[-1.0, -0.5], [1.0, -0.5], [1.0, 0.5], [-1.0, 0.5]])
@@ -58,14 +71,21 @@ class Wall(NamedTuple):
     slanted: bool
 
 
-def straightened(free: shapely.MultiPolygon) -> shapely.MultiPolygon:
+def straightened(
+    outlines: list[Int[np.ndarray, "_ 2"]], owner: Int[np.ndarray, " n"], thin: Int[np.ndarray, "m 2"]
+) -> shapely.MultiPolygon | None:
     """Polygons along edges of cells with straight walls for staircases, and the same topology.
 
     Args:
-        free: Valid polygons whose corners have whole coordinates and whose edges run along the grid.
+        outlines: Corners of closed lines along the grid, free space on the left. They may touch at corners.
+        owner: Which polygon each line belongs to; its outer line comes first.
+        thin: Corners at which the two sides of slanted walls one cell thick touch. Edges at other corners that lines
+            have in common stay as they are.
+
+    Returns:
+        The polygons; None where no valid ones were found.
     """
-    outlines, owner = rings_of(free)
-    rings = _rings([shapely.get_coordinates(outline).astype(np.int64) for outline in outlines])
+    rings = _rings(outlines, thin)
     corners, astray = ([np.empty((0, 2))] * len(rings) for _ in range(2))
     changed = list(range(len(rings)))
     for attempt in range(_TRIES):
@@ -75,9 +95,12 @@ def straightened(free: shapely.MultiPolygon) -> shapely.MultiPolygon:
         wrong = np.concatenate([_crossings(corners), *astray])
         if not len(wrong):
             straight = polygons_of(corners, owner)
-            return straight if shapely.is_valid(straight) else free
+            if not shapely.is_valid(straight):  # lines that still pass a corner twice are parted there
+                parts = shapely.make_valid(shapely.get_parts(straight), method="structure")
+                straight = together(shapely.get_parts(parts))
+            return straight if len(straight.geoms) == owner[-1] + 1 else None
         changed = _fix(rings, KDTree(wrong), _APART * (1 + attempt))
-    return free
+    return None
 
 
 def _fix(rings: list[Ring], wrong: KDTree, apart: float) -> list[int]:
@@ -119,17 +142,18 @@ def _left_out(ring: Ring, corners: Float[np.ndarray, "m 2"]) -> Float[np.ndarray
     return np.concatenate([middles[far], corners[astray]])
 
 
-def _rings(outlines: list[Int[np.ndarray, "_ 2"]]) -> list[Ring]:
-    """Closed lines of corners edge by edge; edges at points that lines have in common are fixed."""
+def _rings(outlines: list[Int[np.ndarray, "_ 2"]], thin: Int[np.ndarray, "m 2"]) -> list[Ring]:
+    """Closed lines of corners edge by edge; edges at points that lines have in common are fixed but at thin walls."""
     points, steps = [], []
     for corners in outlines:
-        way = np.diff(corners, axis=0)
+        way = np.diff(corners, axis=0, append=corners[:1])
         length = np.abs(way).sum(axis=1)
         steps.append(np.repeat(way // length[:, None], length, axis=0))
         points.append(corners[0] + np.cumsum(steps[-1], axis=0) - steps[-1])
-    every = np.concatenate(points)
-    _, where, count = np.unique(every[:, 0] + 1j * every[:, 1], return_inverse=True, return_counts=True)
-    shared = np.split(count[where] > 1, np.cumsum([len(p) for p in points])[:-1])
+    every = np.concatenate(points) @ (1, 1j)
+    _, where, count = np.unique(every, return_inverse=True, return_counts=True)
+    common = (count[where] > 1) & ~np.isin(every, thin @ (1, 1j))
+    shared = np.split(common, np.cumsum([len(p) for p in points])[:-1])
     return [
         Ring(point, step, here | np.roll(here, -1))
         for point, step, here in zip(points, steps, shared, strict=True)
@@ -193,13 +217,25 @@ def _corners(ring: Ring) -> Float[np.ndarray, "m 2"]:
 
 def _merged(corners: Float[np.ndarray, "n 2"], on_grid: list[int]) -> Float[np.ndarray, "m 2"]:
     """Corners without walls of no length; of the ends of such a wall the one of more walls along the grid stays."""
-    kept = list(range(len(corners)))
-    while True:
-        gaps = np.abs(corners[kept] - corners[np.roll(kept, 1)]).max(axis=1)
-        i = int(gaps.argmin())
-        if gaps[i] >= _SHORT or len(kept) == 1:
-            return corners[kept]
-        del kept[i if on_grid[kept[i]] <= on_grid[kept[i - 1]] else i - 1]
+    count = len(corners)
+    before, after = [*range(-1, count - 1)], [*range(1, count), 0]
+    before[0] = count - 1
+    gaps = np.abs(corners - np.roll(corners, 1, axis=0)).max(axis=1).tolist()
+    short = [(gap, i) for i, gap in enumerate(gaps) if gap < _SHORT]
+    heapify(short)
+    kept = np.ones(count, bool)
+    while short and count > 1:
+        gap, i = heappop(short)
+        if not kept[i] or gap != gaps[i]:
+            continue
+        gone = i if on_grid[i] <= on_grid[before[i]] else before[i]
+        kept[gone], count = False, count - 1
+        left, right = before[gone], after[gone]
+        after[left], before[right] = right, left
+        gaps[right] = float(np.abs(corners[right] - corners[left]).max())
+        if gaps[right] < _SHORT:
+            heappush(short, (gaps[right], right))
+    return corners[kept]
 
 
 def _meeting(ring: Ring, before: Wall, after: Wall) -> Float[np.ndarray, "2"] | None:
@@ -233,68 +269,135 @@ def _segments(
     for axis in range(2):
         for i in range(2 * n):
             bends[axis, i + 1] = bends[axis, i] + (step[i, axis] == 0)
-        for i in range(n):
-            ends[axis, i] = _reach(step, fixed, i, i + n, axis)[0]
-            ends[axis, n + i] = ends[axis, i] + n
-    spans, lines = np.empty((n, 3), np.int64), np.empty((n, 2))
-    found = 0
-    open_first, open_end = [0], [2 * n]
-    while len(open_first):
-        low, high = open_first.pop(), open_end.pop()
-        longest, first, axis = 0, 0, 0
-        for way in range(2):
-            for i in range(low, min(high, low + n)):
-                end = min(ends[way, i], high)
-                if end > i and step[end - 1, way] == 0:
-                    end -= 1
-                steps = bends[way, end] - bends[way, i]
-                enough = steps > _STEPS or (steps == _STEPS and end - i - steps >= _CELLS)
-                if enough and end - i > longest:
-                    longest, first, axis = end - i, i, way
-        if longest == 0:
+        _farthest(step, fixed, axis, ends[axis])
+    spans, lines, found = np.empty((n, 3), np.int64), np.empty((n, 2)), 0
+    queue = _longest_first(ends, bends, 0, n, 2 * n)
+    # Each open stretch of the ring has a number.
+    stretch, lows, highs = np.zeros(2 * n, np.int64), [0], [2 * n]
+    while len(queue) > 0:
+        negative, way, i = heappop(queue)
+        at = stretch[i]
+        if at < 0:
             continue
-        end, slope, offset = _reach(step, fixed, first, first + longest, axis)
-        spans[found, 0], spans[found, 1], spans[found, 2] = first, end, axis
-        lines[found, 0], lines[found, 1] = slope, offset
+        length = _length(ends[way], bends[way], i, highs[at])
+        if length != -negative:  # another wall has taken its end since
+            if length > 0:
+                heappush(queue, (-length, way, i))
+            continue
+        end = i + length
+        spans[found, 0], spans[found, 1], spans[found, 2] = i, end, way
         found += 1
-        if high - low == 2 * n:  # the first one: the rest of the ring goes from its end to its beginning
-            open_first.append(end)
-            open_end.append(first + n)
+        stretch[i:end] = -1
+        if found == 1:  # the rest of the ring goes from the end of the first one to its beginning
+            lows[0], highs[0] = end, i + n
+            queue = _longest_first(ends, bends, end, i + n, i + n)
+        elif i - lows[at] < highs[at] - end:  # the smaller part gets a new number
+            stretch[lows[at] : i] = len(lows)
+            lows.append(lows[at])
+            highs.append(i)
+            lows[at] = end
         else:
-            open_first += [low, end]
-            open_end += [first, high]
+            stretch[end : highs[at]] = len(lows)
+            lows.append(end)
+            highs.append(highs[at])
+            highs[at] = i
+    for k in range(found):
+        _, lines[k, 0], lines[k, 1] = _reach(step, fixed, spans[k, 0], spans[k, 1], spans[k, 2], 1)
     return spans[:found], lines[:found]
 
 
 @compiled
-def _reach(
-    step: Int[np.ndarray, "n2 2"], fixed: Bool[np.ndarray, " n2"], first: int, last: int, axis: int
-) -> tuple[int, float, float]:
-    """How far one line can go from an edge on, and the middle of all that can.
+def _longest_first(
+    ends: Int[np.ndarray, "2 n2"], bends: Int[np.ndarray, "2 n3"], low: int, stop: int, high: int
+) -> list[tuple[int, int, int]]:
+    """Priority queue of slanted walls from the edges [low, stop) on: negative length, axis, first edge."""
+    queue = [(0, 0, 0)]
+    queue.pop()
+    for way in range(2):
+        for i in range(low, stop):
+            length = _length(ends[way], bends[way], i, high)
+            if length > 0:
+                queue.append((-length, way, i))
+    heapify(queue)
+    return queue
+
+
+@compiled
+def _length(end: Int[np.ndarray, " n2"], bends: Int[np.ndarray, " n3"], first: int, high: int) -> int:
+    """Edges of the longest segment from an edge on that ends before another; 0 if that is no slanted wall."""
+    last = min(end[first], high)
+    if last <= first:
+        return 0
+    if bends[last] > bends[last - 1]:
+        last -= 1
+    steps = bends[last] - bends[first]
+    enough = steps > _STEPS or (steps == _STEPS and last - first - steps >= _CELLS)
+    return last - first if enough else 0
+
+
+@compiled
+def _farthest(
+    step: Int[np.ndarray, "n2 2"], fixed: Bool[np.ndarray, " n2"], axis: int, end: Int[np.ndarray, " n2"]
+) -> None:
+    """How far one line can go from each edge of a ring, given twice over, into `end`; as far as the edge if nowhere.
 
     From an edge before whose step more edges lie than after it, a longer line begins later: it is left out.
+    """
+    n = len(step) // 2
+    run = np.arange(1, 2 * n + 1)  # where the straight line of edges from each one on ends
+    for i in range(2 * n - 2, -1, -1):
+        if step[i, 0] == step[i + 1, 0] and step[i, 1] == step[i + 1, 1]:
+            run[i] = run[i + 1]
+    i = 0
+    while i < n:
+        if step[i, axis] == 0 or fixed[i]:
+            end[i], end[n + i] = i, n + i
+            i += 1
+            continue
+        far = _reach(step, fixed, i, i + n, axis, 1)[0]
+        # No line from an edge before `begin` goes on to the next edge along the axis: all of them end at `far`.
+        begin, following = far, min(far + (step[far, axis] == 0), 2 * n - 1)
+        if step[following, axis] != 0 and not fixed[following]:
+            begin = _reach(step, fixed, following, i, axis, -1)[0] + 1
+        begin = min(begin, n)
+        for k in range(i, begin):
+            end[k] = k
+            if step[k, axis] != 0 and not fixed[k] and k < far:
+                turn = min(run[k], k + n)
+                after = turn + 1
+                if after < k + n and step[after, axis] == step[k, axis]:
+                    after = min(run[after], k + n)
+                if turn - k <= after - turn:
+                    end[k] = far
+            end[n + k] = end[k] + n
+        i = begin
+
+
+@compiled
+def _reach(
+    step: Int[np.ndarray, "n2 2"], fixed: Bool[np.ndarray, " n2"], first: int, last: int, axis: int, way: int
+) -> tuple[int, float, float]:
+    """How far one line can go from an edge, and the middle of all that can.
+
+    Args:
+        step: Edges of a ring, twice over.
+        fixed: Which of them stay as they are.
+        first: An edge along the axis that is not fixed.
+        last: The edge before which it ends at the latest.
+        axis: What the line goes along rather: 0 x, 1 y.
+        way: 1 towards later edges, -1 towards earlier ones.
 
     Returns:
         The edge after its last one; slope and offset as `_segments` has them.
     """
     forth = step[first, axis]
-    if forth == 0 or fixed[first]:
-        return first, 0.0, 0.0
-    run = first + 1
-    while run < last and step[run, axis] == forth:
-        run += 1
-    after = run + 1
-    while after < last and step[after, axis] == forth:
-        after += 1
-    if run - first > after - run:  # one of the next run's edges is the step
-        return first, 0.0, 0.0
     # Corners of the preimage, in order; an offset is that in the middle of the first edge.
-    kept, new, half = np.empty((16, 2)), np.empty((16, 2)), np.empty((16, 2))
+    kept, new, half = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2))
     for i in range(4):
         kept[i, 0], kept[i, 1] = _SQUARE[i, 0], _SQUARE[i, 1]
-    count, end, edges, level, side, stepped = 4, first + 1, 0, 0, 0, False
-    for i in range(first + 1, last):
-        across = step[i, 1 - axis]
+    count, end, edges, level, side, stepped = 4, first + way, 0, 0, 0, False
+    for i in range(first + way, last, way):
+        across = way * step[i, 1 - axis]
         if fixed[i] or (across != 0 and (stepped or across == -side)) or step[i, axis] == -forth:
             break
         if across != 0:
@@ -304,10 +407,12 @@ def _reach(
         level += side if stepped else 0
         some = _clip(kept[:count], edges, 1.0, level - 0.5, half)
         some = _clip(half[:some], edges, -1.0, -level - 0.5, new)
+        if some > _CORNERS // 2:
+            some = _distinct(new[:some])
         if some < 3:
             break
         kept, new = new, kept
-        count, end, stepped = some, i + 1, False
+        count, end, stepped = some, i + way, False
     area, slope, offset = 0.0, 0.0, 0.0
     for i in range(2, count):
         a0, a1 = kept[i - 1, 0] - kept[0, 0], kept[i - 1, 1] - kept[0, 1]
@@ -337,5 +442,19 @@ def _clip(
             way = (gap - _LEAST) / (gap - next_gap)
             out[found, 0] = slope + (next_slope - slope) * way
             out[found, 1] = offset + (next_offset - offset) * way
+            found += 1
+    return found
+
+
+@compiled
+def _distinct(polygon: Float[np.ndarray, "n 2"]) -> int:
+    """Move corners of a preimage that are not at the one before to its beginning, and how many these are."""
+    found = 1
+    for i in range(1, len(polygon)):
+        last, first = polygon[found - 1], polygon[0]
+        from_last = max(abs(polygon[i, 0] - last[0]), abs(polygon[i, 1] - last[1]))
+        from_first = max(abs(polygon[i, 0] - first[0]), abs(polygon[i, 1] - first[1]))
+        if min(from_last, from_first) > _SAME:
+            polygon[found, 0], polygon[found, 1] = polygon[i, 0], polygon[i, 1]
             found += 1
     return found

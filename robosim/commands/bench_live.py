@@ -19,7 +19,7 @@ def live(
 ) -> None:
     """Measure the page of `robosim live`: how soon rays follow a drag, and what watching costs a search.
 
-    Needs robosim[live]; with Playwright and Chromium drags are timed in a browser too.
+    Needs the extra `live`; with Playwright and Chromium drags are timed in a browser too.
 
     Example: robosim bench live office
 

@@ -13,6 +13,8 @@ from robosim.commands.terminal import (
     folder_for,
     going_on,
 )
+from robosim.support.installation import install_first
+from wireless.support.counting import counted
 
 
 def collect(
@@ -57,8 +59,8 @@ def collect(
     with going_on(folder):
         shards = collect_frames(config, folder, workers=work.count, cluster=work.cluster, console=console)
     tell({"homes": len(shards), "steps": steps, "files": [path.name for path in shards]}, folder)
-    console.print(f"Wrote {len(shards)} homes of {steps} frames each in {folder}")
-    console.print(f"Next: robosim train mapper --data {quote(str(folder))}")
+    console.print(f"Wrote {counted(len(shards), 'home')} of {counted(steps, 'frame')} each in {folder}")
+    console.print(f"Next: {install_first('torch')}robosim train mapper --data {quote(str(folder))}")
 
 
 def collect_searches(
@@ -81,7 +83,7 @@ def collect_searches(
     """Collect searches to learn from: trajectories with all that is observed, as a Minari data set.
 
     An interrupted run goes on when the command is given again, and more searches may be added later. Needs
-    robosim[minari].
+    the extra `minari`.
 
     Example: robosim collect-searches --plan flat --episodes 20 --out out/searches
 
@@ -113,5 +115,5 @@ def collect_searches(
     with going_on(folder):
         data = collect_them(config, folder, console)
     tell({"searches": episodes, "data": str(data)}, folder)
-    console.print(f"Wrote {episodes} searches in {folder}")
+    console.print(f"Wrote {counted(episodes, 'search', 'searches')} in {folder}")
     console.print(f"Next, in Python: minari.MinariDataset({str(data)!r})")

@@ -22,6 +22,7 @@ from robosim.commands.terminal import (
 )
 from robosim.parts import EstimatorPart, TerminalPart
 from robosim.support.checks import check_number
+from wireless.support.counting import counted
 
 
 def dataset(
@@ -102,9 +103,9 @@ def dataset(
     rows, timing = made["rows"], made["timing"]
     shares = ", ".join(f"{name} {100 * n / rows:.1f} %" for name, n in made["states"].items())
     told = f": {shares}; {timing['links']} made in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
-    console.print(Text.assemble((f"{rows} links", "bold"), told))
+    console.print(Text.assemble((counted(rows, "link"), "bold"), told))
     console.print(
-        f"Wrote {len(made['units'])} tables in {folder / 'links'}, and manifest.json that tells their columns"
+        f"Wrote {counted(len(made['units']), 'table')} in {folder / 'links'}, and manifest.json, which describes them"
     )
     read_all = f"import pyarrow.parquet as p; print(p.read_table({json.dumps(str(folder / 'links'))}))"
     console.print(f"Next: python -c {quote(read_all)}", soft_wrap=True)

@@ -25,8 +25,10 @@ from robosim.commands.terminal import (
 from robosim.evaluation.ablations import configured
 from robosim.run import FILES, record_episode
 from robosim.support.checks import check_number
+from robosim.support.installation import install_first
 from robosim.support.interrupt import SIGNALLED, Interrupt
 from robosim.task.tasks import Anchor
+from wireless.support.counting import counted
 
 
 def episode(
@@ -70,7 +72,7 @@ def episode(
         settings: How the episode is run.
         reading: How to read the plan, where it does not say.
         video: Whether to write episode.mp4.
-        rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs robosim[viz].
+        rerun: Whether to write episode.rrd, which `robosim view` opens in 3D; needs the extra `viz`.
         out: Folder for the results; a new one under runs/ if not given.
     """
     config = replace(configured(settings, goal), seed=seed)
@@ -96,15 +98,15 @@ def episode(
     seen = f"{100 * result['coverage']:.1f} % of the reachable floor seen"
     shortest = f" (shortest {result['shortest_m']:.2f} m, SPL {result['spl']:.2f})"
     told = (
-        f" after {result['steps']} steps and {result['path_length_m']:.2f} m"
+        f" after {counted(result['steps'], 'step')} and {result['path_length_m']:.2f} m"
         f"{shortest if result['seeks_target'] else ''}, {seen}, "
-        f"{result['collisions']} collisions, {result['timing']['decisions_per_s']:.0f} decisions/s"
+        f"{counted(result['collisions'], 'collision')}, {result['timing']['decisions_per_s']:.0f} decisions/s"
     )
     console.print(Text.assemble((result["ended"], "bold"), told))
     # An episode that ends where it starts has no decision to film.
     console.print(f"Wrote {', '.join(name for name in FILES if (folder / name).exists())} in {folder}")
     true, estimated = (quote(str(folder / f"{name}.tum")) for name in ("trajectory", "estimate"))
-    console.print(f"Next: evo_ape tum {true} {estimated}")
+    console.print(f"Next: {install_first('evo')}evo_ape tum {true} {estimated}")
     for number in (SIGINT, SIGTERM):
         if result["ended"] == Interrupt(number).word:
             sys.exit(SIGNALLED + number)

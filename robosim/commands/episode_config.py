@@ -1,20 +1,21 @@
 """The configuration of an episode on the command line: every typed field of it is an option.
 
 Options that are not given start from `--config`, the configuration of an earlier result, or from the defaults, and from
-the robot that `--robot` names. Both are read before the others, so that `--help` shows what the others start from.
+the robot that `--robot` names. Both are read before the others, so that `--help-all` shows what the others start from.
+`--help` shows a line for each group of options, such as `--radio.*`; `--help-all` shows all options.
 """
 
 import inspect
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
-from functools import wraps
+from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any
+from typing import Annotated, Any, get_type_hints
 
 import tyro
-from tyro.conf import OmitArgPrefixes
+from tyro.conf import OmitArgPrefixes, Suppress
 
+from robosim.commands.table import HELP, HELP_ALL, declared
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY
 from robosim.parts import ROBOT, RobotPart
@@ -22,7 +23,9 @@ from robosim.robot.robots import RobotConfig
 from robosim.support.parts import Part, is_part, restored, told
 from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
+from wireless.support.counting import counted
 
+_MORE = "Groups of options; --help-all shows each option."
 #: All of an episode's configuration but goal and seed, which commands ask for themselves.
 Settings = Annotated[EpisodeConfig, tyro.conf.arg(name="")]
 #: A goal policy, or a variant of `fused`.
@@ -58,32 +61,58 @@ def started(command: Callable[..., None], words: Sequence[str]) -> Callable[...,
     if robot is not None:
         made: RobotConfig = ROBOT.make(robot, field="robot")
         config = replace(config, simulator=replace(config.simulator, robot=made))
-    defaults: dict[str, Any] = {"settings": config}
+    changes: dict[str, dict[str, Any]] = {"settings": {"default": config}}
+    if HELP_ALL not in words and not HELP.isdisjoint(words):
+        groups: list[tuple[str, Any, Any]] = []
+        brief, kind = _without_groups(config, groups)
+        changes["settings"] = {"default": brief, "annotation": Annotated[kind, tyro.conf.arg(name="")]}
+        more: Any = make_dataclass("More", groups, namespace={"__doc__": _MORE})
+        changes["more"] = {"default": more(), "annotation": Annotated[more, OmitArgPrefixes]}
     if file is not None:
         # An evaluation's seed is not an episode's.
         own = (
             name for name in ("goal", "seed") if name in parameters and parameters[name].default is not None
         )
-        defaults |= {name: getattr(config, name) for name in own}
+        changes |= {name: {"default": getattr(config, name)} for name in own}
+    return declared(lambda *args, **options: command(*args, **options), command, changes)
 
-    @wraps(command)
-    def changed(*args: Any, **options: Any) -> None:
-        command(*args, **options)
 
-    of_command = inspect.signature(command)
-    changed.__signature__ = of_command.replace(  # type: ignore[attr-defined]
-        parameters=[
-            parameter.replace(default=defaults.get(name, parameter.default))
-            for name, parameter in of_command.parameters.items()
-        ]
-    )
-    return changed
+def _without_groups(config: Any, groups: list[tuple[str, Any, Any]]) -> tuple[Any, Any]:
+    """A configuration whose groups of options are hidden, and its type; appends a line for each group to `groups`."""
+    hints = get_type_hints(type(config), include_extras=True)
+    changed: dict[str, tuple[Any, Any]] = {}
+    for one in fields(config):
+        value = getattr(config, one.name)
+        if one.name == "simulator":
+            value, kind = _without_groups(value, groups)
+            changed[one.name] = value, Annotated[kind, tyro.conf.arg(name="")]
+        elif is_dataclass(value):
+            changed[one.name] = value, Annotated[hints[one.name], Suppress]
+            about = (value.__doc__ or "").splitlines()[0]
+            option = tyro.conf.arg(
+                name=f"{one.name}.*",
+                metavar="...",
+                help=about,
+                help_behavior_hint=f"({counted(_count(value), 'option')})",
+            )
+            groups.append((one.name, Annotated[str, option], ""))
+    new = [(name, kind, value) for name, (value, kind) in changed.items()]
+    brief = make_dataclass(type(config).__name__, new, bases=(type(config),), frozen=True, kw_only=True)
+    values = {one.name: getattr(config, one.name) for one in fields(config)}
+    return brief(**(values | {name: value for name, (value, _) in changed.items()})), brief
+
+
+def _count(config: Any) -> int:
+    """Options of a group and of the groups in it."""
+    shown = [one for one in fields(config) if Suppress not in getattr(one.type, "__metadata__", ())]
+    values = [getattr(config, one.name) for one in shown]
+    return sum(_count(value) if is_dataclass(value) else 1 for value in values)
 
 
 def _value_of(option: str, words: Sequence[str]) -> str | None:
     """What an option is given, the last time that it is; None if it is not."""
     found = None
-    for word, after in zip(words, [*words[1:], None], strict=True):
+    for word, after in zip(words, [*words, None][1:], strict=True):
         if word == option:
             found = after
         elif word.startswith(f"{option}="):

@@ -11,6 +11,7 @@ from robosim.commands.terminal import (
     results_in,
 )
 from robosim.support.checks import PLANS, SEED, check_number, check_some
+from wireless.support.counting import counted
 
 
 def plans(
@@ -43,7 +44,7 @@ def plans(
         path = folder / "plans.png"
         plot_comparison(real, made, path)
     tell({"files": [path.name]}, folder)
-    console.print(f"Wrote {path}: {len(real)} real plans beside {count} generated ones")
+    console.print(f"Wrote {path}: {counted(len(real), 'real plan')} and {counted(count, 'generated one')}")
 
 
 def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Path | None = None) -> None:
@@ -55,7 +56,7 @@ def arrays(*, element: Literal["patch", "3gpp", "isotropic"] = "patch", out: Pat
         element: What the arrays are made of.
         out: Folder for the picture; a new one under runs/ if not given.
     """
-    from robosim.drawing.plots import save_figure
+    from robosim.support.figures import save_figure
     from wireless.antennas.figures import arrays_figure
 
     with results_in(out, "figures") as folder:

@@ -23,7 +23,7 @@ def live(
 ) -> None:
     """Open a local web page: drag a transmitter through a building, watch a search, look back on an episode.
 
-    Given a folder of `robosim episode` or `robosim evaluate`, it shows what is recorded there. Needs robosim[live].
+    Given a folder of `robosim episode` or `robosim evaluate`, it shows what is recorded there. Needs the extra `live`.
     Ctrl-C ends it.
 
     Example: robosim live office

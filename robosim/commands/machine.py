@@ -2,9 +2,9 @@
 
 import sys
 from dataclasses import asdict
-from importlib.metadata import version
 
 from robosim.commands.speaking import console, tell
+from robosim.support.installation import package_version
 
 
 def doctor() -> None:
@@ -15,6 +15,6 @@ def doctor() -> None:
         findings = examine()
     works = report(findings, console)
     told = [asdict(finding) for finding in findings]
-    tell({"robosim": version("robosim"), "works": works, "findings": told})
+    tell({"robosim": package_version(), "works": works, "findings": told})
     if not works:
         sys.exit(1)

@@ -23,8 +23,10 @@ class RadioOptions:
     """Most reflections, before and after together, on a path with diffraction."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect."""
-    max_transmissions: int = 1
-    """Most walls that a path goes through; a wall between rooms counts by its two sides."""
+    max_transmissions: int | None = None
+    """Most walls that a path passes; 2 below 10 GHz and none from there on if not given."""
+    wall_passage: Literal["wall", "face"] = "wall"
+    """What counts as a wall: both faces of a drawn wall together, or each face alone, as in the published grids."""
     wall_thickness: float | None = None
     """Thickness of walls of one --material, such as drywall [m]; half-spaces if not given."""
     wall_gap: float = 0.0
@@ -67,6 +69,7 @@ class RadioOptions:
                 diffraction_reflections=self.diffraction_reflections,
                 floor_ceiling=self.floor_ceiling,
                 max_transmissions=self.max_transmissions,
+                wall_passage=self.wall_passage,
                 wall_thickness_m=self.wall_thickness,
                 wall_gap_m=self.wall_gap,
                 scattering=self.scattering,

@@ -34,7 +34,7 @@ def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = No
 def view(episode: Positional[Path], *, web: bool = False) -> None:
     """Open an episode's recording in the Rerun viewer: maps, rays, angles of arrival and belief over time, in 3D.
 
-    Needs robosim[viz], and an episode that was run with --rerun.
+    Needs the extra `viz`, and an episode that was run with --rerun.
 
     Example: robosim view out/a
 

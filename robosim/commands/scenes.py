@@ -17,6 +17,7 @@ from robosim.commands.terminal import (
     results_in,
 )
 from robosim.support.checks import RADIUS_M, SEED, check_number
+from wireless.support.counting import counted
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].
 MITSUBA_HZ = 28e9
@@ -64,17 +65,17 @@ def plan(
         floor_plan = read(plan, reading)
         building = make_building(floor_plan, config=config)
         places = reach(building, *robot.hull_m)
+        places.check_room()
         write_ros(floor_plan, folder / f"{floor_plan.name}.yaml")
         write_png(floor_plan, folder / f"{floor_plan.name}.png")
         plot_plan(folder / "reach.png", building, places)
         export_mesh(building, folder / "building.glb")
         export_mesh(building, folder / "building.ply")
         export_mitsuba(building, folder / "mitsuba", frequency_hz=MITSUBA_HZ)
-        if places.n_parts:
-            pose = np.array([*places.widest(), 0.0])
-            export_mjcf(building, folder / "mujoco.xml", robot=robot, pose=pose)
+        pose = np.array([*places.widest(), 0.0])
+        export_mjcf(building, folder / "mujoco.xml", robot=robot, pose=pose)
     slabs = {str(material): itu_slab(material, MITSUBA_HZ) for material in building.materials}
-    cut_off = places.cut_off(1) if places.n_parts else []
+    n_parts, cut_off = len(np.unique(places.parts[places.indoors])), places.cut_off(1)
     rows, columns = floor_plan.shape
     n_placed = len(building.mesh.faces) - len(building.bare.mesh.faces)
     extruded = find_extruded(building.mesh, building.face_material.astype(np.int64), TracerConfig.snap_m)
@@ -84,7 +85,7 @@ def plan(
             "plan": floor_plan.name,
             "cells": [columns, rows],
             "resolution_m": floor_plan.resolution_m,
-            "free_m2": building.free.area,
+            "free_m2": building.indoor_m2,
             "wall_pieces": len(building.walls_2d),
             "triangles": len(building.mesh.faces),
             "mitsuba": {name: slab._asdict() for name, slab in slabs.items()},
@@ -92,22 +93,24 @@ def plan(
             "height_m": robot.height_m,
             "furnishings": len(building.furnishings),
             "radio": engine,
-            "parts": places.n_parts,
+            "parts": n_parts,
             "cut_off": [{"area_m2": room.area_m2, "centre_m": room.centre} for room in cut_off],
         },
         folder,
     )
     told = (
-        f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.free.area:.1f} m2 free, "
-        f"{len(building.walls_2d)} wall pieces, {len(building.mesh.faces)} triangles"
+        f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.indoor_m2:.1f} m2 free, "
+        f"{counted(len(building.walls_2d), 'wall piece')}, {counted(len(building.mesh.faces), 'triangle')}"
     )
     console.print(Text.assemble((floor_plan.name, "bold"), told))
     tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
     console.print(
-        f"A hull of radius {radius:g} m{tall} can drive in {places.n_parts} separate part(s) of it."
+        f"A hull of radius {radius:g} m{tall} can drive in {counted(n_parts, 'separate part')} of it."
     )
     if building.furnishings:
-        console.print(f"{len(building.furnishings)} things are placed in it, of {n_placed} triangles.")
+        console.print(
+            f"{counted(len(building.furnishings), 'thing')} placed in it, of {counted(n_placed, 'triangle')}."
+        )
     if engine == "space":
         console.print(
             "It is no extruded plan, so that radio is traced in space: some ten to a hundred times slower a link."
@@ -166,5 +169,5 @@ def generate(
             write_ros(made, folder / f"{made.name}.yaml")
             names.append(made.name)
     tell({"plans": [f"{name}.yaml" for name in names]}, folder)
-    console.print(f"Wrote {count} plan(s), {made.name}.yaml the last, in {folder}")
+    console.print(f"Wrote {counted(count, 'plan')}, {made.name}.yaml the last, in {folder}")
     console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

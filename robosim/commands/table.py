@@ -1,9 +1,14 @@
 """Which commands there are: a table that imports none of them, so that each starts with what it needs itself."""
 
 import importlib
+import inspect
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
+
+from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
 
 #: Commands by their words, and where they are. None is imported before it is asked for.
 COMMANDS = {
@@ -58,6 +63,27 @@ GROUPS = {
 }
 
 
+#: Words that ask for the help of a command, and for all options in it.
+HELP, HELP_ALL = {"-h", "--help"}, "--help-all"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Common:
+    """Options of every command; --json, --quiet and --debug may stand anywhere on the command line."""
+
+    json: FlagCreatePairsOff[bool] = False
+    """Print the result as one JSON object, and nothing else."""
+    quiet: FlagCreatePairsOff[bool] = False
+    """Print errors only."""
+    debug: FlagCreatePairsOff[bool] = False
+    """Print where in the code an error comes from."""
+    figures: Literal["png", "pdf", "svg"] = "png"
+    """Format of figures; pdf and svg are written next to the PNG files."""
+
+
+_USUAL = Common()
+
+
 def named(words: list[str]) -> str:
     """The command that words begin with; empty if they begin with none."""
     two = " ".join(words[:2])
@@ -69,6 +95,20 @@ def loaded(name: str) -> Callable[..., None]:
     module, function = COMMANDS[name].split(":")
     found: Callable[..., None] = getattr(importlib.import_module(f"robosim.commands.{module}"), function)
     return found
+
+
+def with_common(command: Callable[..., None]) -> Callable[..., None]:
+    """A command with the options of every command."""
+
+    def call(*args: Any, common: Common = _USUAL, **options: Any) -> None:
+        if common.figures == "png":
+            return command(*args, **options)
+        import matplotlib
+
+        with matplotlib.rc_context({"savefig.format": common.figures}):
+            return command(*args, **options)
+
+    return declared(call, command, {"common": {"default": _USUAL, "annotation": OmitArgPrefixes[Common]}})
 
 
 def said(name: str) -> str:
@@ -90,6 +130,28 @@ def listed(group: str = "") -> dict[str, Callable[..., None]]:
     return of_one_word | {
         name: _saying(f"{text}: {', '.join(listed(name))}.") for name, text in GROUPS.items()
     }
+
+
+def declared(
+    call: Callable[..., None], command: Callable[..., None], changes: Mapping[str, Mapping[str, Any]]
+) -> Callable[..., None]:
+    """A function that calls in a command's place, with its name and help.
+
+    Args:
+        call: The function.
+        command: The command.
+        changes: What its parameters have of their own, default or annotation, by name; new ones come last.
+    """
+    parameters = dict(inspect.signature(command).parameters)
+    for name, change in changes.items():
+        one = parameters.get(name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY))
+        parameters[name] = one.replace(**change)
+    # tyro takes hints from what a function wraps, if it is checked as in tests.
+    vars(call).pop("__wrapped__", None)
+    call.__name__, call.__doc__ = command.__name__, command.__doc__
+    call.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
+    call.__annotations__ = {name: one.annotation for name, one in parameters.items()}
+    return call
 
 
 def _saying(text: str) -> Callable[..., None]:

@@ -14,7 +14,7 @@ import tyro
 
 from robosim.commands.speaking import console
 from robosim.parts import ReaderPart
-from robosim.plans.floorplan import FloorPlan, MapError
+from robosim.plans.floorplan import FloorPlan, MapError, MapReading
 from robosim.plans.storeys import OneStorey, StoreysPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.interrupt import SIGNALLED
@@ -87,8 +87,17 @@ class PlanOptions:
     """Height of the storey's floor [m], for meshes of several storeys."""
     up: Literal["auto", "y", "z"] = "auto"
     """Axis of a mesh that points up; auto goes by its format and floors."""
-    unit: float = 1.0
-    """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches."""
+    unit: float | None = None
+    """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches; metres if not given."""
+    ground: float | None = None
+    """Height of level ground to add below a mesh that has no floor [m]."""
+    thinnest_wall: float | None = None
+    """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
+    not given."""
+    allow_large: bool = False
+    """Whether an image or array may be of a building longer than 500 m."""
+    map_reading: MapReading = "common"
+    """Unknown cells of a ROS map: by a common grey of unknown, or by the letter of its thresholds alone."""
     reader: ReaderPart = "auto"
     """Who reads the file: auto goes by its ending; module:Name is one of your own."""
     furnishings: Path | None = None
@@ -100,6 +109,8 @@ class PlanOptions:
             resolution=(0.001, 10, "m, the side of a cell"),
             floor_height=(-1e5, 1e5, "m"),
             unit=(1e-9, 1e6, "m"),
+            ground=(-1e5, 1e5, "m"),
+            thinnest_wall=(1e-3, 10, "m"),
         )
 
 
@@ -118,6 +129,10 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
         floor_height_m=options.floor_height,
         up=options.up,
         unit_m=options.unit,
+        ground_m=options.ground,
+        thinnest_wall_m=options.thinnest_wall,
+        allow_large=options.allow_large,
+        map_reading=options.map_reading,
         reader=options.reader,
     )
     if options.furnishings is None:
@@ -164,7 +179,7 @@ class WorkOptions:
     workers: int | None = None
     """Processes at once; one on each available core if not given. No result depends on it."""
     cluster: str | None = None
-    """Address of a dask scheduler whose workers do it instead; needs robosim[cluster]."""
+    """Address of a dask scheduler whose workers do it instead; needs the extra `cluster`."""
 
     def __post_init__(self) -> None:
         check_numbers(self, workers=(1, MOST_WORKERS, "processes"))

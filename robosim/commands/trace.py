@@ -21,6 +21,8 @@ from robosim.commands.terminal import (
     going_on,
     read_storey,
 )
+from robosim.support.installation import install_first
+from wireless.support.counting import counted
 
 
 def trace(
@@ -67,7 +69,7 @@ def trace(
     from robosim.datasets.trace import check_terminals, trace_link, trace_plan
     from robosim.plans.floorplan import FloorPlan
     from robosim.radio.receivers import check_step
-    from wireless.paths import LinkState
+    from wireless.paths import LinkCategory
 
     config = radio.config(tolerance, polarisation)
     if not storey:  # how high the others' floors are is not known before the plan is read
@@ -80,13 +82,13 @@ def trace(
         paths = trace_link(floor_plan, config, folder, tx=tx, rx=rx, console=console)
         found = {
             "paths": len(paths),
-            "states": [LinkState(state).name.lower() for state in paths.link_state()[:, 0]],
+            "states": [LinkCategory(one).name.lower() for one in paths.link_category()[:, 0]],
         }
         tell(
             {"plan": floor_plan.name, "tx_m": paths.tx_position, "rx_m": paths.rx_position[0], **found},
             folder,
         )
-        console.print(f"{len(paths)} paths from {len(tx)} transmitter(s) to the receiver")
+        console.print(f"{counted(len(paths), 'path')} from {counted(len(tx), 'transmitter')} to the receiver")
         drawn = "rays_tx1.png" if isinstance(floor_plan, FloorPlan) else "storeys_tx1.png"
         console.print(f"Wrote paths.parquet and {drawn} in {folder}")
         return
@@ -105,10 +107,11 @@ def trace(
         )
     tell(result, folder)
     timing, states = result["timing"], result["states"]
-    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items())
+    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items() if n)
     told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
-    console.print(Text.assemble((f"{result['links']} links", "bold"), told))
+    console.print(Text.assemble((counted(result["links"], "link"), "bold"), told))
     drawn = ", *.png" if plots else ""
     console.print(f"Wrote paths.parquet, {floor_plan.name}_Tx_*.csv, deepmimo_scenarios/{drawn} in {folder}")
     load = f"import deepmimo; deepmimo.load('{result['deepmimo']}')"
-    console.print(f'Next: cd {quote(str(folder))}; python -c "{load}"', soft_wrap=True)
+    where = f"{install_first('deepmimo')}cd {quote(str(folder))}"
+    console.print(f'Next: {where}; python -c "{load}"', soft_wrap=True)

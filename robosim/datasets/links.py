@@ -10,7 +10,6 @@ processes as are given, and a run that was killed goes on from those it finds, t
     deepmimo_scenarios/NAME/  a DeepMIMO v4 scenario, if asked for
 """
 
-import importlib.metadata
 import platform
 from collections import Counter
 from collections.abc import Sequence
@@ -39,6 +38,7 @@ from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioScene, built
 from robosim.radio.transmitters import random_transmitters
 from robosim.support.files import write_files, write_json
+from robosim.support.installation import package_version
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
@@ -140,7 +140,7 @@ def _on_all_storeys(digest: str, whole: Storeys, config: LinkSetConfig) -> Float
 def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
     """All that the data depend on, in JSON's own types."""
     return {
-        "version": importlib.metadata.version("robosim"),
+        "version": package_version(),
         "config": plain_config(config),
         "plans": [
             {"name": site.plan.name, "sha256": site.digest, "receivers": site.n_rx, "tx_m": site.transmitters}
@@ -194,7 +194,7 @@ def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, 
         **_settings(sites, config),
         "versions": {
             "python": platform.python_version(),
-            **{name: importlib.metadata.version(name) for name in libraries},
+            **{name: package_version(name) for name in libraries},
         },
         "rows": sum(unit["rows"] for unit in units),
         "states": {

@@ -10,20 +10,19 @@ from pathlib import Path
 
 import numpy as np
 
+from robosim.datasets.collect import SHARD
+from robosim.datasets.shards import read_shard
+from robosim.support.installation import missing_extra
+from robosim.support.reading import FileError, shown
+from wireless.linkstate.data import read_links
+from wireless.linkstate.tokens import COLUMNS, found
+
 try:
     import torch
     from torch import Tensor
     from torch.utils.data import Dataset
 except ImportError as error:
-    raise ImportError(
-        "Data sets for PyTorch need it, and it is not installed: pip install 'robosim[train]'", name="torch"
-    ) from error
-
-from robosim.datasets.collect import SHARD
-from robosim.datasets.shards import read_shard
-from robosim.support.reading import FileError, shown
-from wireless.linkstate.data import read_links
-from wireless.linkstate.tokens import COLUMNS, found
+    raise missing_extra("torch", "A data set for PyTorch") from error
 
 
 class LinkDataset(Dataset[dict[str, Tensor]]):

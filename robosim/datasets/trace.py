@@ -5,7 +5,6 @@ on; the other files are made from that one, a transmitter at a time.
 """
 
 import hashlib
-import importlib.metadata
 import math
 from dataclasses import asdict
 from pathlib import Path
@@ -33,10 +32,11 @@ from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
+from robosim.support.installation import package_version
 from robosim.support.parts import described
 from robosim.support.run_folder import run_folder
 from wireless.formats.deepmimo_scenario import scenario_name
-from wireless.paths import LinkState, Paths
+from wireless.paths import LinkCategory, Paths
 
 #: A receiver nearer to a transmitter than half a wave of 28 GHz is a mistake: no law of paths holds there [m].
 APART_M = 0.005
@@ -102,7 +102,7 @@ def trace_plan(
             "tx_m": transmitters,
             "receivers": len(grid.position),
             "links": len(transmitters) * len(grid.position),
-            "states": {one.name.lower(): int(states[one]) for one in LinkState},
+            "states": {one.name.lower(): int(states[one]) for one in LinkCategory},
             "engine": scene.engine,
             "deepmimo": scenario_name(plan.name),
             "config": described(config),
@@ -209,7 +209,7 @@ def _settings(
         "plan": scene.building.plan.name,
         "tolerance_m": scene.config.building.tolerance_m,
         "building_sha256": scene.digest,
-        "version": importlib.metadata.version("robosim"),
+        "version": package_version(),
         "frequency_hz": scene.config.frequency_hz,
         **asdict(scene.config.tracer),
         "tx_m": transmitters,
@@ -226,10 +226,10 @@ def _write_formats(
     path: Path,
     out: Path,
     console: Console,
-) -> Int[np.ndarray, "4"]:
+) -> Int[np.ndarray, "5"]:
     """Write the paths as a DeepMIMO scenario and as CSV files; how many links have each state."""
     config, name = scene.config, scene.building.plan.name
-    states, reached = np.zeros(4, np.int64), np.zeros(len(grid.position), bool)
+    states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
     with (
         whole_folder(deepmimo_folder(out, name)) as folder,
         console.status("writing ...") as status,
@@ -237,7 +237,7 @@ def _write_formats(
         for i in range(len(transmitters)):
             status.update(f"writing transmitter {i + 1} of {len(transmitters)} ...")
             paths = Paths.read_parquet(path, i)
-            states += np.bincount(paths.link_state(config.threshold_db)[i], minlength=4)
+            states += np.bincount(paths.link_category(config.threshold_db)[i], minlength=len(LinkCategory))
             reached |= paths.count()[i] > 0
             write_files(folder, deepmimo_paths(scene, paths, i))
             write_files(out, csv_files(scene, grid, paths, i))

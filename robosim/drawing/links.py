@@ -12,7 +12,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from robosim.building.building import Building
-from robosim.drawing.radio import STATES, draw_rays
+from robosim.drawing.radio import draw_rays
+from robosim.support.colours import STATE_NAMES
 from wireless.estimates import PathEstimates, wrapped
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Sounder
@@ -156,7 +157,7 @@ def draw_directions(
     axes.set_yticks(range(-180, 181, 60))
     axes.set_xlabel("azimuth of arrival at the receiver [degrees from +x]")
     axes.set_ylabel("azimuth of departure, by beam of the transmitter [degrees from +x]")
-    state = STATES.get(LinkState(int(link.link_state().max())), ("outage", ""))[0]
+    state = STATE_NAMES[int(link.link_category().max())]
     axes.set_title(f"received power over directions ({state})", fontsize=10)
     axes.legend(
         loc="upper center",

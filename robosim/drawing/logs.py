@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Float
 from matplotlib.axes import Axes
 
-from robosim.drawing.plots import save_figure
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.scores import aligned
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.support.figures import save_figure
 
 #: Okabe and Ito's colours.
 _COLOURS = {"odometry": "#E69F00", "matching": "#56B4E9", "graph": "#009E73", "reference": "#000000"}
@@ -33,14 +33,14 @@ def draw_maps(
 
 def draw_ways(path: Path, log: RobotLog, ways: Mapping[str, Float[np.ndarray, "n 3"]]) -> None:
     """Draw trajectories over each other: aligned to the reference, if there is one."""
-    figure, axes = plt.subplots(figsize=(9, 9), layout="constrained")
+    figure, axes = plt.subplots(figsize=(9, 9), layout="compressed")
     for name, poses in ways.items():
         placed = poses if log.reference is None else aligned(poses, log.reference)
         axes.plot(placed[:, 0], placed[:, 1], color=_COLOURS[name], lw=1, label=name)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.legend()
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=len(ways), frameon=False)
     axes.set_title(f"{log.name}: where the robot was", parse_math=False)
     save_figure(figure, path)
 

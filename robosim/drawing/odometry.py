@@ -6,8 +6,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.drawing.plots import save_figure
 from robosim.robot.calibration import Runs
+from robosim.support.figures import save_figure
+from wireless.support.counting import counted
 
 #: Points drawn of each action.
 _MOST = 2000
@@ -30,7 +31,7 @@ def draw_errors(runs: Runs, path: Path) -> None:
         place.axhline(0, color="0.8", lw=0.8, zorder=0)
         place.axvline(0, color="0.8", lw=0.8, zorder=0)
         place.set_aspect("equal", "datalim")
-        place.set_title(f"{action.name.lower()}, {len(all_of_them)} runs")
+        place.set_title(f"{action.name.lower()}, {counted(len(all_of_them), 'run')}")
         place.set_xlabel("ahead, measured minus true [mm]")
         place.set_ylabel("to the left [mm]")
         place.legend(loc="upper right", fontsize=8)

@@ -28,6 +28,7 @@ from robosim.drawing.snapshot import (
     Snapshot,
 )
 from robosim.drawing.timeline import Timeline
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -48,19 +49,6 @@ TRUE_GREEN = (0, 158, 115)
 ESTIMATE_ORANGE = (230, 159, 0)
 PATH_PURPLE = (204, 121, 167)
 TARGET_RED = (213, 94, 0)
-#: Colour of each link state: outage, line of sight, first order, higher order.
-STATE_COLOURS = {
-    LinkState.OUTAGE: (120, 120, 120),
-    LinkState.LOS: (0, 158, 115),
-    LinkState.FIRST_ORDER: (0, 114, 178),
-    LinkState.HIGHER_ORDER: (213, 94, 0),
-}
-STATE_NAMES = {
-    LinkState.OUTAGE: "outage",
-    LinkState.LOS: "line of sight",
-    LinkState.FIRST_ORDER: "first-order NLOS",
-    LinkState.HIGHER_ORDER: "higher-order NLOS",
-}
 #: Length of the strongest arrival's arrow [m].
 ARRIVAL_M = 1.5
 #: Colour of each kind of cell of the built map, as OpenCV's tables are.

@@ -2,22 +2,21 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.drawing.plan_marks import explain, map_keys, wall_keys
-from robosim.support.files import whole_file
+from robosim.support.figures import save_figure
 from robosim.task.record import EpisodeLog
 from slam.grid import MapEstimate
 from wireless.support.axes import axes_in_metres
+from wireless.support.counting import counted
 
 #: Okabe and Ito's colours (2008), for parts of the floor from the largest on, and a grey for the rest.
 _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")
@@ -26,19 +25,6 @@ _OTHERS = "#7F7F7F"
 _LEAST_M2 = 0.1
 #: Room for a legend beside a plan.
 LEGEND_INCHES = 1.9
-
-
-def save_figure(figure: Figure, path: Path, *, cut: bool = False) -> None:
-    """Write a figure, whole or not at all, and free it.
-
-    Args:
-        figure: What to write.
-        path: Where to.
-        cut: Whether to cut it to what is drawn.
-    """
-    with whole_file(path) as partial:
-        figure.savefig(partial, dpi=130, bbox_inches="tight" if cut else None)
-    plt.close(figure)
 
 
 def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
@@ -51,12 +37,13 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     result = log.result()
     shortest = f" (shortest {log.task.shortest_m:.1f} m)" if log.seeks_target else ""
     axes.set_title(
-        f"{building.plan.name}: {log.ended} after {log.steps} steps, {result['path_length_m']:.1f} m{shortest}, "
-        f"{100 * result['coverage']:.0f} % seen, pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
+        f"{building.plan.name}: {log.ended} after {counted(log.steps, 'step')}, {result['path_length_m']:.1f} m"
+        f"{shortest}, {100 * result['coverage']:.0f} % seen, "
+        f"pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
         fontsize=9,
         parse_math=False,  # names may have dollars in them
     )
-    save_figure(figure, path, cut=True)
+    save_figure(figure, path)
 
 
 def plot_plan(path: Path, building: Building, places: Reach) -> None:
@@ -69,26 +56,36 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
     order = np.argsort(-area_m2, kind="stable").tolist()
     named = [part for part in order if area_m2[part] >= _LEAST_M2][: len(_PARTS)]
     keys = wall_keys(bool(building.furnishings))
-    for part in order:
-        at = places.plan.centres(places.parts == part + 1)
-        colour = _PARTS[named.index(part)] if part in named else _OTHERS
-        axes.scatter(at[:, 0], at[:, 1], color=colour, s=1.5, lw=0)
+    # Number of each part's colour: that of all small ones is the last.
+    shade = np.full(places.n_parts + 1, np.nan)
+    shade[[part + 1 for part in order]] = [min(place, len(named)) for place in range(len(order))]
+    ny, nx = places.parts.shape
+    corner = places.plan.to_map(np.stack(np.meshgrid(np.arange(nx + 1.0), np.arange(ny + 1.0)), axis=-1))
+    axes.pcolormesh(
+        corner[..., 0],
+        corner[..., 1],
+        shade[places.parts],
+        cmap=ListedColormap([*_PARTS[: len(named)], _OTHERS]),
+        vmin=0,
+        vmax=len(named),
+        rasterized=True,
+    )
     keys += [
         Patch(color=_PARTS[place], label=f"part {place + 1}: {area_m2[part]:.1f} m2")
         for place, part in enumerate(named)
     ]
     if len(named) < places.n_parts:
-        rest = f"{places.n_parts - len(named)} smaller part(s): {np.delete(area_m2, named).sum():.2f} m2"
+        rest = f"{counted(places.n_parts - len(named), 'smaller part')}: {np.delete(area_m2, named).sum():.2f} m2"
         keys.append(Patch(color=_OTHERS, label=rest))
     keys.append(Patch(facecolor="0.85", edgecolor="0.5", lw=0.5, label="too near to a wall, or no floor"))
     explain(axes, keys, f"where the middle of a hull of\nradius {places.radius_m:g} m may be")
     axes.set_title(
-        f"{building.plan.name}: {building.free.area:.1f} m2 of free floor; a robot drives from place to place within a "
+        f"{building.plan.name}: {building.indoor_m2:.1f} m2 of free floor; a robot drives from place to place within a "
         "part only",
         fontsize=9,
         parse_math=False,
     )
-    save_figure(figure, path, cut=True)
+    save_figure(figure, path)
 
 
 def plan_axes(building: Building) -> tuple[Figure, Axes]:

@@ -1,7 +1,7 @@
 """Pictures of traced radio over a floor plan: power, link state, direction of arrival, rays of one link.
 
-Colours are told apart by the colour-blind: states after Okabe and Ito, power in cividis, angles in twilight,
-which is the same at both ends.
+Colours are safe for the colour-blind: states from `robosim.support.colours`, power of the floor in cividis, of rays in
+plasma, both the brighter the stronger, angles in twilight, which is the same at both ends.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,18 +24,15 @@ from matplotlib.patches import Patch
 from matplotlib.path import Path as PathOutline
 
 from robosim.building.building import Building
-from robosim.drawing.plots import save_figure
 from robosim.radio.receivers import ReceiverGrid
-from robosim.support.colours import FURNISHING
-from wireless.paths import Interaction, LinkState, Paths
+from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
+from robosim.support.figures import save_figure
+from wireless.paths import Interaction, LinkCategory, LinkState, Paths
+from wireless.support.axes import ray_colours
+from wireless.support.counting import counted
 
 WALL = "0.25"
 TX_COLOUR, RX_COLOUR = "#CC0000", "#009E73"
-STATES = {
-    LinkState.LOS: ("line of sight", "#0072B2"),
-    LinkState.FIRST_ORDER: ("first-order NLOS", "#56B4E9"),
-    LinkState.HIGHER_ORDER: ("higher-order NLOS", "#E69F00"),
-}
 KINDS = {
     Interaction.REFLECTION: ("reflection", "o"),
     Interaction.DIFFRACTION: ("diffraction", "^"),
@@ -76,11 +73,11 @@ def plot_grid(
         The files: power, state, aoa, rays, and overview, which has all four.
     """
     first = paths.select((paths.tx == tx) & (paths.rank == 0))
-    state = paths.link_state(threshold_db)[tx]
+    category = paths.link_category(threshold_db)[tx]
     at = paths.tx_position[tx]
     draw: dict[str, Callable[[Axes], None]] = {
         "power": lambda axes: draw_power(axes, building, grid, first, at, tx_power_dbm),
-        "state": lambda axes: draw_state(axes, building, grid, state, at),
+        "state": lambda axes: draw_state(axes, building, grid, category, at, frequency_hz=paths.frequency_hz),
         "aoa": lambda axes: draw_arrival(axes, building, grid, first, at),
         "rays": lambda axes: draw_rays(axes, building, *link, tx_power_dbm),
     }
@@ -137,7 +134,8 @@ def draw_power(
     image = _cells(axes, grid, values, cmap="cividis", vmin=low, vmax=high)
     _bar(axes, image, f"received power [dBm], {tx_power_dbm:g} dBm sent", extend="both")
     _shade_free(axes, building)
-    _frame(axes, building, "power of the strongest path")
+    about = conditions(first.frequency_hz, tx_position, grid.position)
+    _frame(axes, building, "power of the strongest path", about)
     _mark(axes, tx_position)
     _legend(axes, building, [_tx_handle(), _nothing_handle("no path")])
 
@@ -146,28 +144,40 @@ def draw_state(
     axes: Axes,
     building: Building,
     grid: ReceiverGrid,
-    state: UInt8[np.ndarray, " n"],
+    category: UInt8[np.ndarray, " n"],
     tx_position: Float[np.ndarray, "3"],
     title: str = "link state",
+    *,
+    frequency_hz: float | None = None,
 ) -> None:
-    """Link states, and how many links have each."""
-    colours = ListedColormap([STATES.get(one, ("", "white"))[1] for one in LinkState])
-    reached = np.where(state == LinkState.OUTAGE, np.nan, state)
-    _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 4), 4))
+    """Link states, obstructed line of sight apart, and how many links have each.
+
+    Frequency and heights are in the title if the frequency is given.
+    """
+    colours = ListedColormap([css(STATE_COLOURS[one]) for one in LinkCategory])
+    reached = np.where(category == LinkCategory.OUTAGE, np.nan, category)
+    _cells(axes, grid, reached, cmap=colours, norm=BoundaryNorm(np.arange(-0.5, 5), 5))
     _shade_free(axes, building)
-    _frame(axes, building, title)
+    about = "" if frequency_hz is None else conditions(frequency_hz, tx_position, grid.position)
+    _frame(axes, building, title, about)
     _mark(axes, tx_position)
-    share = 100 * np.bincount(state, minlength=4) / len(state)
+    share = 100 * np.bincount(category, minlength=5) / len(category)
     _legend(
         axes,
         building,
         [
             _tx_handle(),
             *(
-                Patch(facecolor=colour, edgecolor=WALL, lw=0.4, label=f"{name} ({share[one]:.0f} %)")
-                for one, (name, colour) in STATES.items()
+                Patch(
+                    facecolor=css(STATE_COLOURS[one]),
+                    edgecolor=WALL,
+                    lw=0.4,
+                    label=f"{name} ({share[one]:.0f} %)",
+                )
+                for one, name in STATE_NAMES.items()
+                if share[one] > 0 and one != LinkCategory.OUTAGE
             ),
-            _nothing_handle(f"outage ({share[LinkState.OUTAGE]:.0f} %)"),
+            _nothing_handle(f"outage ({share[LinkCategory.OUTAGE]:.0f} %)"),
         ],
     )
 
@@ -186,7 +196,8 @@ def draw_arrival(
     bar = _bar(axes, image, "azimuth of arrival [degrees from +x]")
     bar.set_ticks([-180, -90, 0, 90, 180])
     _shade_free(axes, building)
-    _frame(axes, building, "direction of arrival of the strongest path")
+    about = conditions(first.frequency_hz, tx_position, grid.position)
+    _frame(axes, building, "direction of arrival of the strongest path", about)
     step_m = float(np.hypot(*(grid.edges[0, 1] - grid.edges[0, 0])))
     every = max(1, round(ARROW_SHARE * max(_extent(building)) / step_m))
     cell = grid.cell[first.rx]
@@ -222,9 +233,7 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
         np.vstack([ends[0][:2], link.point[i, : link.order[i], :2], ends[1][:2]])
         for i in reversed(range(len(link)))  # the strongest one on top
     ]
-    # The palest end of the scale would hardly show on white.
-    shades = ListedColormap(plt.get_cmap("viridis_r")(np.linspace(0.12, 1, 256)))
-    rays = LineCollection(lines, cmap=shades, linewidths=1.1, zorder=3)
+    rays = LineCollection(lines, cmap=ray_colours(), linewidths=1.1, zorder=3)
     rays.set_array(power[::-1])
     axes.add_collection(rays)
     if len(link):
@@ -248,11 +257,21 @@ def draw_rays(axes: Axes, building: Building, paths: Paths, tx: int, rx: int, tx
             handles.append(Line2D([], [], **style, label=name))
     _mark(axes, ends[0])
     axes.plot(*ends[1][:2], "P", color=RX_COLOUR, mec="white", ms=9, zorder=7)
-    state = STATES.get(LinkState(int(link.link_state()[tx, rx])), ("outage", ""))[0]
-    many = "1 path" if len(link) == 1 else f"{len(link)} paths"
-    _frame(axes, building, f"{many} of one link ({state})")
+    state = STATE_NAMES[int(link.link_category()[tx, rx])]
+    about = conditions(paths.frequency_hz, ends[0], ends[1][None])
+    _frame(axes, building, f"{counted(len(link), 'path')} of one link ({state})", about)
     _zoom(axes, np.vstack([ends[0][:2], ends[1][:2], *lines]))
     _legend(axes, building, handles)
+
+
+def conditions(
+    frequency_hz: float, tx_position: Float[np.ndarray, "3"], rx_position: Float[np.ndarray, "n 3"]
+) -> str:
+    """Frequency and heights, for the title of a picture of radio."""
+    low_m, high_m = float(rx_position[:, 2].min()), float(rx_position[:, 2].max())
+    receivers = f"{low_m:g} m" if low_m == high_m else f"{low_m:g} to {high_m:g} m"
+    of_them = "receiver" if len(rx_position) == 1 else "receivers"
+    return f"{frequency_hz / 1e9:g} GHz; transmitter {tx_position[2]:g} m, {of_them} {receivers} high"
 
 
 def _overview(building: Building, draw: list[Callable[[Axes], None]]) -> Figure:
@@ -298,15 +317,16 @@ def _bar(axes: Axes, values: ScalarMappable, label: str, **style: Any) -> Colorb
     return axes.figure.colorbar(values, cax=beside, label=label, **style)
 
 
-def _frame(axes: Axes, building: Building, title: str) -> None:
-    """Walls, axes in metres, and a title."""
+def _frame(axes: Axes, building: Building, title: str, about: str = "") -> None:
+    """Walls, axes in metres, and a title of one line or two."""
     west, south, east, north = building.free.bounds
     margin = 0.03 * max(east - west, north - south)
     axes.set_aspect("equal")
     axes.set(xlim=(west - margin, east + margin), ylim=(south - margin, north + margin))
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
-    axes.set_title(f"{building.plan.name}: {title}", fontsize=10, parse_math=False)
+    lines = f"{building.plan.name}: {title}\n{about}".strip()
+    axes.set_title(lines, fontsize=10, parse_math=False)
     building.draw_walls(axes, colour=WALL, zorder=3)
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from robosim.drawing.radio import STATES
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
 from wireless.paths import LinkState
 
 #: Lines of estimators; those of others are dotted and dashed.
@@ -17,7 +17,8 @@ LEAST_DEG = 1e-3
 def draw_shares(ax: Axes, pooled: list[dict[str, Any]], published: dict[str, dict[float, float]]) -> None:
     """Share of links over the error of their azimuth of arrival, by link state and estimator."""
     for row in pooled:
-        label, colour = STATES[LinkState[row["state"]]]
+        state = LinkState[row["state"]]
+        label, colour = STATE_NAMES[state], css(STATE_COLOURS[state])
         error = np.maximum(np.asarray(row["quantiles_deg"], float), LEAST_DEG)
         share = 100 * np.linspace(0, 1, len(error))
         ax.plot(error, share, STYLE[row["estimator"]], color=colour, label=f"{label}, {row['estimator']}")
@@ -26,7 +27,7 @@ def draw_shares(ax: Axes, pooled: list[dict[str, Any]], published: dict[str, dic
             list(shares),
             [100 * share for share in shares.values()],
             "s",
-            color=STATES[LinkState[name]][1],
+            color=css(STATE_COLOURS[LinkState[name]]),
             mec="k",
         )
     ax.plot([], [], "ks", label="published")

@@ -6,14 +6,16 @@ import matplotlib.pyplot as plt
 import numpy as np
 import shapely
 from jaxtyping import Float
-from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.colors import Normalize
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from robosim.building.storeys import Storeys
-from robosim.drawing.plots import save_figure
-from robosim.drawing.radio import RX_COLOUR, TX_COLOUR, WALL
+from robosim.drawing.radio import RX_COLOUR, TX_COLOUR, WALL, conditions
+from robosim.support.figures import save_figure
 from wireless.paths import Paths
+from wireless.support.axes import ray_colours
+from wireless.support.counting import counted
 
 #: Storeys are drawn so much farther apart than they are, as plans are wider than high.
 STRETCH = 2.0
@@ -48,9 +50,8 @@ def plot_storeys(path: Path, whole: Storeys, paths: Paths, tx: int, rx: int, tx_
         np.vstack([ends_m[0], link.point[i, : link.order[i]], ends_m[1]]) for i in reversed(range(len(link)))
     ]
     if lines:
-        shades = ListedColormap(plt.get_cmap("viridis_r")(np.linspace(0.12, 1, 256)))
         scale = Normalize(power.min(), max(power.max(), power.min() + 1))
-        rays = Line3DCollection(lines, cmap=shades, norm=scale, linewidths=1.1, zorder=50)
+        rays = Line3DCollection(lines, cmap=ray_colours(), norm=scale, linewidths=1.1, zorder=50)
         rays.set_array(power[::-1])
         axes.add_collection3d(rays)
         figure.colorbar(rays, ax=axes, shrink=0.5, label=f"received power [dBm], {tx_power_dbm:g} dBm sent")
@@ -61,8 +62,9 @@ def plot_storeys(path: Path, whole: Storeys, paths: Paths, tx: int, rx: int, tx_
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(np.maximum(high - low, 0.1) * (1, 1, STRETCH), zoom=1.15)
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
-    many = "1 path" if len(link) == 1 else f"{len(link)} paths"
-    axes.set_title(f"{whole.plan.name}: {many} of one link", fontsize=10, parse_math=False)
+    title = f"{whole.plan.name}: {counted(len(link), 'path')} of one link"
+    about = conditions(paths.frequency_hz, ends_m[0], ends_m[1][None])
+    axes.set_title(f"{title}\n{about}", fontsize=10, parse_math=False)
     axes.legend(loc="upper left", fontsize=8)
     axes.view_init(elev=24, azim=-58)
     save_figure(figure, path)

@@ -23,7 +23,7 @@ _SHIFT = 4
 class Timeline:
     """Grows by one decision at a time."""
 
-    def __init__(self, width: int, height: int, states: dict[LinkState, Colour]) -> None:
+    def __init__(self, width: int, height: int, states: dict[int, Colour]) -> None:
         """Nothing drawn so far.
 
         Args:

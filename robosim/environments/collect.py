@@ -17,6 +17,7 @@ from robosim.environments.config import Sense
 from robosim.environments.guide import way_action
 from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, check_choice, check_numbers
+from robosim.support.installation import DISTRIBUTION, missing_extra, package_version
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
 from slam.actions import PUBLISHED
@@ -77,7 +78,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
     try:
         from minari.dataset.minari_storage import MinariStorage
     except ImportError as error:
-        raise ImportError("Data sets of searches need Minari: pip install 'robosim[minari]'.") from error
+        raise missing_extra("minari", "A data set of searches") from error
     # More searches of the same kind may be added.
     settings = {key: value for key, value in asdict(config).items() if key != "episodes"}
     env = gymnasium.make(
@@ -88,7 +89,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
         max_episode_steps=config.most_steps,
     )
     with run_folder(out, "collect-searches", settings) as folder:
-        data = folder / DATASET
+        data = (folder / DATASET).absolute()  # Minari puts its folder before paths that are not
         if (data / "metadata.json").is_file():
             storage = MinariStorage.read(data)
         else:
@@ -155,12 +156,10 @@ def _driven(
 
 def _told(config: CollectSearchesConfig) -> dict[str, Any]:
     """What Minari wants to know of a data set."""
-    from importlib.metadata import version
-
     return {
         "dataset_id": f"robosim/target-search/{config.driver}-v0",
-        "minari_version": version("minari"),
+        "minari_version": package_version("minari"),
         "algorithm_name": config.driver,
-        "description": f"Searches for a target in {config.plan}, by robosim {version('robosim')}.",
-        "requirements": [f"robosim=={version('robosim')}"],
+        "description": f"Searches for a target in {config.plan}, by robosim {package_version()}.",
+        "requirements": [f"{DISTRIBUTION}=={package_version()}"],
     }

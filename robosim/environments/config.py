@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.rewards import DEFAULT_WEIGHTS, check_weights
+from robosim.environments.rewards import DEFAULT_WEIGHTS, OwnTerm, check_weights
 from robosim.parts import ClassifierPart
 from robosim.radio.link import RadioLinkConfig
 from robosim.radio.measurement import check_classifier
@@ -26,8 +26,9 @@ class SearchConfig:
     """picture: 8 bits, as networks for pictures take them. metres: 32-bit numbers."""
     continuous: bool = False
     """Whether actions are speeds instead of steps."""
-    rewards: Mapping[str, float] = field(default_factory=lambda: dict(DEFAULT_WEIGHTS))
-    """Weight of each term of `robosim.environments.rewards`; terms that are not named count nothing."""
+    rewards: Mapping[str, float | OwnTerm] = field(default_factory=lambda: dict(DEFAULT_WEIGHTS))
+    """Weight of each term of `robosim.environments.rewards`, or a function for a term of your own name; terms that are
+    not named count nothing."""
     difficulty: float = 1.0
     """How far targets are away: 0 for a few metres, 1 for anywhere in the building."""
     curriculum: bool = False

@@ -12,13 +12,23 @@ link_state   rise of the worth of the true link state: 0 for an outage, 0.25 for
              1 for line of sight; after the rule of Yin et al., Zero-shot wireless indoor navigation through
              physics-informed reinforcement learning, ICRA 2024, that on a good way the order of the link falls
 snr          rise of the SNR of the strongest measured path [dB], an outage counting as -30 dB
+
+A term under any other name is a function of a user's own, of the observation and the `info` of a step; its weight is 1:
+
+    def near(observation, info):
+        return 0.1 * (info["distance_m"] < 2.0)
+
+    gymnasium.make("robosim/TargetSearch-v1", rewards={"arrival": 10.0, "near": near})
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from robosim.support.checks import check_number
 from wireless.paths import LinkState
 
+#: A term of a user's own: from observation and `info` of a step to its reward.
+OwnTerm = Callable[[dict[str, Any], dict[str, Any]], float]
 #: Terms, and what they weigh if nothing is said.
 TERMS = ("arrival", "progress", "step", "collision", "coverage", "link_state", "snr")
 DEFAULT_WEIGHTS: Mapping[str, float] = {"arrival": 10.0, "progress": 1.0, "step": -0.01}
@@ -33,18 +43,38 @@ WORTH = {
 NO_SNR_DB = -30.0
 
 
-def check_weights(weights: Mapping[str, float]) -> None:
-    """See that weights are finite numbers of known terms.
+def check_weights(weights: Mapping[str, float | OwnTerm]) -> None:
+    """See that known terms have finite numbers for weights, and other names functions.
 
     Raises:
-        ValueError: If they are not.
+        ValueError: If they do not.
     """
     for term, weight in weights.items():
-        if term not in TERMS:
-            raise ValueError(f"rewards has {term!r}. Known terms: {', '.join(TERMS)}.")
-        check_number(f"weight of {term}", weight, -1e6, 1e6)
+        if callable(weight) == (term in TERMS):
+            raise ValueError(
+                f"rewards has {term!r}: {type(weight).__name__}. Known terms, each with a number for its weight: "
+                f"{', '.join(TERMS)}. A term of your own has another name and a function of observation and info."
+            )
+        if not callable(weight):
+            check_number(f"weight of {term}", weight, -1e6, 1e6)
 
 
-def total(weights: Mapping[str, float], terms: Mapping[str, float]) -> float:
-    """The reward of a step."""
-    return float(sum(weight * terms[term] for term, weight in weights.items()))
+def weighted(
+    weights: Mapping[str, float | OwnTerm],
+    terms: Mapping[str, float],
+    observation: dict[str, Any],
+    info: dict[str, Any],
+) -> dict[str, float]:
+    """Each term of a step's reward times its weight; their sum is the reward.
+
+    Raises:
+        ValueError: If a user's own term is NaN, infinite or beyond 1e6.
+    """
+    found = {}
+    for term, weight in weights.items():
+        if not callable(weight):
+            found[term] = float(weight * terms[term])
+            continue
+        found[term] = float(weight(observation, info))
+        check_number(f"reward term {term}", found[term], -1e6, 1e6)
+    return found

@@ -16,7 +16,7 @@ from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
 from robosim.environments.curriculum import Curriculum, longest_m
 from robosim.environments.places import Place, place_of
-from robosim.environments.rewards import NO_SNR_DB, WORTH, total
+from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
 from robosim.environments.sources import Given, Source
 from robosim.environments.text_plan import draw_text
 from robosim.parts import LIDAR
@@ -128,11 +128,12 @@ class Search:
             "snr": self._snr - before[3],
         }
         info = self._info(pose, motion.collided, arrived)
-        info["rewards"] = {term: terms[term] for term in self.config.rewards}
+        observation = self._observation(pose)
+        info["rewards"] = weighted(self.config.rewards, terms, observation, info)
         if arrived:
             self._ended = True
             self._curriculum.ended(True)
-        return Outcome(self._observation(pose), total(self.config.rewards, terms), arrived, info)
+        return Outcome(observation, float(sum(info["rewards"].values())), arrived, info)
 
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view beside the plan with the robot's way."""

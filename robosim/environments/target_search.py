@@ -26,8 +26,9 @@ class TargetSearch(gymnasium.Env):
     pose. By default depth, odometry and radio. `robosim.environments.senses` tells keys, shapes, units and bounds.
 
     ## Reward
-    Weighted sum of the terms of `robosim.environments.rewards`; `rewards={...}` gives the weights. By default metres by
-    which the shortest drive to the target became shorter, minus 0.01 a step, plus 10 on arrival.
+    Weighted sum of the terms of `robosim.environments.rewards`; `rewards={...}` gives the weights, and functions for
+    terms of your own. By default metres by which the shortest drive to the target became shorter, minus 0.01 per step,
+    plus 10 on arrival.
 
     ## Start
     Drawn from the seed: the plan if there are several, the target and a start at least 3 m of driving from it.
@@ -38,7 +39,8 @@ class TargetSearch(gymnasium.Env):
     Terminated when the robot's true position is within 0.3 m of the target. Truncated after 1000 steps.
 
     `info` holds what the robot must not know: `pose`, `target`, `distance_m` (of the shortest drive),
-    `collided`, `arrived`; after a step also `rewards`, term by term, at a reset `plan` and `difficulty`.
+    `collided`, `arrived`; after a step also `rewards`, the weighted terms, whose
+    sum is the reward; after a reset `plan` and `difficulty`.
 
     ## Versions
     v1: radio, lidar, map and pose; depth as a picture of 8 bits; many plans, difficulty and named rewards. By default

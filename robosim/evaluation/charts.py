@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
 from robosim.evaluation.scores import CLASSES, Estimate, Summary
+from wireless.support.counting import counted
 
 #: Okabe and Ito's colours, in the order that policies come in.
 _COLOURS = ("#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7", "#999999")
@@ -49,7 +50,9 @@ def time_chart(scored: Sequence[Mapping[str, Any]], bar: str = "oracle") -> Figu
                 _cdf(axes, times, colour, policy)
         least = 0.4 if bar == "oracle" and "shortest" in colours else 0.8
         axes.set(xlim=(least, _LONGEST), ylim=(0, 1.02), xlabel=f"arrival time / {_WHOSE[bar]}")
-        axes.set_title(f"{name}, {len({(row['plan'], row['task']) for row in own})} tasks", fontsize=10)
+        axes.set_title(
+            f"{name}, {counted(len({(row['plan'], row['task']) for row in own}), 'task')}", fontsize=10
+        )
         axes.axvline(1, color="0.6", lw=0.8, ls=":")
         _plain_axes(axes)
     panels[0].set_ylabel("episodes that have arrived")
@@ -76,7 +79,8 @@ def _bars(summaries: Sequence[Summary], what: str, label: str, *, percent: bool)
         spread = np.array([[v.value - v.low, v.high - v.value] for v in values]).T
         axes.bar(x, heights, 0.92 * width, color=colour, label=policy, alpha=0.9)
         axes.errorbar(x, heights, np.maximum(spread, 0), fmt="none", ecolor="0.35", lw=1, capsize=2)
-    names = [f"{name}\n{next(s.tasks for s in summaries if s.difficulty == name)} tasks" for name in groups]
+    tasks = [next(s.tasks for s in summaries if s.difficulty == name) for name in groups]
+    names = [f"{name}\n{counted(count, 'task')}" for name, count in zip(groups, tasks, strict=True)]
     axes.set_xticks(range(len(groups)), names)
     axes.set(ylim=(0, 1.04), ylabel=label)
     if percent:

@@ -19,6 +19,7 @@ from robosim.evaluation.suite import Suite
 from robosim.plans.files import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
+from robosim.support.installation import package_version
 from robosim.support.parts import described
 from robosim.support.reading import read_bytes
 
@@ -78,12 +79,12 @@ def code_digest(policies: Iterable[str] = ()) -> str:
 
 def versions() -> dict[str, str]:
     """Versions of the packages that results depend on."""
-    return {name: importlib.metadata.version(name) for name in _PACKAGES if _installed(name)}
+    return {name: package_version(name) for name in _PACKAGES if _installed(name)}
 
 
 def _installed(name: str) -> bool:
     try:
-        importlib.metadata.version(name)
+        package_version(name)
     except importlib.metadata.PackageNotFoundError:
         return False
     return True

@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 from PIL import Image
 from rich.console import Console
 
-from robosim.drawing.plots import save_figure
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart
 from robosim.evaluation.comparison import Compared, compared, subject_of
@@ -31,9 +30,11 @@ from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
 from robosim.evaluation.ways import ways_figure
 from robosim.support.assets import shipped_plans
+from robosim.support.figures import save_figure
 from robosim.support.files import plain, whole_file, write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.workers import Workers
+from wireless.support.counting import counted
 
 #: Tasks that the page shows with a picture, the worst first; all are listed.
 _PICTURES = 60
@@ -132,9 +133,9 @@ def _page(
         len({(row["plan"], row["task"]) for row in result.rows}),
     )
     lead = (
-        f"{count} tasks in {len(plans)} floor plans, {len(result.rows)} episodes. "
+        f"{counted(count, 'task')} in {counted(len(plans), 'floor plan')}, {counted(len(result.rows), 'episode')}. "
         f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
-        f"{config.simulator.noise.level:g}, at most {config.max_steps} steps."
+        f"{config.simulator.noise.level:g}, at most {counted(config.max_steps, 'step')}."
     )
     seconds = {p: _means([result.timing[i] for i in own[p]]) for p in policies}
     rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}

@@ -23,8 +23,6 @@ from matplotlib.patches import Circle
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.drawing.gallery import Picture, write_index
-from robosim.drawing.picture import STATE_COLOURS
-from robosim.drawing.plots import save_figure
 from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episode_file import Episode, read_episode, read_head
@@ -35,12 +33,14 @@ from robosim.evaluation.suite import Suite, read_suite
 from robosim.plans.files import read_plan
 from robosim.policies.goals import SEEKERS
 from robosim.robot.robots import RobotConfig
-from robosim.support.colours import TARGET, TRUE
+from robosim.support.colours import STATE_COLOURS, TARGET, TRUE, css
+from robosim.support.figures import save_figure
 from robosim.support.reading import FileError, naming, shown
 from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
 from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
+from wireless.support.counting import counted
 
 #: Arrival rates that were published: easy, moderate, hard.
 PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or-first": (1.0, 1.0, 0.94)}
@@ -96,7 +96,8 @@ def draw_search(
                 _LIMIT_CAPTION,
             )
         )
-    notes = [f"{len(rows)} episodes of {tasks} tasks in {len({row['plan'] for row in rows})} plans."]
+    plans = len({row["plan"] for row in rows})
+    notes = [f"{counted(len(rows), 'episode')} of {counted(tasks, 'task')} in {counted(plans, 'plan')}."]
     notes += _following(results, rows)
     example = find_example(results, rows, follower, better)
     if example is None:
@@ -253,10 +254,22 @@ def example_figure(building: Building, example: Example) -> Figure:
     centre = example.stuck.poses[first, :2]
     panels[0].add_patch(Circle(tuple(centre), STAY_M, fill=False, color="black", lw=1.2, ls="--"))
     panels[0].annotate(
-        f"stays {stayed} decisions", centre, (0, 28), textcoords="offset points", ha="center", fontsize=9
+        f"stays {counted(stayed, 'decision')}",
+        centre,
+        (0, 28),
+        textcoords="offset points",
+        ha="center",
+        fontsize=9,
     )
     handles = [
-        Line2D([], [], marker="o", ls="", color=_rgb(state), label=state.name.lower().replace("_", " "))
+        Line2D(
+            [],
+            [],
+            marker="o",
+            ls="",
+            color=css(STATE_COLOURS[state]),
+            label=state.name.lower().replace("_", " "),
+        )
         for state in LinkState
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
@@ -267,7 +280,7 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
     row, steps = episode.head.row, len(episode.links)
     axes.plot(*episode.poses[:, :2].T, color="0.6", lw=1)
     if steps:
-        colours = [_rgb(LinkState(int(state))) for state in episode.links[:, 0]]
+        colours = [css(STATE_COLOURS[LinkState(int(state))]) for state in episode.links[:, 0]]
         x, y = episode.poses[:steps, :2].T
         axes.scatter(x, y, c=colours, s=14, zorder=3)
     axes.plot(*episode.poses[0, :2], "o", mfc="none", mec=TRUE, mew=2, ms=12, zorder=4)
@@ -275,15 +288,10 @@ def _draw_way(axes: Axes, episode: Episode) -> None:
     axes.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
     ended = "arrived" if row["arrived"] else row["ended"]
     axes.set_title(
-        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {row['steps']} steps",
+        f"{row['plan']} {row['task']}, {row['policy']}: {ended} after {counted(row['steps'], 'step')}",
         fontsize=10,
         parse_math=False,
     )
-
-
-def _rgb(state: LinkState) -> tuple[float, float, float]:
-    red, green, blue = STATE_COLOURS[state]
-    return red / 255, green / 255, blue / 255
 
 
 def _building(results: Path, plan: str) -> Building:

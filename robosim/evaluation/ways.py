@@ -16,11 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 
-from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
 from robosim.drawing.plan_marks import explain, heading, wall_keys
 from robosim.evaluation.episode_file import Episode
 from robosim.policies.reason import GoalKind
-from robosim.support.colours import TARGET, WALL
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, TARGET, WALL, css
 from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
 
@@ -69,9 +68,7 @@ def ways_figure(episodes: Sequence[Episode]) -> Figure:
     keys.append(Line2D([], [], marker=".", ls="", color="0.25", label=f"every {_EVERY} decisions"))
     states, kinds = _draw_ribbons(below, episodes)
     after = [heading("link state as told:")] if states else []
-    after += [
-        Patch(color="#{:02x}{:02x}{:02x}".format(*STATE_COLOURS[s]), label=STATE_NAMES[s]) for s in states
-    ]
+    after += [Patch(color=css(STATE_COLOURS[s]), label=STATE_NAMES[s]) for s in states]
     after += [heading("goal:"), *(Patch(facecolor=GOAL_COLOURS[kind], label=kind.value) for kind in kinds)]
     explain(plan, keys, after=after)
     return figure

@@ -18,6 +18,7 @@ from robosim.support.reading import reading
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 from robosim.training.link_state_plots import plot_confusions, plot_curves
 from wireless.linkstate.epoch import Epoch
+from wireless.support.counting import counted
 
 #: Row-normalised diagonal published for outage, LOS, first and higher order. Reference: arXiv 2110.14789.
 PUBLISHED_RIGHT = {
@@ -126,7 +127,7 @@ def confusion_of(card: dict[str, Any]) -> tuple[str, Int[np.ndarray, "4 4"]] | N
     folds = [
         _counts(scores["confusion"]) for name, scores in card["validation"].items() if name.startswith("fold")
     ]
-    return (f"held-out buildings of {len(folds)} fold(s)", np.sum(folds, axis=0)) if folds else None
+    return (f"held-out buildings of {counted(len(folds), 'fold')}", np.sum(folds, axis=0)) if folds else None
 
 
 def _counts(confusion: Any) -> Int[np.ndarray, "4 4"]:

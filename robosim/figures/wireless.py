@@ -22,7 +22,6 @@ from robosim.building.building import BuildingConfig
 from robosim.building.outline import check_tolerance
 from robosim.drawing.gallery import Picture, write_index
 from robosim.drawing.links import choose_telling, link_figure
-from robosim.drawing.plots import save_figure
 from robosim.drawing.radio import draw_state
 from robosim.drawing.shares import draw_shares
 from robosim.evaluation.arrivals import PUBLISHED, on_plan, pooled, trace_links
@@ -34,12 +33,14 @@ from robosim.radio.receivers import check_step, receiver_grid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.assets import shipped_weights
 from robosim.support.checks import SEED, check_numbers
+from robosim.support.figures import save_figure
 from robosim.support.progress import tracked
 from wireless.antennas.codebook import terminal_named
 from wireless.antennas.figures import arrays_figure
 from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.paths import LinkState, Paths
 from wireless.sounding.sounder import Rays, Sounder
+from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     from wireless.linkstate.classifier import LinkStateClassifier
@@ -181,7 +182,7 @@ def _draw_errors(rows: list[dict[str, Any]], n_plans: int, out: Path) -> Picture
     figure = Figure(figsize=(8, 5.6), layout="constrained")
     axes = figure.subplots()
     draw_shares(axes, summary, PUBLISHED)
-    axes.set_title(f"azimuth of arrival of the strongest path, {n_plans} plan(s)", fontsize=10)
+    axes.set_title(f"azimuth of arrival of the strongest path, {counted(n_plans, 'plan')}", fontsize=10)
     save_figure(figure, out / "aoa-error.png")
     shares = "; ".join(
         f"{row['state'].lower().replace('_', '-')} {100 * row['within'][5.0]:.1f} %"
@@ -260,8 +261,11 @@ def _draw_states(
     right = np.mean(guess == true)
     figure = Figure(figsize=(13, 7), layout="constrained")
     left, middle = figure.subplots(1, 2)
-    draw_state(left, scene.building, grid, true, tx[0], "true link state")
-    draw_state(middle, scene.building, grid, guess, tx[0], f"told link state, {100 * right:.1f} % right")
+    for axes, state, title in (
+        (left, true, "true link state"),
+        (middle, guess, f"estimated link state, {100 * right:.1f} % correct"),
+    ):
+        draw_state(axes, scene.building, grid, state, tx[0], title, frequency_hz=paths.frequency_hz)
     save_figure(figure, out / "states.png")
     return Picture(
         name="states.png",

@@ -27,7 +27,9 @@ from scipy.stats import ks_2samp
 
 from robosim.generator.rooms import clearance, find_rooms, largest_piece
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.figures import save_figure
 from slam.planning.marching import march
+from wireless.support.counting import counted
 
 #: Smaller islands are specks of the raster rather than things [m2].
 SMALLEST_THING_M2 = 0.02
@@ -132,7 +134,7 @@ def plot_comparison(
     Args:
         real: Plans to be compared with.
         generated: Plans to be judged.
-        path: PNG to write.
+        path: Name of the PNG file.
         hull_radius_m: Radius of the hull that rooms and passages are counted for [m].
 
     Returns:
@@ -143,13 +145,14 @@ def plot_comparison(
     )
     figure = Figure(figsize=(13, 11), layout="constrained")
     figure.suptitle(
-        f"{len(generated)} generated plans beside {len(real)} real ones, hull radius {hull_radius_m:g} m"
+        f"{counted(len(generated), 'generated plan')} and {counted(len(real), 'real one')}, "
+        f"hull radius {hull_radius_m:g} m"
     )
     distances = {name: ks_distance(a, b) for name, (a, b) in pairs.items()}
     for axes, (name, (a, b)) in zip(figure.subplots(3, 3).flat, pairs.items(), strict=True):
         _draw_distributions(axes, a, b)
         axes.set_title(f"{_TITLES[name]}\nKS distance {distances[name]:.2f}", fontsize=10)
-    figure.savefig(path, dpi=110)
+    save_figure(figure, path)
     return distances
 
 

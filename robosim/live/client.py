@@ -1,8 +1,10 @@
-"""What goes before viser's client, which has no settings for it: drawing by software, phones, dropped files.
+"""What goes before viser's client, which has no settings for it: software rendering, phones, files, its title.
 
 On a phone viser's panel is narrower than the window and covers three fifths of it; here it is as wide as the window,
 so that tables fit, and leaves more of the space. A file that is dropped onto the page is handed to its button for
-files; a browser would leave the page for it else. A row of a table that names an option of a list takes it.
+files; a browser would leave the page for it else. A row of a table that names an option of a list takes it. The title
+of the browser's tab is that of the element with `data-page`. Of files that other windows have opened viser knows no
+name, and would report "Uploading undefined" in this one.
 """
 
 import gzip
@@ -27,11 +29,20 @@ DROP = """<script>(() => {
   addEventListener('drop', event => {
     event.preventDefault();
     const taker = document.querySelector('input[type=file]');
+    const line = document.querySelector('[data-dropped]');
+    if (!taker && line)
+      line.textContent = 'Files can be opened under Radio, where a single plan is explored: robosim live PLAN.';
     if (!taker || !event.dataTransfer.files.length) return;
     taker.files = event.dataTransfer.files;
     taker.dispatchEvent(new Event('change', {bubbles: true}));
   });
 })();</script>"""
+NAMED = """<script>new MutationObserver(() => {
+  const named = document.querySelector('[data-page]');
+  if (named && document.title !== named.dataset.page) document.title = named.dataset.page;
+  for (const one of document.querySelectorAll('.mantine-Notification-root'))
+    if (one.textContent.startsWith('Uploading undefined')) one.style.display = 'none';
+}).observe(document, {subtree: true, childList: true, characterData: true});</script>"""
 #: Attributes of a row: the label of a list, and the option that a click takes there.
 LIST, OPTION = "data-list", "data-option"
 CHOOSE = f"""<style>tr[{OPTION}] {{cursor: pointer}} tr[{OPTION}]:hover {{background: #8883}}</style>
@@ -81,5 +92,6 @@ def served(response: "Response | None") -> "Response | None":
 @lru_cache(maxsize=2)
 def _served_body(body: bytes, zipped: bool) -> bytes:
     page = (gzip.decompress(body) if zipped else body).decode()
-    content = before_client(page, LEAN, NARROW, DROP, CHOOSE).encode()
+    page = page.replace("<title>Viser</title>", "<title>robosim live</title>", 1)
+    content = before_client(page, LEAN, NARROW, DROP, NAMED, CHOOSE).encode()
     return gzip.compress(content, mtime=0) if zipped else content

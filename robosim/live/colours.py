@@ -1,7 +1,7 @@
-"""Colours of the page: power, kinds of rays, link states; told apart by the colour-blind.
+"""Colours of the page: power, kinds of rays, link states; safe for the colour-blind.
 
-As in the pictures of `robosim trace`: power over the floor in cividis, of rays in viridis, the stronger the darker;
-angles in twilight; kinds and states after Okabe and Ito (2008).
+As in the pictures of `robosim trace`: power over the floor in cividis, of rays in plasma, the brighter the stronger;
+angles in twilight; states from `robosim.support.colours`.
 """
 
 from functools import cache
@@ -10,11 +10,10 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import STATE_COLOURS
 from robosim.recording.rerun_recording import RAY_COLOURS
-from wireless.paths import LinkState
-
-Colour = tuple[int, int, int]
+from robosim.support.colours import STATE_COLOURS, Colour, css
+from wireless.paths import LinkCategory
+from wireless.support.axes import RAY_MAP, RAY_SHARE
 
 TX_COLOUR: Colour = (213, 94, 0)
 ROBOT_COLOUR: Colour = (0, 158, 115)
@@ -26,9 +25,9 @@ FLOOR: Colour = (246, 246, 244)
 
 #: Received power that the scale of colours begins and ends at [dBm].
 POWER_DBM = (-110.0, -40.0)
-#: Tables of colours, each with the part of it that is taken: the palest end would hardly show on white.
-_PARTS = {"cividis": (0.0, 1.0), "twilight": (0.0, 1.0), "viridis_r": (0.12, 1.0)}
-TableName = Literal["cividis", "twilight", "viridis_r"]
+#: Tables of colours, each with the part of it that is used.
+_PARTS = {"cividis": (0.0, 1.0), "twilight": (0.0, 1.0), RAY_MAP: RAY_SHARE}
+TableName = Literal["cividis", "twilight", "plasma"]
 
 
 @cache
@@ -54,8 +53,8 @@ def angle_colours(angle_rad: Float[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"
 
 
 def state_colours(state: UInt8[np.ndarray, " n"]) -> UInt8[np.ndarray, "n 3"]:
-    """Colours of link states."""
-    return np.array([STATE_COLOURS[LinkState(one)] for one in range(4)], np.uint8)[state]
+    """Colours of link states or categories."""
+    return np.array([STATE_COLOURS[one] for one in LinkCategory], np.uint8)[state]
 
 
 def kind_colours(kinds: list[str]) -> UInt8[np.ndarray, "n 3"]:
@@ -68,11 +67,6 @@ def linear(colours: UInt8[np.ndarray, "n 3"]) -> UInt8[np.ndarray, "n 3"]:
     value = np.asarray(colours) / 255
     light = np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
     return np.round(255 * light).astype(np.uint8)
-
-
-def css(colour: Colour) -> str:
-    """A colour as style sheets have it."""
-    return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
 def gradient(name: TableName) -> str:

@@ -140,6 +140,6 @@ def _with_legend(page: str, recordings: Sequence[Recording]) -> str:
     overlay = (
         f'<details open style="{_STYLE}"><summary><b>{escape(title)}</b></summary>{search_legend()}</details>'
     )
-    page = page.replace("<title>", f"<title>{escape(title)} - ", 1)
+    page = page.replace("<title>Viser</title>", f"<title>{escape(title)}</title>", 1)
     end = page.rindex("</body>")
     return page[:end] + overlay + page[end:]

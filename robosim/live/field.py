@@ -72,7 +72,7 @@ def _colours(
     rgba = np.zeros((len(places), 4), np.uint8)
     rgba[first.rx, 3] = 255
     if kind == "link state":
-        rgba[:, :3] = state_colours(paths.link_state()[0])
+        rgba[:, :3] = state_colours(paths.link_category()[0])
     elif kind == "direction of arrival":
         rgba[first.rx, :3] = angle_colours(first.aoa_az)
     else:

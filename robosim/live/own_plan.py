@@ -14,6 +14,8 @@ from robosim.plans.floorplan import FloorPlan, MapError
 #: Files that say all by themselves; a .yaml names another file, which is not here.
 MESHES, OTHERS = (".stl", ".obj", ".ply", ".glb", ".off"), (".npy", ".json")
 ENDINGS = (*IMAGES, *MESHES, *OTHERS)
+#: Those of them that do not say how large they are.
+SCALED = (*IMAGES, ".npy")
 #: The largest that is taken [bytes]; what the page's connection carries at once.
 MOST_BYTES = 50_000_000
 
@@ -47,7 +49,7 @@ def plan_of(name: str, content: bytes, resolution_m: float) -> tuple[FloorPlan, 
         path.write_bytes(content)
         try:
             with _warnings() as warnings:
-                plan = read_plan(path, resolution_m=None if ending in (*MESHES, ".json") else resolution_m)
+                plan = read_plan(path, resolution_m=resolution_m if ending in SCALED else None)
         except (ValueError, OSError) as error:
             raise MapError(str(error).replace(str(path), plain[:80])) from None
     return replace(plan, name=PurePosixPath(plain).stem[:80]), " ".join(warnings).replace(

@@ -21,6 +21,7 @@ from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
 from robosim.live.storeys_model import StoreysModel
 from robosim.live.storeys_panel import StoreysPanel
+from robosim.live.tables import page_head
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storeys import StoreysPlan
 
@@ -70,6 +71,8 @@ class Page:
         self._sceneries: list[Scenery] = []
         self.radio: RadioPanel | None = None
         self.server.gui.main_panel.dock_right()
+        self._about = self.server.gui.add_html("", order=-2.0)
+        self.entitle(title)
         light(self.server.scene)
         self._modes: dict[str, Mode] = {}
         self._choice: Any = None
@@ -94,6 +97,11 @@ class Page:
         name = f"[{host}]" if ":" in host else host
         return f"http://{name}:{self.server.get_port()}"
 
+    def entitle(self, title: str, about: str = "", said: str = "") -> None:
+        """Set the title of the panel and of the browser's tab, and what stands above all else: facts, and a line."""
+        self.server.gui.set_panel_label(title)
+        self._about.content = page_head(title, about) + said
+
     def explore(self, plan: FloorPlan, building: BuildingConfig, settings: LinkSettings) -> RadioPanel:
         """Add the tab `Radio` for a floor plan.
 
@@ -103,7 +111,9 @@ class Page:
         """
         model = LinkModel(plan, building, settings)
         with self._folder("Radio") as folder:
-            radio = self.radio = RadioPanel(self.server, model, building, on_plan=lambda: self.show("Radio"))
+            radio = self.radio = RadioPanel(
+                self.server, model, building, on_plan=lambda: self.show("Radio"), on_about=self.entitle
+            )
             self._add_inside(radio)
         self._closers.append(radio.close)
         self._modes["Radio"] = Mode(folder, radio.show, lambda: [radio.scenery])
@@ -175,8 +185,6 @@ class Page:
             mode.folder.visible = other == name
             mode.show(other == seen)
             mode.on_chosen(other == name)
-        if self._choice is not None and self._choice.value != name:
-            self._choice.value = name
         if seen in self._modes:
             self._look_at(self._modes[seen].sceneries())
 
@@ -187,9 +195,8 @@ class Page:
         """Let people choose what is shown, above all else."""
         if self._choice is not None:
             self._choice.remove()
-        self._choice = self.server.gui.add_dropdown("show", tuple(self._modes), order=-1.0)
-        choice = self._choice
-        choice.on_update(lambda event: self.show(choice.value) if event.client is not None else None)
+        choice = self._choice = self.server.gui.add_button_group("show", tuple(self._modes), order=-1.0)
+        choice.on_click(lambda event: self.show(choice.value))
 
     def wait(self) -> None:
         """Serve until the program is interrupted, or the page closed."""

@@ -16,14 +16,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
 from robosim.drawing.snapshot import Snapshot
-from robosim.live.colours import css
 from robosim.live.export import exported
 from robosim.live.moments import Moment, Recording
 from robosim.live.scenery import Scenery
 from robosim.live.search_view import WALLS_M, SearchView
 from robosim.live.tables import block, lines, picture, search_legend, sentence
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
 from wireless.paths import LinkState
 
 if TYPE_CHECKING:

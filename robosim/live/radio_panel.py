@@ -20,7 +20,7 @@ from robosim.drawing.picture import building_rings
 from robosim.live.field import FieldKind, fields
 from robosim.live.latest import Latest, close_all
 from robosim.live.link_model import WALL_MATERIALS, LinkModel, LinkSettings
-from robosim.live.own_plan import ENDINGS, plan_of
+from robosim.live.own_plan import ENDINGS, SCALED, plan_of
 from robosim.live.radio_view import RadioView, Who
 from robosim.live.scenery import Scenery
 from robosim.live.tables import arrival_table, field_legend, path_table, radio_legend, sentence
@@ -46,6 +46,7 @@ class RadioPanel:
         building: BuildingConfig,
         *,
         on_plan: Callable[[], None],
+        on_about: Callable[[str, str, str], None],
     ) -> None:
         """Draw the building, and fill the current part of the panel.
 
@@ -54,8 +55,10 @@ class RadioPanel:
             model: The building.
             building: How other plans become buildings.
             on_plan: Called when another building has been drawn.
+            on_about: Called with the page's title, what is assumed, and a line of HTML.
         """
-        self._server, self.model, self._on_plan = server, model, on_plan
+        self._server, self.model, self._on_plan, self._on_about = server, model, on_plan, on_about
+        self._scale = ""
         self.delays_s: deque[float] = deque(maxlen=_KEPT)
         self._yaw_rad = 0.0
         self._field_kind: FieldKind = "off"
@@ -63,6 +66,7 @@ class RadioPanel:
         self._building = building
         self._draw_building()
         self._fill()
+        self._say("")
         self._links: Latest[float] = Latest("link", self._trace, self._failed)
         self._ears: Latest[Paths] = Latest("receiver", self._listen, self._failed)
         self._floors: Latest[None] = Latest("field", self._colour_floor, self._failed)
@@ -104,10 +108,10 @@ class RadioPanel:
         self._links.put(perf_counter())
         self._floors.put(None)
 
-    def show_plan(self, model: LinkModel) -> None:
-        """Go over to another building."""
+    def show_plan(self, model: LinkModel, scale: str = "") -> None:
+        """Go over to another building; what was assumed of its scale is said."""
         self._scenery.remove()
-        self.model, self._settings = model, model.settings
+        self.model, self._settings, self._scale = model, model.settings, scale
         self._draw_building()
         self._view.on_drag(self._dragged)
         self._view.show_heading(self._yaw_rad)
@@ -135,7 +139,6 @@ class RadioPanel:
 
     def _fill(self) -> None:
         gui = self._server.gui
-        self._status = gui.add_html("")
         kind = gui.add_dropdown("floor shows", get_args(FieldKind), initial_value="off")
         self._floor_legend = gui.add_html("")
         colours = gui.add_dropdown("rays by", ("power", "kind"), initial_value="power")
@@ -175,7 +178,7 @@ class RadioPanel:
         self._view.show_heading(self._yaw_rad)
 
     def _add_upload(self, gui: "viser.GuiApi") -> None:
-        resolution = gui.add_number("metres a pixel, for pictures", 0.05, min=0.001, max=10.0, step=0.001)
+        resolution = gui.add_number("metres per pixel, for pictures", 0.05, min=0.001, max=10.0, step=0.001)
         upload = gui.add_upload_button("Open a picture, a mesh, .json or .npy", mime_type=",".join(ENDINGS))
         self._unread = gui.add_html("")
 
@@ -189,9 +192,12 @@ class RadioPanel:
         self._unread.content = ""
         self._say("reading the plan ...", bad=False)
         plan, warned = plan_of(*file)
-        self.show_plan(LinkModel(plan, self._building, self._settings))
+        name, _, resolution_m = file
+        scale = f"{resolution_m:g} m per pixel (set it under 'Your own plan', and open {name} again), "
+        model = LinkModel(plan, self._building, self._settings)
+        self.show_plan(model, scale if name.lower().endswith(SCALED) else "")
         self._say(warned)
-        self._unread.content = self._status.content
+        self._unread.content = self._said
 
     def _add_settings(self, gui: Any) -> None:
         s, t = self._settings, self._settings.tracer
@@ -205,7 +211,7 @@ class RadioPanel:
         names = tuple(dict.fromkeys((str(s.wall_material), *WALL_MATERIALS)))
         walls = gui.add_dropdown("walls", names, initial_value=str(s.wall_material))
         order = gui.add_slider("reflections", 0, 6, 1, t.max_reflections)
-        through = gui.add_slider("walls passed (sides)", 0, 6, 1, t.max_transmissions)
+        through = gui.add_slider("walls passed", 0, 6, 1, t.walls_passed(s.frequency_hz))
         bent = gui.add_checkbox("diffraction", t.diffraction)
         floor = gui.add_checkbox("floor and ceiling reflect", t.floor_ceiling)
 
@@ -276,8 +282,15 @@ class RadioPanel:
     def _not_opened(self, error: Exception) -> None:
         """Told beside the button too, from where the panel's head may be out of sight."""
         self._failed(error)
-        self._unread.content = self._status.content
+        self._unread.content = self._said
 
     def _say(self, text: str, *, bad: bool = True) -> None:
-        """Tell something in the panel, such as what is wrong; nothing if nothing is."""
-        self._status.content = sentence(text, bad=bad) if text else ""
+        """Say above the panel what is shown and assumed, and perhaps something else."""
+        self._said = sentence(text, bad=bad) if text else ""
+        plan, settings = self.model.plan, self.model.settings
+        about = (
+            f"{plan.name}: {self.model.building.free.area:.1f} m² of floor, cells of {plan.resolution_m:g} m. Assumed: "
+            f"{self._scale}ceiling at {self.model.building.height_m:g} m, walls of {settings.wall_material}, "
+            f"{settings.frequency_hz / 1e9:g} GHz, antennas {settings.height_m:g} m high."
+        )
+        self._on_about(f"robosim live: {plan.name}", about, self._said)

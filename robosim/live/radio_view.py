@@ -165,7 +165,7 @@ def ray_segments(
     """
     corners = rays(paths)
     if coloured_by == "power":
-        colours = power_colours(tx_power_dbm + paths.power_db, "viridis_r")
+        colours = power_colours(tx_power_dbm + paths.power_db, "plasma")
     else:
         colours = kind_colours([ray_kind(row) for row in paths.interaction])
     if not corners:

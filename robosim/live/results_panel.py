@@ -18,6 +18,7 @@ from robosim.live.results import (
     recording_of,
 )
 from robosim.live.tables import block
+from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     import viser
@@ -91,7 +92,7 @@ class ResultsPanel:
 
 def _label(one: Searched) -> str:
     row = one.row
-    arrived = f"{row['arrived_at_step']} steps" if row["arrived"] else str(row["ended"])
+    arrived = counted(row["arrived_at_step"], "step") if row["arrived"] else str(row["ended"])
     again = f".{row['repeat']}" if row["repeat"] else ""
     return f"{row['plan']} {row['task']}{again} {row['policy']}: {arrived}"
 
@@ -111,8 +112,8 @@ def _table(searches: list[Searched]) -> str:
     head = "".join(f"<th>{name}</th>" for name in heads)
     more = f"<br>{len(searches) - _ROWS} more in the list below" if len(searches) > _ROWS else ""
     about = (
-        f"<b>{len(searches)} episodes</b>: failures first, then the slowest beside other policies on the same task. "
-        "A click on one opens it."
+        f"<b>{counted(len(searches), 'episode')}</b>: failures first, then the slowest beside other policies on the "
+        "same task. A click on one opens it."
     )
     table = f"<table><tr>{head}</tr>{''.join(rows)}</table>"
     return block(

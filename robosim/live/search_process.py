@@ -29,6 +29,7 @@ from robosim.support.processes import end_with_parent
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import Action
+from wireless.support.counting import counted
 
 #: How often a search that waits looks whether it may go on [s].
 _LOOK_S = 0.02
@@ -193,7 +194,7 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
 
     log, _ = run_episode(building, places, task, config, look)
     score = log.result()
-    told = f"{log.ended} after {log.steps} steps and {score['path_length_m']:.1f} m"
+    told = f"{log.ended} after {counted(log.steps, 'step')} and {score['path_length_m']:.1f} m"
     pipe.send(("ended", told))
 
 

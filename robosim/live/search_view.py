@@ -11,7 +11,6 @@ from robosim.drawing.picture import (
     FREE_WHITE,
     OBSTACLE_BLACK,
     PATH_PURPLE,
-    STATE_COLOURS,
     TARGET_RED,
     TRUE_GREEN,
     UNKNOWN_GREY,
@@ -30,6 +29,7 @@ from robosim.live.moments import Moment, Recording
 from robosim.live.nodes import Nodes, of_each_end
 from robosim.live.radio_view import arrival_fan, ray_segments
 from robosim.live.scenery import STEP_M, Scenery
+from robosim.support.colours import STATE_COLOURS
 from slam.grid import GridFrame
 
 if TYPE_CHECKING:

@@ -22,6 +22,7 @@ import rich
 
 from robosim.live.client import served
 from robosim.support.checks import check_number
+from robosim.support.installation import install_command
 
 if TYPE_CHECKING:
     import viser
@@ -42,7 +43,7 @@ def viser_module() -> ModuleType:
         import viser
     except ImportError as error:
         raise ValueError(
-            f"viser is not installed ({error}). Install it with `pip install robosim[live]`, or look without a page: "
+            f"viser is not installed ({error}). Install it with `{install_command('live')}`, or look without a page: "
             "`robosim trace`, `robosim episode` and `robosim replay` draw pictures."
         ) from error
     return viser

@@ -125,7 +125,7 @@ class StoreysPanel:
             "frequency [GHz]", 2.0, 95.0, 0.5, float(np.clip(s.frequency_hz / 1e9, 2, 95))
         )
         order = gui.add_slider("reflections", 0, 6, 1, t.max_reflections)
-        through = gui.add_slider("walls passed (sides)", 0, 6, 1, t.max_transmissions)
+        through = gui.add_slider("walls passed", 0, 6, 1, t.walls_passed(s.frequency_hz))
         bent = gui.add_checkbox("diffraction", t.diffraction)
 
         def changed(event: Any) -> None:

@@ -9,27 +9,28 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.drawing.picture import STATE_COLOURS, STATE_NAMES
 from robosim.live.colours import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
     ROBOT_COLOUR,
     TRUE_ARRIVAL,
     TX_COLOUR,
-    Colour,
     TableName,
-    css,
     gradient,
 )
 from robosim.radio.measurement import Measurement
 from robosim.recording.rerun_recording import RAY_COLOURS, ray_kind
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, Colour, css
 from slam.poses import wrap
-from wireless.paths import Interaction, LinkState, Paths
+from wireless.paths import Interaction, LinkCategory, LinkState, Paths
+from wireless.support.counting import counted
 
 #: Most rows of a table of paths.
 ROWS = 8
 #: Elevations below this are not listed [rad]: all paths run level.
 LEVEL_RAD = 1e-3
+#: Colour of bad news.
+_BAD = "#b3261e"
 _STYLE = (
     "<style>.rs{font:12px/1.35 system-ui,sans-serif;margin:0 .75em .4em;color:inherit}"
     ".rs table{border-collapse:collapse;width:100%;font-variant-numeric:tabular-nums}"
@@ -49,6 +50,13 @@ _STYLE = (
 def block(content: str) -> str:
     """HTML in the page's style."""
     return f'{_STYLE}<div class="rs">{content}</div>'
+
+
+def page_head(title: str, about: str) -> str:
+    """What stands above all else in the panel; the title of the browser's tab is taken from it."""
+    return block(
+        f'<span data-page="{escape(title)}">{escape(about)}</span><div style="color:{_BAD}" data-dropped></div>'
+    )
 
 
 def path_table(paths: Paths, tx_power_dbm: float) -> str:
@@ -77,7 +85,7 @@ def path_table(paths: Paths, tx_power_dbm: float) -> str:
 
 
 def _paths(count: int) -> str:
-    return "1 path" if count == 1 else f"{count} paths"
+    return counted(count, "path")
 
 
 def state_bars(measurement: Measurement, true_state: LinkState) -> str:
@@ -144,7 +152,7 @@ def radio_legend(coloured_by: str, *, estimates: bool = True) -> str:
         *([_item(_line(ESTIMATED_ARRIVAL), "estimated arrival")] if estimates else []),
     ]
     if coloured_by == "power":
-        rays = _scale("ray: received power [dBm]", "viridis_r", [f"{v:g}" for v in POWER_DBM])
+        rays = _scale("ray: received power [dBm]", "plasma", [f"{v:g}" for v in POWER_DBM])
     else:
         rays = "".join(_item(_line(colour), kind) for kind, colour in RAY_COLOURS.items())
     return block("".join(items) + rays + "<br>R reflection, D diffraction, T through a wall, S scattering")
@@ -157,7 +165,7 @@ def field_legend(what: str) -> str:
             _scale("floor: power of the strongest path [dBm]", "cividis", [f"{v:g}" for v in POWER_DBM])
         )
     if what == "link state":
-        return block("".join(_item(_dot(STATE_COLOURS[s]), STATE_NAMES[s]) for s in LinkState))
+        return block("".join(_item(_dot(STATE_COLOURS[s]), STATE_NAMES[s]) for s in LinkCategory))
     if what == "direction of arrival":
         return block(
             _scale("floor: azimuth of the strongest arrival [° from +x]", "twilight", ["-180", "0", "180"])
@@ -194,7 +202,7 @@ def lines(pairs: Sequence[tuple[str, str]]) -> str:
 
 def sentence(text: str, *, bad: bool = False) -> str:
     """One line of text; red if it is bad news."""
-    colour = ' style="color:#b3261e"' if bad else ""
+    colour = f' style="color:{_BAD}"' if bad else ""
     return block(f"<span{colour}>{escape(text)}</span>")
 
 

@@ -16,6 +16,7 @@ Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
 
 import gzip
 import io
+import logging
 import math
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -24,9 +25,12 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.logs.robot_log import RobotLog
+from robosim.logs.robot_log import RobotLog, check_bearings
 from robosim.support.reading import reading
+from robosim.support.text_in import line_numbers
 from slam.poses import between, compose, wrap
+
+logger = logging.getLogger(__name__)
 
 #: Largest log, unpacked [bytes], and most beams of a scan.
 _MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
@@ -46,6 +50,8 @@ _RIGID = 0.02
 class _Lines:
     """What the lines say, in their order."""
 
+    lines: list[int] = field(default_factory=list)
+    """Line of each scan."""
     ranges: list[Float[np.ndarray, " w"]] = field(default_factory=list)
     bearings: list[Float[np.ndarray, " w"]] = field(default_factory=list)
     laser: list[Float[np.ndarray, "3"]] = field(default_factory=list)
@@ -102,6 +108,7 @@ def _taken_apart(text: str) -> _Lines:
                 (lines.bearings, lines.ranges, lines.laser, lines.robot), scan, strict=False
             ):
                 kept.append(value)  # type: ignore[arg-type]
+            lines.lines.append(number)
             lines.times.append(scan[4])
             lines.moved.append(moved)
             lines.told.append(told)
@@ -143,6 +150,8 @@ def _flaser(words: list[str], line: int) -> _Scan:
 
 def _robotlaser(words: list[str], line: int) -> _Scan:
     start, _, step, longest = _numbers(words[2:6], 4, line)
+    if not 0 < step < math.pi:
+        raise ValueError(f"line {line} has {step:g} rad between beams, expected a positive angle")
     count = _count(words[8:9], line)
     ranges = _numbers(words[9 : 9 + count], count, line)
     remissions = _count(words[9 + count : 10 + count], line, least=0)
@@ -153,7 +162,7 @@ def _robotlaser(words: list[str], line: int) -> _Scan:
 
 
 def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]:
-    values = np.array([float(word) for word in words])
+    values = np.array(line_numbers(words, line))
     if len(values) != count or not (np.abs(values) <= _FARTHEST).all():
         raise ValueError(f"line {line} breaks off, or has a value that is none of a robot's")
     return values
@@ -175,10 +184,11 @@ def _time(words: list[str]) -> float:
 
 
 def _log(path: Path, lines: _Lines) -> RobotLog:
-    count = max(len(ranges) for ranges in lines.ranges)
-    same = [len(ranges) == count for ranges in lines.ranges]
-    if not all(same):
-        raise ValueError(f"scan {same.index(False) + 1} has another number of beams than others")
+    count = len(lines.ranges[0])
+    for line, scan in zip(lines.lines, lines.ranges, strict=True):
+        if len(scan) != count:
+            raise ValueError(f"line {line} has another number of beams than others: {len(scan)}, not {count}")
+    check_bearings(lines.lines, lines.bearings)
     ranges, laser, robot = np.array(lines.ranges), np.array(lines.laser), np.array(lines.robot)
     finite = ranges[np.isfinite(ranges)]
     longest_m = min(_LONGEST * float(finite.max(initial=_FARTHEST_M)), _FARTHEST_M)
@@ -197,10 +207,11 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         # A pose that never changes is a field that nobody has filled in.
         reference = laser if runs_away and _spread(laser) > 0 else None
     moved[0] = 0.0
-    times = _rising(np.array(lines.times))
+    times = _rising(path, np.array(lines.times))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
     return RobotLog(
         name=name,
+        file=path,
         bearing_rad=lines.bearings[0],
         range_m=ranges,
         moved=moved,
@@ -210,16 +221,23 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
     )
 
 
-def _rising(times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
     """Times that rise: the log's, the few that repeat or go back moved after the one before; else scans' numbers."""
     late = np.diff(times) <= 0
-    if not np.isfinite(times).all() or late.mean() > _OUT_OF_ORDER:
+    if np.isnan(times).all():
         return np.arange(len(times), dtype=float)
-    rising = times.copy()
-    for k in np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1:
+    rising, moved = times.copy(), np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1
+    for k in moved:
         rising[k] = rising[k - 1] + 1e-6
-    if not (np.diff(rising) > 0).all():
+    if late.mean() > _OUT_OF_ORDER or not (np.diff(rising) > 0).all():
+        logger.warning(
+            "%s: times of scans are missing or do not rise, so that scans are counted instead.", path
+        )
         return np.arange(len(times), dtype=float)
+    if len(moved):
+        logger.warning(
+            "%s: %d times repeat or go back, and are moved after the one before.", path, len(moved)
+        )
     return rising
 
 

@@ -5,6 +5,14 @@ from pathlib import Path
 from robosim.logs.carmen import read_carmen
 from robosim.logs.robot_log import RobotLog
 from robosim.logs.tum_log import read_tum_log, with_reference
+from robosim.support.reading import FileError, reading
+
+#: How recordings that are not read begin, and what they are.
+_RECORDINGS = {
+    b"#ROSBAG": "a ROS 1 bag",
+    b"\x89MCAP": "an MCAP recording",
+    b"SQLite format 3": "a ROS 2 bag",
+}
 
 
 def read_log(path: Path, scans: Path | None = None, reference: Path | None = None) -> RobotLog:
@@ -19,6 +27,9 @@ def read_log(path: Path, scans: Path | None = None, reference: Path | None = Non
         FileError: If a file is damaged, or none of these.
         ValueError: If scans are missing or too many.
     """
+    for file in (path, scans, reference):
+        if file is not None:
+            _check_kind(file)
     if path.suffix in (".tum", ".txt"):
         if scans is None:
             raise ValueError(f"{path} is a trajectory: give the scans that were made on it by --scans.")
@@ -28,3 +39,15 @@ def read_log(path: Path, scans: Path | None = None, reference: Path | None = Non
     else:
         log = read_carmen(path)
     return log if reference is None else with_reference(log, reference)
+
+
+def _check_kind(path: Path) -> None:
+    """Reject recordings that cannot be read, however large they are, by what they are."""
+    with reading(path, "a robot's log", most_bytes=1 << 50) as file:
+        head = file.read(16)
+        for magic, kind in _RECORDINGS.items():
+            if head.startswith(magic):
+                raise FileError(
+                    f"is {kind}, which is not supported yet. Convert its odometry to a TUM trajectory (evo_traj can) "
+                    "and its scans to lines of time, first and last bearing, ranges (--scans); or all to a CARMEN log."
+                )

@@ -129,8 +129,18 @@ def map_log(
         config: How.
         loops: Whether loops are closed by a graph; each scan is matched to those before alone otherwise.
         watched: What shows how far numbers were gone through: it is given them and what they are of.
+
+    Raises:
+        ValueError: If the poses that odometry gives make a map of too many cells, or lie too far apart.
     """
     begin = process_time()
+    step_m = np.hypot(log.moved[:, 0], log.moved[:, 1])
+    if step_m.max() > 2 * config.range_m:
+        raise ValueError(
+            f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
+            f"of {config.range_m:g} m have nothing in common. Are its poses in metres? If so, give a larger --range-m."
+        )
+    _map_grid(log, log.odometry(), config.resolution_m, config.range_m)
     tracker = Tracker(config.tracker(loops))
     for k in watched(range(len(log.range_m)), "scans"):
         ranges = log.range_m[k]
@@ -144,8 +154,10 @@ def map_log(
     return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
 
 
-def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float) -> FloorPlan:
-    """The map that scans at poses make: cells that beams ended in more often than a quarter of the times they passed.
+def _map_grid(
+    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
+) -> tuple[Float[np.ndarray, "2"], tuple[int, int], list[Float[np.ndarray, "w 2"]], Float[np.ndarray, "n w"]]:
+    """Lower left corner [m], columns and rows of a map; ends of all beams, and how far they went within the range [m].
 
     Raises:
         ValueError: If it has too many cells.
@@ -155,12 +167,23 @@ def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float,
     ends = [to_map(pose, ranges[:, None] * ways) for pose, ranges in zip(poses, reach, strict=True)]
     every = np.concatenate([*ends, poses[:, :2]])
     low, high = every.min(axis=0) - 0.5, every.max(axis=0) + 0.5
-    nx, ny = np.ceil((high - low) / resolution_m).astype(int)
+    nx, ny = np.ceil((high - low) / resolution_m)
     if nx * ny > MAX_CELLS:
         raise ValueError(
-            f"the map of {log.name} has {nx} x {ny} cells of {resolution_m:g} m, more than {MAX_CELLS}. "
-            "Give a larger --resolution-m."
+            f"{log.file or log.name}: its map is {high[0] - low[0]:.0f} x {high[1] - low[1]:.0f} m, which is "
+            f"{nx:.0f} x {ny:.0f} cells of {resolution_m:g} m, more than {MAX_CELLS}. Are its poses in metres? If so, "
+            "give a larger --resolution-m."
         )
+    return low, (int(nx), int(ny)), ends, reach
+
+
+def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float) -> FloorPlan:
+    """The map that scans at poses make: cells that beams ended in more often than a quarter of the times they passed.
+
+    Raises:
+        ValueError: If it has too many cells.
+    """
+    low, (nx, ny), ends, reach = _map_grid(log, poses, resolution_m, range_m)
     passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
     for pose, places, ranges in zip(poses, ends, reach, strict=True):
         # A beam that met nothing spans no area: the outline passes by the laser there.

@@ -1,11 +1,29 @@
 """What a robot's log holds of use for mapping: a laser's scans, and what odometry tells between them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from slam.poses import compose
+
+#: Bearings of one laser that differ by less from scan to scan are the same, rounded [rad].
+_SAME_RAD = 1e-3
+
+
+def check_bearings(
+    lines: Sequence[int], bearings: Sequence[Float[np.ndarray, " w"]] | Float[np.ndarray, "n w"]
+) -> None:
+    """Raise ValueError for the first line whose bearings [rad], all of them or first and last, are not those before."""
+    first = bearings[0]
+    for line, other in zip(lines, bearings, strict=True):
+        if not (np.abs(other - first) <= _SAME_RAD).all():
+            raise ValueError(
+                f"line {line} has bearings from {other[0]:g} to {other[-1]:g} rad, those before from {first[0]:g} to "
+                f"{first[-1]:g}; give the scans of one laser"
+            )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -24,6 +42,8 @@ class RobotLog:
     """Whether odometry told of it."""
     times: Float[np.ndarray, " n"]
     """When [s], rising. The number of the scan where the log's own times do not rise."""
+    file: Path | None = None
+    """Where it was read from, for messages."""
     reference: Float[np.ndarray, "n 3"] | None = None
     """Poses that the log has from elsewhere: x [m], y [m], yaw [rad]; None if it has none."""
 

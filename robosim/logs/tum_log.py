@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from robosim.logs.robot_log import RobotLog
+from robosim.logs.robot_log import RobotLog, check_bearings
 from robosim.support.reading import reading
+from robosim.support.text_in import check_rising, number_rows
 from robosim.support.tum import read_tum
 from slam.poses import between
 
@@ -27,6 +28,7 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
     steps = [between(a, b) for a, b in pairwise(track)]
     return RobotLog(
         name=path.stem,
+        file=path,
         bearing_rad=bearing,
         range_m=ranges,
         moved=np.array([np.zeros(3), *steps]),
@@ -61,19 +63,20 @@ def _read_scans(
 ) -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " w"], Float[np.ndarray, "n w"]]:
     remedy = "Give a line a scan: time [s], first and last bearing [rad], ranges [m]"
     with reading(path, "a table of scans", remedy) as file:
-        lines = [line.replace(",", " ").split() for line in file.read().decode("utf-8-sig").splitlines()]
-        rows = [row for row in lines if row and not row[0].startswith("#")]
+        lines, rows = number_rows(file.read())
         if len(rows) < 2:
             raise ValueError(f"{len(rows)} scans in it, expected two at least")
-        for number, row in enumerate(rows, 1):
+        for line, row in zip(lines, rows, strict=True):
             if len(row) != len(rows[0]) or len(row) < 6:
-                raise ValueError(f"scan {number} has {len(row) - 3} ranges, the first {len(rows[0]) - 3}")
-        values = np.array(rows, float)
+                raise ValueError(f"line {line} has {len(row) - 3} ranges, the first {len(rows[0]) - 3}")
+        values = np.array(rows)
         times, (first, last) = values[:, 0], values[0, 1:3]
-        if not (np.diff(times) > 0).all():
-            raise ValueError("times do not rise")
+        check_rising(lines, times)
         if not -7 < first < last < 7:
-            raise ValueError(f"bearings go from {first:g} to {last:g}, expected rising ones in radians")
+            raise ValueError(
+                f"line {lines[0]} has bearings from {first:g} to {last:g}, expected rising ones in radians"
+            )
+        check_bearings(lines, values[:, 1:3])
         ranges = values[:, 3:]
         ranges = np.where((ranges > 0.05) & (ranges < 1e3), ranges, np.inf)
         return times, np.linspace(first, last, ranges.shape[1]), ranges

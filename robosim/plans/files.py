@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 from robosim.parts import READER
-from robosim.plans.floorplan import FloorPlan, MapError, check_resolution
+from robosim.plans.floorplan import FloorPlan, MapError, MapReading, check_resolution, check_size
 from robosim.plans.formats import mesh_slice
 from robosim.plans.formats.houseexpo import read_houseexpo
 from robosim.plans.formats.mesh_slice import UpAxis, read_mesh
@@ -66,8 +66,16 @@ class Said:
     """Heights above the floor between which nothing may stand in free cells [m]."""
     up: UpAxis = "auto"
     """Axis that points up."""
-    unit_m: float = 1.0
-    """Unit of length [m]."""
+    unit_m: float | None = None
+    """Unit of length [m]; None for metres, if the mesh is of a plausible size then."""
+    ground_m: float | None = None
+    """Height of level ground to add below a mesh without a floor [m]."""
+    thinnest_wall_m: float | None = None
+    """Thickness below which dark strokes of a picture are no walls [m]."""
+    allow_large: bool = False
+    """Whether a picture or array may be of a building longer than `robosim.plans.floorplan.LARGEST_M`."""
+    map_reading: MapReading = "common"
+    """How greys of a ROS map become unknown."""
 
 
 @runtime_checkable
@@ -85,7 +93,11 @@ def read_plan(
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] | None = None,
     up: UpAxis = "auto",
-    unit_m: float = 1.0,
+    unit_m: float | None = None,
+    ground_m: float | None = None,
+    thinnest_wall_m: float | None = None,
+    allow_large: bool = False,
+    map_reading: MapReading = "common",
     reader: Part = "auto",
 ) -> FloorPlan:
     """Read a floor plan from a file of any known format, or a shipped one by its name.
@@ -98,7 +110,14 @@ def read_plan(
         slice_m: For meshes: heights above the floor between which nothing may stand in free cells [m];
             0.2 to 1.5 if not given.
         up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
-        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres.
+        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres; metres if not given, and
+            an error if the building is implausibly large then.
+        ground_m: For meshes without a floor: height of level ground below all of it [m].
+        thinnest_wall_m: For images: dark strokes thinner than this are not walls but text, door arcs or furniture, and
+            are dropped [m]; all are walls if not given.
+        allow_large: For images and arrays: confirms a building longer than 500 m.
+        map_reading: For ROS maps: "common" reads a common grey as unknown where map_server's thresholds would make it
+            free, with a warning; "letter" goes by the thresholds alone.
         reader: Who reads it, of `robosim.parts.READER`; "auto" goes by the file's ending.
 
     Returns:
@@ -111,7 +130,15 @@ def read_plan(
     """
     path = _resolve(path, any_ending=reader != "auto")
     said = Said(
-        resolution_m=resolution_m, floor_height_m=floor_height_m, slice_m=slice_m, up=up, unit_m=unit_m
+        resolution_m=resolution_m,
+        floor_height_m=floor_height_m,
+        slice_m=slice_m,
+        up=up,
+        unit_m=unit_m,
+        ground_m=ground_m,
+        thinnest_wall_m=thinnest_wall_m,
+        allow_large=allow_large,
+        map_reading=map_reading,
     )
     if reader == "auto":
         reader = _READERS[path.suffix.lower()]
@@ -135,15 +162,21 @@ def _check_said(path: Path, said: Said, reader: str) -> None:
         raise MapError(
             f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
-    of_meshes = {
-        "floor height": said.floor_height_m,
-        "slice": said.slice_m,
-        "up axis": None if said.up == "auto" else said.up,
-        "unit": None if said.unit_m == 1.0 else said.unit_m,
-    }
-    for name, value in of_meshes.items():
-        if value is not None and reader != "mesh":
-            raise MapError(f"{shown(path)}: {name} is {value}, but this is no mesh. Leave the option out.")
+    options = (
+        ("floor height", said.floor_height_m, None, "mesh"),
+        ("slice", said.slice_m, None, "mesh"),
+        ("up axis", said.up, "auto", "mesh"),
+        ("unit", said.unit_m, None, "mesh"),
+        ("ground", said.ground_m, None, "mesh"),
+        ("thinnest wall", said.thinnest_wall_m, None, "image"),
+        ("map reading", said.map_reading, "common", "ros"),
+    )
+    kinds = {"ros": "ROS map"}
+    for name, value, default, of in options:
+        if value != default and reader != of:
+            raise MapError(
+                f"{shown(path)}: {name} is {value}, but this is no {kinds.get(of, of)}. Leave the option out."
+            )
 
 
 def ros_map(path: Path, said: Said) -> FloorPlan:
@@ -153,17 +186,22 @@ def ros_map(path: Path, said: Said) -> FloorPlan:
             f"{shown(path)}: is a building of several storeys, expected one floor plan. Give one of the plans that it "
             "lists; `robosim trace` and `robosim dataset` take the whole building."
         )
-    return read_ros(path)
+    return read_ros(path, map_reading=said.map_reading)
 
 
 def image(path: Path, said: Said) -> FloorPlan:
     """A picture in which light is free."""
-    return read_image_plan(path, said.resolution_m)
+    return read_image_plan(
+        path, said.resolution_m, thinnest_wall_m=said.thinnest_wall_m, allow_large=said.allow_large
+    )
 
 
 def array(path: Path, said: Said) -> FloorPlan:
     """A NumPy array."""
-    return read_npy(path, said.resolution_m)
+    plan = read_npy(path, said.resolution_m)
+    if not said.allow_large:
+        check_size(plan.shape, plan.resolution_m)
+    return plan
 
 
 def navigation_grid(path: Path, said: Said) -> FloorPlan:
@@ -185,6 +223,7 @@ def storey(path: Path, said: Said) -> FloorPlan:
         slice_m=said.slice_m or mesh_slice.SLICE_M,
         up=said.up,
         unit_m=said.unit_m,
+        ground_m=said.ground_m,
     )
 
 

@@ -27,11 +27,15 @@ if TYPE_CHECKING:
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
 WallLine = Literal["cell_edge", "cell_centre"]
+#: How greys of a ROS map become unknown: by what is common, or by the letter of map_server's rule.
+MapReading = Literal["common", "letter"]
 
 #: Larger plans are taken for a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
 MAX_CELLS = 36_000_000
 #: Sides of cells, places and angles beyond these are taken for a mistake of the unit [m, m, rad].
 RESOLUTIONS_M, FARTHEST_M, MOST_YAW = (0.001, 10.0), 1e7, 1e3
+#: Buildings whose scale a person gives are no longer than this unless that is confirmed [m].
+LARGEST_M = 500.0
 #: Letters of a name: file systems take 255, and what files are called goes on after it.
 _LONGEST_NAME = 200
 
@@ -51,6 +55,17 @@ def check_resolution(resolution_m: float) -> None:
         raise MapError(
             f"resolution is {resolution_m:g} m, expected a positive number from {low:g} to {high:g}: "
             "the side of a cell."
+        )
+
+
+def check_size(shape: tuple[int, ...], resolution_m: float) -> None:
+    """Raise MapError for a building of so many rows and columns that is longer than `LARGEST_M`."""
+    longest_m = max(shape) * resolution_m
+    if longest_m > LARGEST_M:
+        raise MapError(
+            f"resolution is {resolution_m:g} m, which with {shape[1]} x {shape[0]} cells makes a building "
+            f"{longest_m / 1000:.1f} km long. Give the true size of a cell, such as 0.05; if it is that long, confirm "
+            "it by --allow-large (allow_large=True)."
         )
 
 

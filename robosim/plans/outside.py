@@ -1,60 +1,96 @@
-"""Free space around a building: where the paper round a drawn floor plan is white, like its rooms.
+"""Free space around a building: white paper round a drawn floor plan, or the ground that a modelled house stands on.
 
-Nothing in such a plan says that one is a room and the other is not. But the paper reaches the edges of the picture, and
-doors are narrower than the space around a house: what can be come to from the edges without passing through anything as
-narrow as a door is outside.
+Nothing in such a plan says that one is a room and the other is not. But the ground around a house has no wall along its
+rim, and doors are narrower than the space around a house. So where most of the rim of all free space, the boundary of
+its convex hull, has no wall, all that can be reached from the rim through openings wider than a door is outside. A
+frame of unknown cells around a picture is no wall.
 """
 
 import logging
 import math
+from weakref import WeakKeyDictionary
 
 import cv2
 import numpy as np
-from jaxtyping import Bool
+from jaxtyping import Bool, Float
 from scipy import ndimage
 
-from robosim.plans.floorplan import FloorPlan
+from robosim.plans.floorplan import OCCUPIED, FloorPlan
 
 logger = logging.getLogger(__name__)
+_FOUND: WeakKeyDictionary[FloorPlan, Bool[np.ndarray, "ny nx"]] = WeakKeyDictionary()
 
 #: Openings up to this width keep the outside out [m].
 DOOR_M = 1.3
-#: Part of the picture's edge that has to be free.
-_OF_EDGE = 0.5
+#: Part of the rim that has no wall, and of the border of the rooms that has walls where the rim is unknown.
+_OF_RIM, _WALLED = 0.5, 0.5
+#: Rim and free cells may be this far apart [cells], since a slanted rim is a staircase.
+_RIM_CELLS = 2
 #: Smaller nooks of an outer wall are outside too, and without more floor than this there is no inside [m2].
 _NOOK_M2 = 2.0
 
 
 def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells of a plan that lie outside of the building; none where its edges are walls or unknown."""
-    free = plan.free
-    edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
+    """Free cells around the building, which count as no floor; the first time, a warning says how many there are."""
+    if plan not in _FOUND:
+        _FOUND[plan] = found = find_outside(plan)
+        if found.any():
+            logger.warning(
+                "%s: %.0f m2 of free space around the building reach the edges of the plan and are outside: they do "
+                "not count as floor, and nothing is placed there. Make them unknown or occupied to shut them off.",
+                plan.name,
+                found.sum() * plan.resolution_m**2,
+            )
+    return _FOUND[plan]
+
+
+def find_outside(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
+    """Free cells of a plan that lie outside of the building; none where walls stand along most of the rim."""
+    free, wall = plan.free, plan.occupancy == OCCUPIED
     nothing = np.zeros_like(free)
-    if edge.mean() < _OF_EDGE:
+    within = hull_of(free)
+    rim = within & ~_shrunk(within, 1)
+    if (grown(free, 1) & ~grown(wall, _RIM_CELLS))[rim].mean() < _OF_RIM:
         return nothing
     cell_m, half_m = plan.resolution_m, DOOR_M / 2
-    rim = math.ceil(half_m / cell_m) + 2
-    around = np.pad(free, rim, constant_values=True)
+    margin = math.ceil(half_m / cell_m) + 2
+    around = np.pad(free | ~(_shrunk(within, _RIM_CELLS) | wall), margin, constant_values=True)
     gap_m = cv2.distanceTransform(around.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
     gap_m[:2], gap_m[-2:], gap_m[:, :2], gap_m[:, -2:] = (2 * half_m,) * 4
     wide, _ = ndimage.label(gap_m > half_m)
     away = (wide != wide[0, 0]).astype(np.uint8)
     reach_m = cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) * cell_m
-    outside = (around & (reach_m <= half_m + cell_m))[rim:-rim, rim:-rim]
+    outside = free & (around & (reach_m <= half_m + cell_m))[margin:-margin, margin:-margin]
     rooms, count = ndimage.label(free & ~outside)
     small = np.bincount(rooms.ravel(), minlength=count + 1) * cell_m**2 < _NOOK_M2
     small[0] = False
     outside |= small[rooms]
-    return nothing if not (free & ~outside).any() else outside
+    inside = free & ~outside
+    border = grown(inside, 1) & ~free
+    edge = np.concatenate([free[0], free[-1], free[:, 0], free[:, -1]])
+    if not inside.any() or (edge.mean() < _OF_RIM and wall[border].mean() < _WALLED):
+        return nothing
+    return outside
 
 
-def tell_outside(plan: FloorPlan, outside: Bool[np.ndarray, "ny nx"]) -> None:
-    """Warn where some of a plan's free space lies outside of the building."""
-    area_m2 = float(outside.sum()) * plan.resolution_m**2
-    if area_m2:
-        logger.warning(
-            "%s: %.0f m2 of free space around the building reach the edges of the plan and are taken for outside; "
-            "nothing is drawn there. Make them unknown or occupied to shut them off.",
-            plan.name,
-            area_m2,
-        )
+def hull_of(cells: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
+    """Cells within the convex hull of some."""
+    filled = np.zeros(cells.shape, np.uint8)
+    points = np.argwhere(cells)[:, ::-1].astype(np.int32)
+    return cv2.fillConvexPoly(filled, cv2.convexHull(points), 1) > 0
+
+
+def grown(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
+    """Cells and all that are so many from them."""
+    return cv2.dilate(cells.astype(np.uint8), np.ones((2 * by + 1, 2 * by + 1), np.uint8)) > 0
+
+
+def _shrunk(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
+    return ~grown(np.pad(~cells, by, constant_values=True), by)[by:-by, by:-by]
+
+
+def lie_outside(plan: FloorPlan, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Whether points (x, y) [m] of `map` are in cells outside; a wall may stand half a cell beyond the last."""
+    cell = np.floor(plan.to_cells(points)).astype(int)[:, ::-1]
+    row, column = np.clip(cell, 0, np.array(plan.shape) - 1).T
+    return outside_of(plan)[row, column]

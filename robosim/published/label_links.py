@@ -43,6 +43,7 @@ TRACER = TracerConfig(
     diffraction_side_reflections=1,
     diffraction_law="bisector",
     max_transmissions=1,
+    wall_passage="face",
     max_interactions=3,
     wall_thickness_m=PLASTERBOARD_M,
     wall_gap_m=GAP_M,

@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.lines import Line2D
 
-from robosim.drawing.plots import save_figure
-from robosim.drawing.radio import STATES, TX_COLOUR
+from robosim.drawing.radio import TX_COLOUR
 from robosim.published.label_links import Links, prepared
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
+from robosim.support.figures import save_figure
 from wireless.formats.mmwrobotnav import Measurements
+from wireless.paths import LinkState
 
-OUTAGE = "0.6"
 COLUMNS = 5
 
 
@@ -25,7 +26,7 @@ def draw(path: Path, plan: Path, measured: list[Measurements], links: list[Links
         links: Computed links of each, in the same order.
     """
     building = prepared(plan)[0]
-    colour = np.array([OUTAGE, *(STATES[state][1] for state in sorted(STATES))], dtype=object)
+    colour = np.array([css(STATE_COLOURS[state]) for state in LinkState], dtype=object)
     n_rows = -(-len(measured) // COLUMNS)
     figure, panels = plt.subplots(
         n_rows,
@@ -50,7 +51,7 @@ def draw(path: Path, plan: Path, measured: list[Measurements], links: list[Links
         )
         axes.plot(*one.tx_position[:2], "*", color=TX_COLOUR, ms=10)
         axes.set_title(f"transmitter {one.number}: {100 * np.mean(~off):.1f} % agree", fontsize=9)
-    names = {"outage": OUTAGE, **dict(STATES[state] for state in sorted(STATES))}
+    names = {STATE_NAMES[state]: css(STATE_COLOURS[state]) for state in LinkState}
     handles = [
         Line2D([], [], marker="o", lw=0, color=tone, mew=1.5, label=name) for name, tone in names.items()
     ]

@@ -27,7 +27,7 @@ ADDED = {
     "and one reflection": replace(SPECULAR, max_reflections=1),
     "and two": SPECULAR,
     "and three": replace(SPECULAR, max_reflections=3),
-    "two, and both sides of a wall passed": replace(SPECULAR, max_transmissions=2),
+    "two, and a wall passed": replace(SPECULAR, max_transmissions=1),
     "two, and floor and ceiling": replace(SPECULAR, floor_ceiling=True),
     "two, and an edge with one": EDGES,
 }

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool
 
 from robosim.building.building import Building
-from robosim.drawing.plots import save_figure
 from robosim.published.measured_match import Matched
 from robosim.published.measured_paths import MeasuredHall
+from robosim.support.figures import save_figure
 from wireless.support.axes import axes_in_metres
 
 #: What explains a measured path, and its colour.

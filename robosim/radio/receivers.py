@@ -15,6 +15,7 @@ from jaxtyping import Float, Int
 
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan
+from robosim.plans.outside import lie_outside
 from robosim.support.checks import check_number
 
 #: Cells across a block of the published grids.
@@ -103,7 +104,7 @@ def _published(plan: FloorPlan, height_m: float) -> ReceiverGrid:
 
 
 def regular_grid(building: Building, step_m: float, height_m: float) -> ReceiverGrid:
-    """A grid of all free points, half a step from the plan's lower-left corner, whatever the plan's format."""
+    """A grid of all free points of the building, half a step from the plan's lower-left corner, whatever its format."""
     plan = building.plan
     step = step_m / plan.resolution_m
     ny, nx = (max(1, int(np.floor(n / step + 1e-9))) for n in plan.shape)
@@ -112,6 +113,7 @@ def regular_grid(building: Building, step_m: float, height_m: float) -> Receiver
     room = building.free_at(height_m).buffer(-CLEARANCE_M)
     shapely.prepare(room)
     inside = shapely.contains_xy(room, grid.position[:, :2])
+    inside &= ~lie_outside(plan, grid.position[:, :2])
     return _grid(plan, everywhere[inside], (ny, nx), step, np.zeros(2), height_m)
 
 

@@ -165,7 +165,7 @@ class RadioScene:
         parts = shapely.get_parts(self.building.free)
         own = int(np.argmin(shapely.distance(parts, shapely.Point(*at[:2]))))
         areas = shapely.area(parts)
-        if areas[own] == areas.max() or self.config.tracer.max_transmissions > 1:  # a wall has two sides
+        if areas[own] == areas.max() or self.config.tracer.walls_passed(self.config.frequency_hz):
             return None
         return (
             f"tx ({at[0]:g}, {at[1]:g}) is in a part of {areas[own]:.1f} m2 with no way to the largest one, of "

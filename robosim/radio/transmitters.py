@@ -2,11 +2,11 @@
 
 import numpy as np
 import shapely
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from robosim.building.building import Building
-from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.outside import outside_of, tell_outside
+from robosim.plans.floorplan import MapError
+from robosim.plans.outside import lie_outside
 
 #: Transmitters keep this far from walls [m], where there is room.
 CLEARANCE_M = 0.1
@@ -34,19 +34,10 @@ def random_transmitters(
     if room.is_empty:
         raise MapError(f"{building.plan.name}: no free space for a transmitter.")
     shapely.prepare(room)
-    outside = outside_of(building.plan)
-    tell_outside(building.plan, outside)
     low, high = np.reshape(room.bounds, (2, 2))
     places: list[list[float]] = []
     while len(places) < count:
         x, y = np.round(rng.uniform(low, high), 3)
-        if shapely.contains_xy(room, x, y) and not _within(building.plan, outside, x, y):
+        if shapely.contains_xy(room, x, y) and not lie_outside(building.plan, np.array([[x, y]])):
             places.append([float(x), float(y), height_m])
     return np.array(places)
-
-
-def _within(plan: FloorPlan, cells: Bool[np.ndarray, "ny nx"], x: float, y: float) -> bool:
-    """Whether a point of `map` [m] is in one of some cells; a wall may stand half a cell beyond the last."""
-    ix, iy = np.floor(plan.to_cells(np.array([x, y]))).astype(int)
-    ny, nx = plan.shape
-    return bool(cells[min(max(iy, 0), ny - 1), min(max(ix, 0), nx - 1)])

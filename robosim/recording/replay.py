@@ -11,7 +11,8 @@ from robosim.drawing.video import VideoWriter
 from robosim.recording.decision_log import read_decisions
 from robosim.support.files import write_whole
 
-_COLUMNS = 3
+#: Width that a sheet has at most, if two frames fit into it [pixels], and frames beside each other.
+_WIDEST, _COLUMNS = 2400, 3
 
 
 def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
@@ -56,8 +57,9 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
 
 
 def _tiled(frames: list[UInt8[np.ndarray, "h w 3"]]) -> UInt8[np.ndarray, "H W 3"]:
-    """Frames in rows of three, row by row."""
-    columns = min(_COLUMNS, len(frames))
+    """Frames side by side, as many as fit, row by row."""
+    fitting = max((_WIDEST - LEGEND) // frames[0].shape[1], 1)
+    columns = min(fitting, _COLUMNS, len(frames))
     blank = np.full_like(frames[0], 255)
     full = [*frames, *[blank] * (-len(frames) % columns)]
     return np.vstack([np.hstack(full[i : i + columns]) for i in range(0, len(full), columns)])

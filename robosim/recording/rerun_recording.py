@@ -26,7 +26,6 @@ from robosim.drawing.picture import (
     ESTIMATE_ORANGE,
     PALETTE,
     PATH_PURPLE,
-    STATE_COLOURS,
     TARGET_RED,
     TRUE_GREEN,
     WALL_BLUE,
@@ -36,21 +35,23 @@ from robosim.drawing.picture import (
 from robosim.drawing.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
 from robosim.episode import Decision
 from robosim.radio.measurement import Measurement
+from robosim.support.colours import STATE_COLOURS
 from robosim.support.files import partial_path
+from robosim.support.installation import install_command
 from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
-from wireless.paths import Interaction, LinkState, Paths
+from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 
 RECORDING = "episode.rrd"
 #: Colours of traced paths by what they met: nothing, then by the most telling kind.
 RAY_COLOURS = {
-    "line of sight": (0, 158, 115),
-    "reflection": (0, 114, 178),
+    "line of sight": STATE_COLOURS[LinkState.LOS],
+    "reflection": STATE_COLOURS[LinkState.FIRST_ORDER],
     "diffraction": (204, 121, 167),
     "reflection and diffraction": (230, 159, 0),
-    "transmission": (120, 120, 120),
+    "transmission": STATE_COLOURS[LinkCategory.OBSTRUCTED_LOS],
     "scattering": (213, 94, 0),
 }
 
@@ -198,7 +199,7 @@ def rerun_sdk() -> ModuleType:
         import rerun
     except ImportError as error:
         raise ValueError(
-            f"Rerun is not installed ({error}). Install it with `pip install robosim[viz]`, or draw the episode "
+            f"Rerun is not installed ({error}). Install it with `{install_command('viz')}`, or draw the episode "
             "without it: `robosim replay DIR`."
         ) from error
     return rerun

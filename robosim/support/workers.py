@@ -20,6 +20,7 @@ from typing import Any
 
 import cloudpickle
 
+from robosim.support.installation import install_command
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.processes import Processes
 
@@ -158,7 +159,7 @@ def _connect(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError as error:
-        raise ValueError("--cluster needs dask. Install it with `pip install robosim[cluster]`.") from error
+        raise ValueError(f"--cluster needs dask. Install it with `{install_command('cluster')}`.") from error
     try:
         return Client(address, timeout="20s")
     except (OSError, ValueError) as error:

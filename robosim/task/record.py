@@ -23,6 +23,7 @@ from slam.graph.landmarks import Transmitter
 from slam.poses import wrap
 from wireless.paths import LinkState
 from wireless.support.axes import axes_in_metres
+from wireless.support.counting import counted
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,7 +69,7 @@ class EpisodeLog:
     """Whether the target is looked for; an episode that only explores is about coverage."""
 
     def __repr__(self) -> str:
-        return f"<EpisodeLog: {self.ended} after {self.steps} step(s)>"
+        return f"<EpisodeLog: {self.ended} after {counted(self.steps, 'step')}>"
 
     def add_pose(
         self,

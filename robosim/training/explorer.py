@@ -22,10 +22,10 @@ from safetensors.numpy import save
 
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
-from robosim.drawing.plots import save_figure
 from robosim.simulator import SimulatorConfig
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.checks import SEED, check_numbers
+from robosim.support.figures import save_figure
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder

@@ -7,7 +7,6 @@ the scores take each building's temperature from other buildings.
 
 import time
 from dataclasses import asdict, replace
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from rich.console import Console
 from rich.text import Text
 
 from robosim.support.files import write_files, write_json
+from robosim.support.installation import package_version
 from robosim.support.run_folder import run_folder
 from robosim.training.link_jobs import Job, links_of, run_jobs
 from robosim.training.link_state_plots import plot_curves, plot_scores
@@ -29,6 +29,7 @@ from wireless.linkstate.learning.networks import weights_of
 from wireless.linkstate.learning.training import Recipe
 from wireless.linkstate.scores import calibrated_across, scores
 from wireless.linkstate.tokens import reached
+from wireless.support.counting import counted
 
 #: States that a link with paths can be told to be in.
 _NAMES = ("outage", "LOS", "first-order", "higher-order")
@@ -84,7 +85,9 @@ def train_link_state(
         )
     if any(len(part) == len(links.names) for part in parts):
         raise ValueError(f"{data} has {len(links.names)} building; holding it out leaves none to train on.")
-    console.print(Text(f"{len(links.state)} links of {len(links.names)} buildings in {data}"))
+    console.print(
+        Text(f"{counted(len(links.state), 'link')} of {counted(len(links.names), 'building')} in {data}")
+    )
     # More folds, members and tests may be asked for of the same networks.
     settings = {
         "data": f"{data.name}: {', '.join(links.names)}",
@@ -152,7 +155,7 @@ def train_link_state(
             "single_call_ms": _call_ms(final, links),
             # A run that goes on does not know how long the first part took.
             "seconds": round(time.perf_counter() - start, 1) if fresh else None,
-            "versions": {name: version(name) for name in ("robosim", "torch", "numpy")},
+            "versions": {name: package_version(name) for name in ("robosim", "torch", "numpy")},
         }
         if test is not None:
             there = read_links(test)
@@ -208,7 +211,9 @@ def _validate(
         _print(result[f"fold{i}"], f"fold{i}, held out: {', '.join(links.names[i] for i in part)}", console)
     if result:
         result["mean_accuracy"] = float(np.mean([fold["accuracy"] for fold in result.values()]))
-        console.print(f"mean validation accuracy of {len(parts)} folds: {result['mean_accuracy']:.4f}")
+        console.print(
+            f"mean validation accuracy of {counted(len(parts), 'fold')}: {result['mean_accuracy']:.4f}"
+        )
     return result
 
 

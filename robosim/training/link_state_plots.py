@@ -8,7 +8,7 @@ from jaxtyping import Float, Shaped
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from robosim.drawing.plots import save_figure
+from robosim.support.figures import save_figure
 from wireless.linkstate.calibration import reliability
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.scores import confusion

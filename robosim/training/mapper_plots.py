@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from robosim.support.files import whole_file
-
-matplotlib.use("Agg")
+from robosim.support.figures import save_figure
 
 _PARTS = (
     ("iou_seen", "obstacles, seen"),
@@ -32,5 +29,4 @@ def plot_curve(curve: list[dict[str, float]], classical: dict[str, float], path:
     for axes in (left, right):
         axes.legend()
         axes.grid(alpha=0.3)
-    with whole_file(path) as partial:
-        figure.savefig(partial, dpi=100)
+    save_figure(figure, path)

@@ -119,7 +119,7 @@ def test_plans_are_generated(tmp_path, capsys):
     main(["generate", "--seed", "5", "--count", "2", "--out", str(tmp_path)])
     plans = [read_plan(path) for path in sorted(tmp_path.glob("*.yaml"))]
     assert len(plans) == 2
-    assert "Wrote 2 plan(s)" in capsys.readouterr().out
+    assert "Wrote 2 plans" in capsys.readouterr().out
 
 
 def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, capsys):

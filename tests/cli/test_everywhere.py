@@ -3,12 +3,14 @@
 import ast
 import inspect
 import json
+import re
 import subprocess
 import sys
 import textwrap
 from importlib.metadata import version
 from pathlib import Path
 
+import matplotlib
 import pytest
 import trimesh
 
@@ -24,7 +26,7 @@ FUNCTIONS = {name: loaded(name) for name in COMMANDS}
 def test_the_version_is_told_and_nothing_done(line, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     main(line.split())
-    assert capsys.readouterr().out == f"robosim {version('robosim')}\n"
+    assert capsys.readouterr().out == f"robosim {version('robosim-wireless')}\n"
     assert not list(tmp_path.iterdir())
 
 
@@ -33,6 +35,50 @@ def test_the_help_of_all_names_what_works_everywhere(capsys):
         main(["--help"])
     printed = capsys.readouterr().out
     assert all(word in printed for word in ("--quiet", "--json", "--debug", "--version"))
+
+
+def help_of(line: str, capsys) -> str:
+    with pytest.raises(SystemExit) as stop:
+        main(line.split())
+    assert stop.value.code == 0
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_the_help_of_each_command_names_what_all_have(name, capsys):
+    printed = help_of(f"{name} --help", capsys)
+    assert all(f" {word} " in printed for word in ("--quiet", "--json", "--debug", "--figures"))
+
+
+@pytest.mark.parametrize("name", ["episode", "evaluate", "calibrate"])
+def test_help_shows_groups_in_a_line_each_and_help_all_every_option(name, capsys):
+    """Common options are in both. 139 options in 482 lines before; names of materials stand nowhere twice."""
+    brief, whole = (help_of(f"{name} {option}", capsys) for option in ("--help", "--help-all"))
+    assert len(brief.splitlines()) < 160 < len(whole.splitlines())
+    assert all(f"--{option} " in brief and f"--{option} " in whole for option in ("mapper", "config", "json"))
+    assert "--help-all" in brief and "--radio.* " in brief and "(9 options)" in brief
+    assert "--radio.tracer.max-paths" not in brief and "--radio.tracer.max-paths" in whole
+    assert brief.count("asphalt_concrete") == 0 and whole.count("asphalt_concrete") == 1
+    assert whole.count("very_dry_ground") == 1
+
+
+def test_every_option_of_an_episode_is_counted_in_the_brief_help(capsys):
+    """The numbers of options in the lines of groups add up to those of the whole help."""
+    brief, whole = (help_of(f"episode {option}", capsys) for option in ("--help", "--help-all"))
+    counted = sum(int(number) for number in re.findall(r"\((\d+)\W+options\)", brief))
+    dotted = re.findall(r"^\W+(--[a-z-]+\.[a-z0-9.-]+)", whole, re.MULTILINE)
+    assert counted == len(dotted)
+
+
+def test_a_robot_counts_for_the_help(capsys):
+    assert "(default: 0.18)" in help_of("episode --robot locobot --help-all", capsys)
+
+
+def test_figures_of_a_command_in_another_format(tmp_path, capsys):
+    told = answer(f"figures arrays --figures svg --out {tmp_path}", capsys)
+    assert told["files"] == ["arrays.png"]
+    assert {"arrays.png", "arrays.svg"} <= {path.name for path in tmp_path.iterdir()}
+    assert matplotlib.rcParams["savefig.format"] == "png"
 
 
 @pytest.mark.parametrize("place", [0, 1, 2, 4])
@@ -108,7 +154,7 @@ def test_the_machine_as_json(works, monkeypatch, capsys):
             main(["doctor", "--json"])
         assert stop.value.code == 1
         told = json.loads(capsys.readouterr().out)
-    assert told["works"] == works and told["robosim"] == version("robosim")
+    assert told["works"] == works and told["robosim"] == version("robosim-wireless")
     assert told["findings"][0]["detail"] == "draws on [red]OSMesa"
 
 

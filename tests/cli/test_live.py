@@ -13,7 +13,7 @@ import pytest
 
 from robosim.plans.floorplan import FloorPlan
 
-pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import pytest
 from robosim.cli import main
 from robosim.commands import speaking as terminal
 from robosim.plans.files import write_ros
+from robosim.support.installation import install_command
 from tests.plans import room, two_rooms
 
 #: Names that Rich, its emojis or matplotlib's formulas would take for theirs, or stumble over.
@@ -88,7 +89,7 @@ def test_a_file_that_is_not_there_is_named(path, fails):
 def test_what_to_install_is_named_with_its_extra(monkeypatch, fails, tmp_path):
     monkeypatch.setitem(sys.modules, "distributed", None)
     message = fails("collect", "--homes", 1, "--cluster", "tcp://[b]:1", "--out", tmp_path / "o")
-    assert "`pip install robosim[cluster]`" in message
+    assert f"`{install_command('cluster')}`" in message
 
 
 @pytest.mark.parametrize("word", ["[/b]", "[red]x", ":smile:"])

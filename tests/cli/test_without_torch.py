@@ -1,7 +1,11 @@
-"""What works where PyTorch is not installed: all that does not train."""
+"""What works where PyTorch or another extra is not installed: all that does not need it."""
 
 import subprocess
 import sys
+
+import pytest
+
+from robosim.support.installation import EXTRAS, install_command
 
 #: As where it is not installed: an import fails.
 WITHOUT = """
@@ -9,16 +13,19 @@ import sys
 
 class Without:
     def find_spec(self, name, path=None, target=None):
-        if name == "torch":
-            raise ModuleNotFoundError("No module named 'torch'", name="torch")
+        if name == "MODULE":
+            raise ModuleNotFoundError("No module named 'MODULE'", name="MODULE")
 
 sys.meta_path.insert(0, Without())
 """
 
 
-def run(code: str) -> subprocess.CompletedProcess[str]:
+def run(code: str, module: str = "torch") -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, "-W", "error", "-c", WITHOUT + code], capture_output=True, text=True, check=False
+        [sys.executable, "-W", "error", "-c", WITHOUT.replace("MODULE", module) + code],
+        capture_output=True,
+        text=True,
+        check=False,
     )
 
 
@@ -42,7 +49,7 @@ def test_what_trains_says_what_to_install(tmp_path):
     ):
         told = run(f"from robosim.cli import main\nmain({[*words, '--out', str(tmp_path / 'out')]!r})")
         assert told.returncode == 2, told.stdout + told.stderr
-        assert "torch, which is not installed: pip install 'robosim[train]'" in told.stderr
+        assert f"torch, which is not installed: {install_command('train')}" in told.stderr
         assert "Traceback" not in told.stderr and told.stderr.count("\n") == 1
 
 
@@ -51,4 +58,34 @@ def test_libraries_say_what_to_install():
         package, _, attribute = name.rpartition(".")
         told = run(f"from {package} import {attribute}")
         assert told.returncode == 1
-        assert "pip install 'robosim[train]'" in told.stderr.splitlines()[-1]
+        assert "pip install" in told.stderr.splitlines()[-1] and "[train]'" in told.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize(
+    ("module", "words"),
+    [
+        ("viser", "live flat"),
+        ("minari", "collect-searches"),
+        ("rerun", "view EPISODE"),
+        ("rerun", "episode flat --rerun"),
+        ("distributed", "collect --homes 1 --cluster tcp://127.0.0.1:1"),
+    ],
+)
+def test_a_missing_extra_is_one_line_with_the_remedy(module, words, tmp_path):
+    """Status 2, and what to type for this installation."""
+    (tmp_path / "episode.rrd").touch()
+    line = [str(tmp_path) if word == "EPISODE" else word for word in words.split()]
+    if line[0] not in ("live", "view"):
+        line += ["--out", str(tmp_path / "out")]
+    ended = run(f"from robosim.cli import main\nmain({line!r})", module)
+    assert ended.returncode == 2, ended.stderr
+    assert install_command(EXTRAS[module]) in ended.stderr
+    assert ended.stderr.count("\n") == 1 and "internal error" not in ended.stderr
+
+
+@pytest.mark.parametrize("package", ["robosim", "slam", "wireless"])
+def test_all_public_names_can_be_imported_at_once(package):
+    """`import *` brings what works without PyTorch; names that need it say so when they are asked for."""
+    ended = run(f"from {package} import *\nprint(len(dir()))")
+    assert ended.returncode == 0, ended.stderr
+    assert int(ended.stdout) > 20

@@ -1,24 +1,97 @@
-"""Runs the Python on a page: blocks named python, one after the other, in a process of its own."""
+"""Runs what is on a page, block after block, in a process of its own: Python, and commands where they are asked for.
 
+A block is written to a file first where the line before it ends with the file's name, as in "`mine.py`:", or where it
+begins with the name in a comment.
+"""
+
+import contextlib
 import doctest
+import io
 import re
+import shlex
+import sys
 from pathlib import Path
 
-_FENCE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+#: What makes a command short: values that replace those on the page, and options that are added to commands.
+SHORT = {
+    "--targets": "1",
+    "--generated": "1",
+    "--homes": "1",
+    "--steps": "2",
+    "--plan": "homes:1",
+    "--episodes": "1",
+}
+ADDED: dict[str, dict[str, str]] = {
+    "episode": {"--max-steps": "5", "--no-video": ""},
+    "evaluate": {"--max-steps": "5", "--workers": "1"},
+    "collect-searches": {"--most-steps": "20"},
+    "dataset": {"--tx-per-plan": "1", "--grid": "2", "--workers": "1"},
+    "collect": {"--workers": "1"},
+    "trace": {"--grid": "2", "--no-plots": "", "--workers": "1"},
+}
+_BLOCK = re.compile(r"(?:`([\w.]+)`:\n\n)?^```(\w+)\n(?:# ([\w.]+)\n)?(.*?)^```$", re.MULTILINE | re.DOTALL)
+_NUMBER = re.compile(r"[\d.,]+")
 
 
-def run_page(page: Path) -> int:
-    """Run all blocks; the number of those that print something else than the page says."""
+def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
+    """Run all blocks; the number of those that print something else than the page says.
+
+    Args:
+        page: A page in Markdown.
+        commands: Whether its commands of robosim are run too.
+        short: Whether they are shortened; those that are not have to print the next block named text, numbers aside.
+    """
     names: dict[str, object] = {"__name__": "page"}
-    failures = 0
-    for i, block in enumerate(_FENCE.findall(page.read_text("utf-8"))):
+    failures, printed = 0, ""
+    for i, (before, language, inside, body) in enumerate(_BLOCK.findall(page.read_text("utf-8"))):
         name = f"{page.name}, block {i}"
-        if ">>>" not in block:
-            exec(compile(block, name, "exec"), names)
-            continue
-        test = doctest.DocTestParser().get_doctest(block, names, name, str(page), 0)
-        runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
-        runner.run(test, clear_globs=False)
-        failures += runner.failures
-        names = test.globs
+        if before or inside:
+            Path(before or inside).write_text(body, "utf-8")
+        if language == "python" and ">>>" not in body:
+            exec(compile(body, name, "exec"), names)
+        elif language == "python":
+            test = doctest.DocTestParser().get_doctest(body, names, name, str(page), 0)
+            runner = doctest.DocTestRunner(optionflags=doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE)
+            runner.run(test, clear_globs=False)
+            failures += runner.failures
+            names = test.globs
+        elif language == "console" and commands:
+            printed = "".join(_run(line, short) for line in commands_in(body))
+        elif language == "text" and printed and not short:
+            missing = [line for line in _lines(body) if line not in _lines(printed)]
+            sys.stdout.writelines(f"{name}: nothing prints '{line}'\n" for line in missing)
+            failures += bool(missing)
     return failures
+
+
+def commands_in(text: str) -> list[str]:
+    """Calls of robosim in a block, after the prompt or without one."""
+    lines = text.replace("\\\n", " ").splitlines()
+    calls = [line.removeprefix("$ ") for line in lines if line.startswith(("$ robosim ", "robosim "))]
+    return [line.split("  #")[0] for line in calls]
+
+
+def _run(line: str, short: bool) -> str:
+    """What a command prints."""
+    from robosim.cli import main
+    from robosim.commands.speaking import console
+
+    words = shlex.split(line)[1:]
+    if short:
+        added = ADDED.get(words[0], {})
+        for option, value in (SHORT | added).items():
+            if option in words:
+                words[words.index(option) + 1] = value
+            elif option in added:
+                words += [option, value] if value else [option]
+    out = io.StringIO()
+    console.width, console.file = 200, out
+    with contextlib.redirect_stdout(out):
+        main(words)
+    return out.getvalue()
+
+
+def _lines(text: str) -> list[str]:
+    """Lines without bars of progress, numbers as one sign."""
+    kept = [line for line in text.splitlines() if not re.search("[━╸╺]", line)]
+    return [_NUMBER.sub("#", " ".join(line.split())) for line in kept if line.strip()]

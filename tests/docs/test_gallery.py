@@ -1,6 +1,7 @@
 """Every example of the gallery runs, is short, and draws something."""
 
 import ast
+import os
 import runpy
 import warnings
 from collections.abc import Callable
@@ -41,6 +42,7 @@ def test_length(path: Path) -> None:
     assert len([line for line in source.splitlines()[header:] if line.strip()]) <= MOST_LINES
 
 
+@pytest.mark.skipif(os.environ.get("GALLERY") == "0", reason="GALLERY=0: `make docs` runs the examples")
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_runs(path: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
     """It ends without error and without a warning on the terminal, and its picture is not empty."""

@@ -14,7 +14,7 @@ def test_it_learns_a_little_and_compares():
     spec = importlib.util.spec_from_file_location("learn_with_sb3", EXAMPLE)
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)
-    example.STEPS_OF_A_SEARCH = 20
+    example.SEARCH["max_episode_steps"] = 20
     shares = example.main(256, robots=1, searches=1, homes=1)
     assert set(shares) == {"learned", "at random"}
     assert all(0 <= share <= 1 for share in shares.values())

@@ -6,13 +6,16 @@ import re
 import shlex
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 
 import robosim.cli as cli
 from robosim.commands.table import loaded
 from tests.docs.conftest import Ended
-from tests.docs.run_page import run_page
+from tests.docs.run_page import commands_in, run_page
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -32,12 +35,7 @@ def blocks(page: Path, language: str) -> list[str]:
 def commands(page: Path) -> list[str]:
     """Calls of robosim on a page: after the prompt in blocks of the console, or in blocks of no language."""
     plain = "".join(re.findall(r"^```\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL))
-    lines = ("".join(blocks(page, "console")) + plain).replace("\\\n", " ").splitlines()
-    return [
-        line.removeprefix("$ ").split("  #")[0]
-        for line in lines
-        if line.startswith(("$ robosim ", "robosim "))
-    ]
+    return commands_in("".join(blocks(page, "console")) + plain)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)], ids=lambda page: page.name)
@@ -74,16 +72,66 @@ def test_commands_exist(
             assert end.code in (None, 0), line
 
 
-def python_pages() -> list[Path]:
-    """Pages with Python that is run here: blocks named python; those named py are not."""
-    return [page for page in PAGES if blocks(page, "python")]
+#: Pages whose commands run here too, as short as they get, since what is on the page makes their input or reads their
+#: output. Other commands need files that a reader has, or hours; all are parsed above.
+WITH_COMMANDS = {
+    "dataset.md",
+    "environment.md",
+    "evaluate.md",
+    "furnish.md",
+    "look.md",
+    "parts.md",
+    "policy.md",
+}
 
 
-@pytest.mark.parametrize("page", python_pages(), ids=lambda page: page.name)
+@pytest.mark.parametrize(
+    "page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.name
+)
 def test_python_runs(page: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
-    """Blocks of a page run one after the other, and print what the page says."""
-    ended = apart(run_page, page, folder=tmp_path)
+    """Blocks of a page run one after the other to their ends, and print what the page says."""
+    trimesh.creation.box((400, 400, 900)).export(tmp_path / "chair.stl")  # a reader's own, in millimetres
+    tutorial = page.name == "tutorial.md"
+    ended = apart(run_page, page, tutorial or page.name in WITH_COMMANDS, not tutorial, folder=tmp_path)
     assert ended.status == 0, ended.said[-3000:]
+
+
+def test_no_python_is_left_out() -> None:
+    """Blocks of Python have the one name under which they run."""
+    for page in PAGES:
+        named = set(re.findall(r"^```(\{?[\w-]+.*)$", page.read_text("utf-8"), re.MULTILINE))
+        assert not named & {"py", "Python", "pycon", "{code-block} python"}, page
+
+
+def test_the_mapper_on_the_page_of_parts_maps_on(tmp_path: Path, apart: Callable[..., Ended]) -> None:
+    """It forgets its map at the 100th scan, and takes scans of a lidar: 130 decisions of exploring."""
+    ended = apart(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)
+    assert ended.status == 0, ended.said[-3000:]
+
+
+def _explore(page: Path) -> int:
+    from robosim import (
+        EpisodeConfig,
+        SimulatorConfig,
+        make_building,
+        make_task,
+        reach,
+        read_plan,
+        run_episode,
+    )
+
+    names: dict[str, Any] = {}
+    exec(blocks(page, "python")[0], names)
+    config = EpisodeConfig(
+        goal="explore",
+        mapper=names["Mapper"],
+        simulator=SimulatorConfig(physics="kinematic", lidar="lds-01"),
+        max_steps=130,
+    )
+    building = make_building(read_plan("office"))
+    places = reach(building, radius_m=0.10)
+    log, _ = run_episode(building, places, make_task(places, np.random.default_rng(1)), config)
+    return int(log.steps != 130)
 
 
 def test_citations() -> None:

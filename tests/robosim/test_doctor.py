@@ -2,6 +2,7 @@
 
 import io
 import subprocess
+import sys
 
 import pytest
 from rich.console import Console
@@ -10,6 +11,7 @@ from robosim import doctor
 from robosim.camera.rendering.gl_libraries import INSTALL, OpenGLError
 from robosim.doctor import Finding, _camera, _check, _system, report
 from robosim.remedies import CACHE_REMEDY, remedy
+from robosim.support.installation import EXTRAS, install_command
 
 
 def _printed(findings, markup: bool = True) -> tuple[bool, str]:
@@ -48,6 +50,18 @@ def test_something_optional_is_missing():
     assert INSTALL["egl"] in text
 
 
+def test_every_extra_is_listed(monkeypatch):
+    """Installed with its version, or absent with what to type; no extra is needed for the main job."""
+    monkeypatch.setitem(sys.modules, "minari", None)
+    findings = {module: doctor._extra(module) for module in EXTRAS}
+    assert findings["torch"].works and findings["torch"].detail.startswith("torch ")
+    assert findings["minari"].fix == install_command("minari")
+    able, text = _printed([*GOOD, *findings.values()])
+    assert able
+    assert all(f"extra {extra} " in text for extra in ("train", "live", "minari", "cluster", "viz"))
+    assert "absent  minari is not installed." in text
+
+
 def test_no_renderer_at_all_names_the_way_round():
     able, text = _printed([GOOD[0], Finding("camera", False, "no OSMesa", INSTALL["osmesa"])])
     assert not able
@@ -56,19 +70,19 @@ def test_no_renderer_at_all_names_the_way_round():
 
 def test_brackets_in_an_error_are_shown():
     """Square brackets are rich's markup: unescaped, '[X11]' would vanish."""
-    _, text = _printed([Finding("embree", False, "no [X11]", "pip install 'robosim[cluster]'")])
+    _, text = _printed([Finding("embree", False, "no [X11]", "pip install '.[cluster]'")])
     assert "no [X11]" in text
-    assert "robosim[cluster]" in text
+    assert ".[cluster]" in text
 
 
 def test_what_it_says_does_not_depend_on_markup():
     """The command line's console prints brackets as they are: a state is "works", not "[green]works"."""
-    finding = Finding("embree", False, "no [X11]", "pip install 'robosim[cluster]'")
+    finding = Finding("embree", False, "no [X11]", "pip install '.[cluster]'")
     _, text = _printed([*GOOD, finding], markup=False)
     assert "[green]" not in text
     assert "[red]" not in text
     assert "no [X11]" in text
-    assert "robosim[cluster]" in text
+    assert ".[cluster]" in text
     assert "\\" not in text
 
 

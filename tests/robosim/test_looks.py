@@ -61,7 +61,7 @@ def test_plan_and_walls_are_drawn_in_one_place(plan):
 def test_a_log_draws_both_ways_and_the_target():
     """The true way, the estimated one, start and target at their places; a log with nothing in it too."""
     log = EpisodeLog(Task(np.zeros(3), np.array([2.0, 1.0]), 2.0))
-    assert repr(log) == "<EpisodeLog: running after 0 step(s)>"
+    assert repr(log) == "<EpisodeLog: running after 0 steps>"
     plt.close(log.plot().figure)
     log.add_pose(None, np.array([0.0, 0, 0]), np.array([0.1, 0, 0]), 0.1)
     log.motions.append(Motion(np.array([1.0, 0, 0]), collided=False, duration_s=1.0))
@@ -74,5 +74,5 @@ def test_a_log_draws_both_ways_and_the_target():
         "start": [[0, 0]],
         "target": [[2, 1]],
     }
-    assert repr(log) == "<EpisodeLog: running after 1 step(s)>"
+    assert repr(log) == "<EpisodeLog: running after 1 step>"
     plt.close(axes.figure)

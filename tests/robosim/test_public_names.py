@@ -61,7 +61,7 @@ def test_an_unknown_name_is_an_attribute_error(package):
 def test_version_and_types_are_told(package):
     """`__version__` is the installed one, and `py.typed` says that annotations may be relied on."""
     module = import_module(package)
-    assert module.__version__ == version("robosim")
+    assert module.__version__ == version("robosim-wireless")
     assert (Path(module.__file__).parent / "py.typed").is_file()
 
 

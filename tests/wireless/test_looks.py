@@ -37,7 +37,7 @@ def estimates():
 def test_paths_print_as_a_table_of_their_first_rows(paths):
     """A title, heads with units, 20 rows and how many are left out; the first is the direct path of 4 m."""
     title, heads, first, *others, rest = str(paths).splitlines()
-    assert title == f"{len(paths)} path(s), 1 transmitter(s) to 2 receiver(s) at 28 GHz"
+    assert title == f"{len(paths)} paths, 1 transmitter to 2 receivers at 28 GHz"
     for head in ("power [dB]", "delay [ns]", "AoA az [deg]", "AoD el [deg]"):
         assert head in heads
     assert len(others) == 19 and rest == f"... and {len(paths) - 20} more"
@@ -55,7 +55,7 @@ def test_few_paths_leave_nothing_out(paths):
     lines = str(paths.between(0, 1).strongest()).splitlines()
     assert len(lines) == 3 and "more" not in lines[-1]
     assert str(paths.select(np.zeros(len(paths), bool))).splitlines() == [
-        "0 path(s), 1 transmitter(s) to 2 receiver(s) at 28 GHz"
+        "0 paths, 1 transmitter to 2 receivers at 28 GHz"
     ]
     assert repr(paths) == f"<Paths: {str(paths).splitlines()[0]}>"
 
@@ -71,7 +71,7 @@ def test_a_notebook_shows_the_same_table(paths):
 def test_estimates_print_those_that_were_found(estimates):
     """In degrees and nanoseconds, links without any left out."""
     title, heads, *rows = str(estimates).splitlines()
-    assert title == "3 estimated path(s) of 3 link(s), 1 of them without any"
+    assert title == "3 estimated paths of 3 links, 1 of them without any"
     assert "SNR [dB]" in heads and "delay [ns]" in heads
     assert [row.split() for row in rows] == [
         ["0", "0", "28.6", "-28.6", "30.0", "0.00"],

@@ -118,8 +118,9 @@ def meet_wall(
     wall: Complex[np.ndarray, " l"],
     wavenumber: float,
     through: bool,
+    share: float,
 ) -> None:
-    """Turn two fields into what a wall reflects or lets through, in place.
+    """Turn two fields into what a wall reflects or transmits, in place.
 
     Args:
         field: Electric fields of the incoming wave.
@@ -128,11 +129,14 @@ def meet_wall(
         wall: Its layers, see `fresnel`.
         wavenumber: 2 pi over the wavelength [1/m].
         through: Whether the wave goes on rather than being reflected.
+        share: Exponent of the transmission ratios, 0.5 for each of the two faces of one wall.
     """
     c = way[0] * normal[0] + way[1] * normal[1] + way[2] * normal[2]
     te, tm, t_te, t_tm = fresnel(min(abs(c), 1.0), wall, wavenumber)
     if through:
         te, tm, c = t_te, t_tm, 0.0  # straight on: the direction behind is the one before
+        if share != 1.0:
+            te, tm = te**share if te != 0 else te, tm**share if tm != 0 else tm
     sx = way[1] * normal[2] - way[2] * normal[1]
     sy = way[2] * normal[0] - way[0] * normal[2]
     sz = way[0] * normal[1] - way[1] * normal[0]
@@ -286,6 +290,7 @@ def path_gain(
     count: int,
     normals: Float[np.ndarray, "m 3"],
     walls: Complex[np.ndarray, "m l"],
+    shares: Float[np.ndarray, " m"],
     wedge: Float[np.ndarray, "3 3"],
     wedge_n: float,
     wedge_walls: Complex[np.ndarray, "2 l"],
@@ -303,6 +308,7 @@ def path_gain(
         count: Number of interactions.
         normals: Unit normals of reflecting walls.
         walls: Walls that are met, see `fresnel`.
+        shares: Exponents of their transmission ratios, see `meet_wall`.
         wedge: See `diffract`; any values on paths without diffraction.
         wedge_n: Open angle of the wedge over pi.
         wedge_walls: Those of its faces.
@@ -337,7 +343,7 @@ def path_gain(
     for j in range(count):
         if kinds[j] != DIFFRACTION:
             through = kinds[j] == TRANSMISSION
-            meet_wall(field, way, normals[j], walls[j], wavenumber, through)
+            meet_wall(field, way, normals[j], walls[j], wavenumber, through, shares[j])
             c = 0.0 if through else 2 * _dot(way, normals[j])
             for i in range(3):
                 out[i] = way[i] - c * normals[j, i]

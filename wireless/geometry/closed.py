@@ -23,6 +23,8 @@ from wireless.support.compiled import compiled
 
 #: Where parity is counted along; upwards on each axis, which spares boxes the question which side a way comes from.
 _WAY = np.array([0.2718281828, 0.5772156649, 0.7700401577])
+#: Walls are thicker than twice this, and what is doubled is closer [m].
+_ASIDE_M = 1e-4
 
 
 class Sides:
@@ -53,6 +55,11 @@ class Sides:
         sums, on = self._sums(points, np.full(len(points), -1))
         return not on.any() and bool((sums == sums[0]).all())
 
+    def parity(self, points: Float[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
+        """Of how many closed surfaces each point is inside, modulo two."""
+        every, one = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
+        return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._way)[0]
+
     def inside(
         self, points: Float[np.ndarray, "n 3"], surface: Int[np.ndarray, " n"]
     ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
@@ -65,6 +72,37 @@ class Sides:
     ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
         points = np.ascontiguousarray(points, float)
         return _sums(self._tree, self._surface, self._bits, points, only, self._way)
+
+
+def two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
+    """Which faces have the inside of closed surfaces on one side only: the two faces of walls, and of solids.
+
+    The others are sheets: of no closed surface, or with another face of one on their back. Walls that are open at the
+    top and the bottom of the mesh count as closed there.
+    """
+    whole = _capped(mesh)
+    sides = Sides(whole)
+    corner = whole.triangles[: len(mesh.faces)]
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    size = np.linalg.norm(normal, axis=1)
+    some = np.flatnonzero(sides.closed[: len(corner)] & (size > 0))
+    middle, aside = corner[some].mean(axis=1), _ASIDE_M * normal[some] / size[some, None]
+    found = np.zeros(len(corner), bool)
+    found[some] = sides.parity(middle + aside) != sides.parity(middle - aside)
+    return found
+
+
+def _capped(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """A mesh around its own middle, with a cone over all that is open at its top, and one under its bottom."""
+    merged = trimesh.Trimesh(np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0), mesh.faces)
+    edges, count = np.unique(merged.edges_sorted, axis=0, return_counts=True)
+    open_edges, corners = edges[count % 2 == 1], np.asarray(merged.vertices)
+    vertices, faces = [corners], [np.asarray(merged.faces)]
+    for number, end in enumerate(merged.bounds[:, 2]):
+        rim = open_edges[(np.abs(corners[open_edges, 2] - end) < _ASIDE_M).all(axis=1)]
+        faces.append(np.column_stack([rim, np.full(len(rim), len(corners) + number)]))
+        vertices.append(np.array([[0.0, 0.0, 2 * end]]))
+    return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
 
 
 def surfaces_of(

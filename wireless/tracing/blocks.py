@@ -12,8 +12,6 @@ import threading
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-
 from wireless.tracing.table import Table
 
 #: Transmitters and receivers of a block. A block of a detailed plan takes some 50 MB while it is traced.
@@ -75,6 +73,5 @@ def trace_blocks(
 
 def _packed(table: Table) -> Table:
     """The same without the rows that no path fills."""
-    keep = len(table.power) // max(1, len(table.found))
-    used = (np.arange(keep) < table.found[:, None]).ravel()
-    return Table(table.found, *(column[used] for column in table[1:]))
+    used = int(table.found.sum())
+    return Table(table.found, *(column[:used].copy() for column in table[1:]))

@@ -18,7 +18,17 @@ from wireless.geometry.beams import Sight, cast, views_onto
 from wireless.geometry.growing import longer, longer_ints
 from wireless.geometry.plan import Plan
 from wireless.support.compiled import compiled
-from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, write_row
+from wireless.tracing.table import (
+    Scratch,
+    Setting,
+    Table,
+    enter,
+    make_scratch,
+    make_table,
+    weigh,
+    with_room,
+    write_row,
+)
 
 
 class Views(NamedTuple):
@@ -287,7 +297,7 @@ def _try_bounces(
     new = np.empty(5)
     for bounce in range(-down, up + 1):
         m = raise_flat(plan, setting, tx[2], rx[2], n, bounce, scratch)
-        if m > setting.max_interactions:
+        if m > setting.max_met:
             continue
         if corner >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
             continue
@@ -353,7 +363,7 @@ def trace_links(
         start_list: Triangles around receivers.
         far: Views of the receivers onto corners.
     """
-    n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx))
+    n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx), len(rx))
     image, view = sight.image, sight.chain
     hit_start, hit_view = views_onto(sight, rx[:, :2].copy(), start, start_list)
     near_start, near_view = by_first(sight.corner_hit, len(plan.corner_vertex))
@@ -363,13 +373,14 @@ def trace_links(
             away, turn = corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
             near_sight[j, 0], near_sight[j, 1] = away, turn
     scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
+    row = 0
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]
         far_image, far_view = far.image[v : far.view_start[i + 1]], far.chain[v : far.view_start[i + 1]]
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
-            if view[node, 2] + view[node, 3] > setting.max_interactions:
+            if view[node, 2] + view[node, 3] > setting.max_met:
                 continue
             if count == keep:
                 length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
@@ -390,7 +401,7 @@ def trace_links(
                 through = view[node, 3] + far_view[far_node, 3]
                 if through > setting.max_through:
                     continue
-                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_interactions:
+                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_met:
                     continue
                 before = near_sight[j, 0]
                 if before < NOWHERE_M or after < NOWHERE_M:
@@ -417,10 +428,12 @@ def trace_links(
                     count,
                 )
         table.found[i] = count
+        table = with_room(setting, table, row + count)
         for j in range(count):
             node, corner, far_node, bounce = who[j, 0], who[j, 1], who[j, 2], who[j, 3]
             n = lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
             m = raise_flat(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
             length, power = weigh_flat(plan, setting, corner, m, scratch)
-            write_row(table, i * keep + j, length, power, m, scratch)
+            write_row(table, row + j, length, power, m, scratch)
+        row += count
     return table

@@ -20,10 +20,10 @@ from wireless.geometry.occlusion import HIDDEN, TOUCHED
 from wireless.support.compiled import compiled
 from wireless.tracing.beams import Beams, Bends
 from wireless.tracing.laying import edge_sight, ground_of, is_open, lay, mirror_over, on_large
-from wireless.tracing.space_engine import Room, make_room, write_lists
+from wireless.tracing.space_engine import Room, make_room, table_of
 from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, try_path, weigh_path
 from wireless.tracing.sweep import beams_at, bends_at
-from wireless.tracing.table import Setting, Table, make_table, most_interactions
+from wireless.tracing.table import Setting, Table, most_interactions
 
 #: Bends of a link whose bounds are found closely at once: those behind are spared if the list fills up.
 _LOT = 64
@@ -42,7 +42,7 @@ def make_lists(setting: Setting, n_rx: int) -> Lists:
     most = int(most_interactions(setting))
     return Lists(
         np.empty((n_rx, setting.keep, 5)),
-        np.zeros((n_rx, setting.keep, 3 + most), np.int64),
+        np.empty((n_rx, setting.keep, 3 + most), np.int64),
         np.zeros(n_rx, np.int64),
     )
 
@@ -101,7 +101,7 @@ def _enter(
             scratch.kind,
             scratch.primitive,
         )
-        if m < 0 or m > setting.max_interactions:
+        if m < 0 or m > setting.max_met:
             continue
         if count == keep and before + after > 1:
             most = bare[h] * left_by_mirrors(facet_normal, setting, m, scratch)
@@ -366,7 +366,4 @@ def tabled(
     space: Space, setting: Setting, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "r 3"], lists: Lists
 ) -> Table:
     """The table of a transmitter, from the lists of its links."""
-    table = make_table(setting, len(rx))
-    table.found[:] = lists.length
-    write_lists(space, setting, tx, rx, make_room(setting, len(rx)), lists.best, table)
-    return table
+    return table_of(space, setting, tx, rx, make_room(setting, len(rx)), lists.best, lists.length)

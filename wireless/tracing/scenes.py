@@ -43,7 +43,6 @@ class PlanScene:
     def __init__(
         self,
         extruded: Extruded,
-        face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
         *,
         snap_m: float,
@@ -54,7 +53,7 @@ class PlanScene:
         self.origin = np.append(plan.origin, 0.0)
         self.locate = Locator(plan, 2 * snap_m)
         faces = np.append(extruded.wall_face, [extruded.floor_face, extruded.ceiling_face])
-        self.setting = setting(face_wall[faces])._replace(
+        self.setting = setting(faces)._replace(
             low_m=extruded.low_m,
             high_m=extruded.high_m,
             has_floor=floor_ceiling and extruded.floor_face >= 0,
@@ -195,10 +194,9 @@ class SpaceScene:
             ground, slabs = (at_heights(surfaces, z, snap_m) for z in (level_m[[0, -1]], level_m))
         surfaces = without_rims(surfaces, ground)
         mirrors = ~slabs | floor_ceiling
-        walls = face_wall[surfaces.facet_face]
-        passes = walls[:, 1].real > 0
+        self._setting = setting(surfaces.facet_face)
+        passes = self._setting.walls[:, 1].real > 0
         self.space = make_space(surfaces, mirrors, passes)
-        self._setting = setting(walls)
         if not passes.any():
             self._setting = self._setting._replace(max_through=0)
         self._sides = None

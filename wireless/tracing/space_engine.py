@@ -357,28 +357,29 @@ def trace_space(
         rx: Positions of receivers.
         rx_boxes: Receivers, sorted into boxes.
     """
-    keep, table, most = setting.keep, make_table(setting, len(rx)), most_interactions(setting)
-    rank, best = np.empty((len(rx), keep, 5)), np.zeros((len(rx), keep, 3 + most), np.int64)
+    keep, most, found = setting.keep, most_interactions(setting), np.zeros(len(rx), np.int64)
+    rank, best = np.empty((len(rx), keep, 5)), np.empty((len(rx), keep, 3 + most), np.int64)
     room = make_room(setting, len(rx))
-    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, table.found)
+    _reflect(space, setting, tx, rx, rx_boxes, room, rank, best, found)
     if setting.edge_reflections >= 0 and len(space.surfaces.edge):
-        _bend(space, setting, tx, rx, room, rank, best, table.found)
-    write_lists(space, setting, tx, rx, room, best, table)
-    return table
+        _bend(space, setting, tx, rx, room, rank, best, found)
+    return table_of(space, setting, tx, rx, room, best, found)
 
 
 @compiled
-def write_lists(
+def table_of(
     space: Space,
     setting: Setting,
     tx: Float[np.ndarray, "3"],
     rx: Float[np.ndarray, "r 3"],
     room: Room,
     best: Int[np.ndarray, "r k w"],
-    table: Table,
-) -> None:
-    """Lay out and weigh the paths of each link's list once more, for the table."""
+    found: Int[np.ndarray, " r"],
+) -> Table:
+    """The table of each link's list, whose paths are laid out and weighed once more."""
     scratch, ground, surfaces = room.scratch, ground_of(space), space.surfaces
+    table, row = make_table(setting, len(rx), found.sum()), 0
+    table.found[:] = found
     for r in range(len(rx)):
         for j in range(table.found[r]):
             edge, before, after = best[r, j, 0], best[r, j, 1], best[r, j, 2]
@@ -401,4 +402,6 @@ def write_lists(
             length, power = weigh_path(
                 surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch
             )
-            write_row(table, r * setting.keep + j, length, power, m, scratch)
+            write_row(table, row, length, power, m, scratch)
+            row += 1
+    return table

@@ -235,11 +235,11 @@ def try_path(
         return count
     if setting.max_through > 0:
         m = pass_walls(space, setting, m, scratch, where, which)
-    if m < 0 or m > setting.max_interactions:
+    if m < 0 or m > setting.max_met:
         return count
     if m > bare:
         length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
-        if count == len(rank) and power <= rank[count - 1, 0]:
+        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
             return count
     if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, points):
         return count

@@ -28,7 +28,17 @@ from wireless.tracing.plan_engine import (
     raise_flat,
     weigh_flat,
 )
-from wireless.tracing.table import Scratch, Setting, Table, enter, make_scratch, make_table, weigh, write_row
+from wireless.tracing.table import (
+    Scratch,
+    Setting,
+    Table,
+    enter,
+    make_scratch,
+    make_table,
+    weigh,
+    with_room,
+    write_row,
+)
 
 #: Slopes that differ by less are one.
 _SLOPE = 1e-12
@@ -298,7 +308,7 @@ def trace_layers(
         far: Views of the receivers onto edges.
         span_m: See `wireless.geometry.layer_beams.cast_layers`.
     """
-    plan, n_rx, keep, table = layers.plan, len(rx), setting.keep, make_table(setting, len(rx))
+    plan, n_rx, keep, table = layers.plan, len(rx), setting.keep, make_table(setting, len(rx), len(rx))
     n_corners, k = len(plan.corner_vertex), setting.wavenumber
     image, view, hit, corner_hit, corner_slope, rim_hit, rim_part = cast_layers(
         layers,
@@ -324,6 +334,7 @@ def trace_layers(
         over_sight[j] = _rim_sight(layers, e, image[v, 0], image[v, 1], tx[2])
     scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 3), np.int64)
     where = np.empty(keep)
+    row = 0
     for i in range(n_rx):
         count = 0
         v = far.view_start[i]
@@ -331,7 +342,7 @@ def trace_layers(
         rise = rx[i, 2] - tx[2]
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
-            if view[node, 2] > setting.max_interactions:
+            if view[node, 2] > setting.max_met:
                 continue
             if count == keep:
                 length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
@@ -367,7 +378,7 @@ def trace_layers(
                 one = near_hit[j]
                 node, before = corner_hit[one, 1], near_sight[j, 0]
                 reflections = view[node, 2] + far_view[far_node, 2]
-                if reflections > setting.edge_reflections or 1 + reflections > setting.max_interactions:
+                if reflections > setting.edge_reflections or 1 + reflections > setting.max_met:
                     continue
                 if before < NOWHERE_M:
                     continue
@@ -412,7 +423,7 @@ def trace_layers(
                 one = over_hit[j]
                 node, before = rim_hit[one, 1], over_sight[j, 1]
                 reflections = view[node, 2] + far_view[far_node, 2]
-                if reflections > setting.edge_reflections or 1 + reflections > setting.max_interactions:
+                if reflections > setting.edge_reflections or 1 + reflections > setting.max_met:
                     continue
                 if before < NOWHERE_M:
                     continue
@@ -445,6 +456,7 @@ def trace_layers(
                     count,
                 )
         table.found[i] = count
+        table = with_room(setting, table, row + count)
         for j in range(count):
             node, edge, far_node = who[j]
             m, length, power = _lay(
@@ -462,7 +474,8 @@ def trace_layers(
                 far_node,
                 scratch,
             )
-            write_row(table, i * keep + j, length, power, m, scratch)
+            write_row(table, row + j, length, power, m, scratch)
+        row += count
     return table
 
 

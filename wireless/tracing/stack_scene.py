@@ -62,7 +62,7 @@ class StackScene:
         if stacked is None:
             raise NoStackError("its rooms are not closed")
         self.layers, self.room = stacked.layers, stacked.room
-        self._setting = setting(face_wall[stacked.face])
+        self._setting = setting(stacked.face)
         thin = bool((face_wall[:, 1].real > 0).any())
         if thin and self._setting.max_through > (1 if stacked.sealed else 0):
             raise NoStackError("paths may pass walls into other rooms")

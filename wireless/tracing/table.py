@@ -6,10 +6,13 @@ Floor plans and spaces find paths in their own ways, and lay out, weigh and keep
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Complex, Float, Int
+from jaxtyping import Bool, Complex, Float, Int
 
-from wireless.em.fields import path_gain
+from wireless.em.fields import TRANSMISSION, path_gain
 from wireless.support.compiled import compiled
+
+#: Two faces farther apart are two walls, with a shaft or the open air between them [m].
+THICKEST_WALL_M = 1.0 + 1e-6
 
 
 class Setting(NamedTuple):
@@ -17,6 +20,8 @@ class Setting(NamedTuple):
 
     walls: Complex[np.ndarray, "n l"]
     """Layers of each wall, then of floor and ceiling, see `wireless.em.fields.fresnel`."""
+    half: Bool[np.ndarray, " n"]
+    """Which of these are one of the two faces of a wall."""
     low_m: float
     """Height of the floor."""
     high_m: float
@@ -33,10 +38,14 @@ class Setting(NamedTuple):
     """Most reflections on a path with diffraction; -1 for no diffraction."""
     side_reflections: int
     """Most of them before the edge, and after it; at most edge_reflections."""
-    max_through: int
+    max_walls: int
     """Most walls that a path passes."""
+    max_through: int
+    """Most faces of walls that a path passes."""
     max_interactions: int
-    """Most interactions of a path, of all kinds."""
+    """Most interactions of a path, of all kinds, a passed wall counted once."""
+    max_met: int
+    """The same with each face of passed walls counted."""
     vertical: float
     """Weight of the power from theta to theta."""
     horizontal: float
@@ -50,7 +59,7 @@ class Setting(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Paths of links, `keep` rows for each receiver, strongest first."""
+    """Paths of links, one row per path: receiver by receiver, strongest first; rows beyond the last path are unused."""
 
     found: Int[np.ndarray, " r"]
     """Paths of each receiver."""
@@ -81,6 +90,8 @@ class Scratch(NamedTuple):
     primitive: Int[np.ndarray, " m"]
     normal: Float[np.ndarray, "m 3"]
     walls: Complex[np.ndarray, "m l"]
+    share: Float[np.ndarray, " m"]
+    listed: Bool[np.ndarray, " m"]
     wedge: Float[np.ndarray, "3 3"]
     wedge_walls: Complex[np.ndarray, "2 l"]
     gain: Complex[np.ndarray, "2 2"]
@@ -90,14 +101,14 @@ class Scratch(NamedTuple):
 
 @compiled
 def most_interactions(setting: Setting) -> int:
-    """How many interactions a path can have."""
+    """How many interactions a path can have, each face of passed walls counted."""
     return max(setting.max_reflections, setting.edge_reflections + 1, 1) + setting.max_through
 
 
 @compiled
-def make_table(setting: Setting, n_rx: int) -> Table:
-    """Table with room for all paths of so many receivers, and none in it."""
-    most, rows = most_interactions(setting), n_rx * setting.keep
+def make_table(setting: Setting, n_rx: int, rows: int) -> Table:
+    """Table of so many receivers with room for so many paths, and none in it."""
+    most = most_interactions(setting) - setting.max_through + setting.max_walls
     return Table(
         np.zeros(n_rx, np.int64),
         np.zeros(rows),
@@ -108,6 +119,19 @@ def make_table(setting: Setting, n_rx: int) -> Table:
         np.full((rows, most), -1, np.int64),
         np.zeros((rows, most + 2, 3)),
     )
+
+
+@compiled
+def with_room(setting: Setting, table: Table, rows: int) -> Table:
+    """The same table, or a copy with at least so many rows: memory follows what is found, not what may be."""
+    if rows <= len(table.power):
+        return table
+    larger, used = make_table(setting, len(table.found), max(rows, 2 * len(table.power))), len(table.power)
+    larger.found[:] = table.found
+    larger.power[:used], larger.gain[:used], larger.length_m[:used] = table.power, table.gain, table.length_m
+    larger.order[:used], larger.kind[:used] = table.order, table.kind
+    larger.primitive[:used], larger.point[:used] = table.primitive, table.point
+    return larger
 
 
 @compiled
@@ -123,6 +147,8 @@ def make_scratch(setting: Setting) -> Scratch:
         np.zeros(most, np.int64),
         np.zeros((most, 3)),
         np.zeros((most, setting.walls.shape[1]), np.complex128),
+        np.ones(most),
+        np.ones(most, np.bool_),
         np.zeros((3, 3)),
         np.zeros((2, setting.walls.shape[1]), np.complex128),
         np.zeros((2, 2), np.complex128),
@@ -133,18 +159,22 @@ def make_scratch(setting: Setting) -> Scratch:
 
 @compiled
 def write_row(table: Table, row: int, length_m: float, power: float, m: int, scratch: Scratch) -> None:
-    """Put the path of m interactions in `scratch` into a table."""
+    """Put the path of m interactions in `scratch`, just weighed, into a table; of a passed wall its first face."""
     table.length_m[row], table.power[row] = length_m, power
-    table.order[row] = m
     # Number by number: for rows numba would compile a message for shapes that differ, too.
     for p in range(2):
         for q in range(2):
             table.gain[row, p, q] = scratch.gain[p, q]
+    order = 0
     for j in range(m):
-        table.kind[row, j], table.primitive[row, j] = scratch.kind[j], scratch.primitive[j]
-    for j in range(m + 2):
-        for i in range(3):
-            table.point[row, j, i] = scratch.point[j, i]
+        if scratch.listed[j]:
+            table.kind[row, order], table.primitive[row, order] = scratch.kind[j], scratch.primitive[j]
+            order += 1
+            for i in range(3):
+                table.point[row, order, i] = scratch.point[j + 1, i]
+    table.order[row] = order
+    for i in range(3):
+        table.point[row, 0, i], table.point[row, order + 1, i] = scratch.point[0, i], scratch.point[m + 1, i]
 
 
 @compiled
@@ -155,6 +185,52 @@ def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
 
 
 @compiled
+def share_walls(setting: Setting, m: int, scratch: Scratch) -> bool:
+    """Pair the faces of passed walls along the path in `scratch`; whether it is within the limits.
+
+    A wall with two faces is passed once: each face takes the square root of its transmission ratios, so that the
+    wall counts once, from both directions alike, also across a corner or between two materials. Faces farther apart
+    than `THICKEST_WALL_M` are a wall each. Where the ends of a path are on different sides of the faces that it
+    meets, one of an odd number of faces has no opposite: all share the ratios of half as many walls, rounded up.
+    Within a wall nothing is reflected or diffracted, as its ratios contain that.
+    """
+    faces, whole, within, first, before = 0, 0, False, -1, 0
+    for j in range(m):
+        scratch.share[j], scratch.listed[j] = 1.0, True
+        if scratch.kind[j] != TRANSMISSION:
+            within = within or faces % 2 == 1
+        elif not setting.half[scratch.primitive[j]]:
+            whole += 1
+        else:
+            faces += 1
+            if faces % 2 == 1:
+                first = j
+                continue
+            apart, other = 0.0, 0.0
+            for i in range(3):
+                step = scratch.point[j + 1, i] - scratch.point[first + 1, i]
+                apart += step * scratch.normal[first, i]
+                other += step * scratch.normal[j, i]
+            if min(abs(apart), abs(other)) <= THICKEST_WALL_M:
+                scratch.share[first], scratch.share[j], scratch.listed[j] = 0.5, 0.5, False
+            else:
+                before += 1
+    walls = whole + before + (faces + 1) // 2
+    if faces % 2 == 1:
+        walls, odd = whole + (faces + 1) // 2, 0
+        for j in range(m):
+            if scratch.kind[j] == TRANSMISSION and setting.half[scratch.primitive[j]]:
+                odd += 1
+                scratch.share[j], scratch.listed[j] = (faces + 1) / (2 * faces), odd % 2 == 1
+    elif within:
+        return False
+    listed = 0
+    for j in range(m):
+        listed += scratch.listed[j]
+    return walls <= setting.max_walls and listed <= setting.max_interactions
+
+
+@compiled
 def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path of m interactions laid out in `scratch`, gain set; length -1 if it is none.
 
@@ -162,12 +238,15 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
 
     A wedge on the way, if there is one, fills an angle of (2 - n) pi.
     """
+    if setting.max_through > 0 and not share_walls(setting, m, scratch):
+        return -1.0, 0.0
     length = path_gain(
         scratch.point,
         scratch.kind,
         m,
         scratch.normal,
         scratch.walls,
+        scratch.share,
         scratch.wedge,
         n,
         scratch.wedge_walls,

@@ -15,15 +15,17 @@ Left out: more than one diffraction on a path; scattering by rough walls unless 
 import logging
 from dataclasses import dataclass
 from functools import cache
+from multiprocessing import parent_process
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
-from jaxtyping import Complex, Float, Int, Integer
+from jaxtyping import Bool, Float, Int, Integer
 from scipy.constants import speed_of_light
 
 from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
+from wireless.geometry.closed import two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
@@ -40,6 +42,9 @@ logger = logging.getLogger(__name__)
 #: its paths; each reflection more takes a half to three times longer (12 of them: a second a link of a home's exact
 #: outline, where 3 take 30 ms), and costs a drywall's path some 10 dB.
 MOST_IN_A_ROW, MOST_PATHS = 12, 5000
+#: Walls that paths pass below this frequency, where nothing else is asked for; above it, walls lose too much power for
+#: these paths to matter much [Hz].
+OPAQUE_HZ, WALLS_PASSED = 10e9, 2
 #: Thickest layer of a wall, and widest gap between two [m].
 THICKEST_M = 100.0
 #: Most interactions of all kinds on a path: those before an edge, the edge, and those after it.
@@ -91,8 +96,12 @@ class TracerConfig:
     the angle between both. The former agrees with full-wave solutions, the latter with one commercial ray tracer."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
-    max_transmissions: int = 1
-    """Most walls that a path goes straight through, 12 at most; half-spaces let nothing through."""
+    max_transmissions: int | None = None
+    """Most walls that a path passes, 12 at most; half-spaces let nothing through. None for 2 below 10 GHz, and for no
+    wall from there on."""
+    wall_passage: Literal["wall", "face"] = "wall"
+    """What counts as a wall: both faces of a drawn wall or a solid together, which are passed once, or each face alone,
+    as in the published grids. A sheet without thickness is a wall in both."""
     max_interactions: int | None = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
     wall_thickness_m: float | None = None
@@ -133,18 +142,23 @@ class TracerConfig:
             ("rays", 10, 10_000_000),
             ("max_reflections", 0, MOST_IN_A_ROW),
             ("diffraction_reflections", 0, MOST_IN_A_ROW),
-            ("max_transmissions", 0, MOST_IN_A_ROW),
             ("max_paths", 1, MOST_PATHS),
         ):
             value = getattr(self, name)
             if not (_whole(value) and low <= value <= high):
                 raise ValueError(f"{name} is {_cut(value)}, expected a whole number from {low} to {high}.")
-        for name in ("diffraction_side_reflections", "max_interactions"):
+        for name, high in (
+            ("diffraction_side_reflections", MOST_INTERACTIONS),
+            ("max_interactions", MOST_INTERACTIONS),
+            ("max_transmissions", MOST_IN_A_ROW),
+        ):
             value = getattr(self, name)
-            if value is not None and not (_whole(value) and 0 <= value <= MOST_INTERACTIONS):
+            if value is not None and not (_whole(value) and 0 <= value <= high):
                 raise ValueError(
-                    f"{name} is {_cut(value)}, expected a whole number from 0 to {MOST_INTERACTIONS}, or None."
+                    f"{name} is {_cut(value)}, expected a whole number from 0 to {high}, or None."
                 )
+        if self.wall_passage not in ("wall", "face"):
+            raise ValueError(f"wall_passage is {_cut(self.wall_passage)!r}, expected wall or face.")
         if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m <= THICKEST_M:
             raise ValueError(
                 f"wall_thickness_m is {self.wall_thickness_m}, expected more than 0 and at most {THICKEST_M:g} m, or "
@@ -178,6 +192,12 @@ class TracerConfig:
             raise ValueError(
                 f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
             )
+
+    def walls_passed(self, frequency_hz: float) -> int:
+        """Most walls that a path passes at a carrier frequency [Hz]."""
+        if self.max_transmissions is not None:
+            return self.max_transmissions
+        return WALLS_PASSED if frequency_hz < OPAQUE_HZ else 0
 
 
 def _cut(value: object) -> str:
@@ -248,10 +268,13 @@ class Tracer:
         rows = [
             wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
         ]
-        face_wall = np.zeros((len(rows), max(map(len, rows))), np.complex128)
+        walls = np.zeros((len(rows), max(map(len, rows))), np.complex128)
         for i, row in enumerate(rows):
-            face_wall[i, : len(row)] = row
-        face_wall = face_wall[of_face]
+            walls[i, : len(row)] = row
+        self._face_wall = walls[of_face]
+        self._face_half = self._halves(mesh)
+        # A face that is a wall by itself is another wall than one of a pair.
+        of_face = 2 * of_face + self._face_half
         plan = None
         if c.scene in ("auto", "plan"):
             plan = find_extruded(mesh, of_face, c.snap_m)
@@ -270,7 +293,7 @@ class Tracer:
             lambda: SpaceScene(
                 mesh,
                 of_face,
-                face_wall,
+                self._face_wall,
                 self._setting,
                 snap_m=c.snap_m,
                 floor_ceiling=c.floor_ceiling,
@@ -281,16 +304,14 @@ class Tracer:
         )
         self.scene: PlanScene | StackScene | SpaceScene
         if plan is not None:
-            self.scene = PlanScene(
-                plan, face_wall, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling
-            )
+            self.scene = PlanScene(plan, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling)
         elif stack is not None and c.scene != "space":
             try:
                 self.scene = StackScene(
                     mesh,
                     stack,
                     of_face,
-                    face_wall,
+                    self._face_wall,
                     self._setting,
                     snap_m=c.snap_m,
                     floor_ceiling=c.floor_ceiling,
@@ -310,7 +331,7 @@ class Tracer:
         if c.scattering is not None:
             if not isinstance(self.scene, PlanScene):
                 raise SceneError(NO_SPACE)
-            self._scattering = self._rough(self.scene, materials, of_face)
+            self._scattering = self._rough(self.scene, materials, of_face // 2)
 
     def trace(
         self,
@@ -380,13 +401,29 @@ class Tracer:
         wall = of_face[scene.extruded.wall_face]
         return Scattering(scene, share[wall], alpha[wall], c.scattering_tile_m)
 
-    def _setting(self, walls: Complex[np.ndarray, "n l"]) -> Setting:
-        """Physics and limits of this tracer, for walls or facets of some layers."""
-        config = self.config
+    def _halves(self, mesh: trimesh.Trimesh) -> Bool[np.ndarray, " n_faces"]:
+        """Which faces are one of the two faces of a wall, if paths may pass walls and these count once."""
+        passes = self._face_wall[:, 1].real > 0
+        if (
+            self.config.wall_passage == "face"
+            or not self.config.walls_passed(self.frequency_hz) * passes.any()
+        ):
+            return np.zeros(len(passes), bool)
+        if self.config.max_transmissions is None:
+            _report_passage(self.frequency_hz)
+        return two_faced(mesh)
+
+    def _setting(self, faces: Int[np.ndarray, " n"]) -> Setting:
+        """Physics and limits of this tracer, for walls or facets that have some faces of the mesh."""
+        config, half = self.config, self._face_half[faces]
+        walls = config.walls_passed(self.frequency_hz)
+        through = 2 * walls if half.any() else walls
+        most = 2**62 if config.max_interactions is None else config.max_interactions
         vertical, horizontal, crossed = POLARISATIONS[config.polarisation]
         bent, side = config.diffraction_reflections, config.diffraction_side_reflections
         return Setting(
-            walls=walls,
+            walls=self._face_wall[faces],
+            half=half,
             low_m=0.0,
             high_m=0.0,
             has_floor=False,
@@ -395,10 +432,10 @@ class Tracer:
             max_reflections=config.max_reflections,
             edge_reflections=bent if config.diffraction else -1,
             side_reflections=(bent if side is None else min(bent, side)) if config.diffraction else -1,
-            max_through=config.max_transmissions,
-            max_interactions=np.iinfo(np.int64).max
-            if config.max_interactions is None
-            else config.max_interactions,
+            max_walls=walls,
+            max_through=through,
+            max_interactions=most,
+            max_met=most + through - walls,
             vertical=vertical,
             horizontal=horizontal,
             crossed=crossed,
@@ -444,6 +481,18 @@ class Tracer:
             primitive=column("primitive"),
             point=inner,
         )
+
+
+@cache
+def _report_passage(frequency_hz: float) -> None:
+    """Say once, and not in each worker process, that paths pass walls where nobody asked for that."""
+    if parent_process() is not None:
+        return
+    logger.warning(
+        "At %g GHz paths pass up to %d walls. Set max_transmissions (--max-transmissions) to change that.",
+        frequency_hz / 1e9,
+        WALLS_PASSED,
+    )
 
 
 def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:

@@ -70,7 +70,13 @@ def default_system() -> GLSystem:
         if wanted == system:
             if lack := missing(system):
                 trouble = f"PYOPENGL_PLATFORM={wanted}, but {lack.trouble}"
-                raise OpenGLError(trouble, f"{lack.remedy}; or unset PYOPENGL_PLATFORM; {_WITHOUT_OPENGL}")
+                other = _installed_system()
+                instead = (
+                    f"set PYOPENGL_PLATFORM={other}, which is installed"
+                    if other
+                    else "unset PYOPENGL_PLATFORM"
+                )
+                raise OpenGLError(trouble, f"{lack.remedy}; or {instead}; {_WITHOUT_OPENGL}")
             return system
     lacks = []
     for system in SYSTEM_NAMES:
@@ -80,6 +86,11 @@ def default_system() -> GLSystem:
         lacks.append(lack)
     trouble, remedy = " ".join(lack.trouble for lack in lacks), " or ".join(lack.remedy for lack in lacks)
     raise OpenGLError(trouble, f"{remedy}; {_WITHOUT_OPENGL}")
+
+
+def _installed_system() -> GLSystem | None:
+    """The first system whose libraries are installed."""
+    return next((system for system in SYSTEM_NAMES if not missing(system)), None)
 
 
 def keep_x_out() -> None:
@@ -157,8 +168,10 @@ def _bound_system() -> GLSystem | None:
         return None
     name = type(loaded.PLATFORM).__name__
     if name not in _PYOPENGL_NAMES:
+        system = _installed_system() or "osmesa"
         raise RuntimeError(
-            f"PyOpenGL was imported for a display ({name}) before a camera could ask for OSMesa. Make the camera "
-            "before importing what draws on a display, or set PYOPENGL_PLATFORM=osmesa before Python starts."
+            f"PyOpenGL was imported for a display ({name}) before a camera could ask for {SYSTEM_NAMES[system]}. Make "
+            f"the camera before importing what draws on a display, or set PYOPENGL_PLATFORM={system} before Python "
+            "starts."
         )
     return _PYOPENGL_NAMES[name]

@@ -1,6 +1,7 @@
 """Triangles of a mesh file, whatever its format.
 
-trimesh reads them, but believes what a file declares. glTF can declare far more than it holds: accessors over the same
+Polygons of OBJ, OFF and PLY are cut into triangles by `robosim.plans.formats.polygons`. The rest is read by trimesh,
+which believes what a file declares. glTF can declare far more than it holds: accessors over the same
 bytes again and again, or over none; nodes that repeat a mesh, in chains; buffers in other files of any kind. All of
 that is counted first. Numbers that no building has are refused.
 
@@ -9,6 +10,7 @@ Reference: glTF 2.0 specification, 3.5 to 3.7 (scenes, buffers, meshes).
 
 import importlib.util
 import io
+import json
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -21,6 +23,7 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.plans.floorplan import FARTHEST_M, MapError
+from robosim.plans.formats.polygons import read_obj, read_off, read_ply, triangulate
 from robosim.support.reading import read_bytes, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
@@ -34,15 +37,17 @@ _MOST_TRIANGLES = 1_000_000
 _MOST_PARTS, _MOST_ENTRIES, _MOST_DEEP = 10_000, 100_000, 100
 _BYTES_OF = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _NUMBERS_OF = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-#: Lines of an OBJ file that are vertices and faces, and what stands beside a vertex in a face or behind it all.
-_SHAPES, _BESIDE_CORNERS = (
-    re.compile(rb"^[ \t]*([vf][ \t][^\n]*)", re.MULTILINE),
-    re.compile(rb"/[^\s]*|#[^\n]*"),
-)
-_LONGEST_LINE = 20_000
 #: Bytes of a binary STL file before its triangles, and of each.
 _STL_HEAD, _STL_TRIANGLE = 84, 50
 _DRACO = "KHR_draco_mesh_compression"
+#: Extensions that change nothing of the triangles, or that are read.
+_READ_EXTENSIONS = re.compile(
+    r"KHR_(draco_mesh_compression|mesh_quantization|materials_\w+|texture_\w+|lights_\w+)"
+)
+#: Values that stand for 1 in normalised integers, by type; mode of triangle fans.
+_LARGEST, _FAN = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}, 6
+#: Formats whose polygons are read here; the others have triangles only.
+_POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
 
 
 def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles:
@@ -57,22 +62,9 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
         ValueError: In a few words, of triangles that are none, too many or too far away.
         Exception: Whatever a damaged file makes its loader raise.
     """
-    suffix, resolver = path.suffix.lower(), None
-    if suffix == ".obj":
-        content = _corners_and_faces(content)
-    if suffix == ".stl":
-        _check_stl(content)
-    if suffix == ".off":  # text in any encoding; only its comments can be of another one
-        content = content.decode("utf-8", errors="replace").encode()
-    if suffix in (".gltf", ".glb"):
-        buffers = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
-        resolver = _Beside(path, buffers)
-    scene = trimesh.load_scene(
-        io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
-    )
-    _check_count(scene, len(content))
-    parts = [_placed(scene.geometry[name], T) for T, name in map(scene.graph.get, scene.graph.nodes_geometry)]
-    triangles = np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
+    suffix = path.suffix.lower()
+    polygons = _POLYGONS.get(suffix)
+    triangles = _of_scene(content, path) if polygons is None else triangulate(polygons(content))
     if triangles.size == 0:
         raise ValueError("no triangles in space; a point cloud must be meshed before it can be sliced")
     triangles *= unit_m
@@ -85,6 +77,24 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
             "if its numbers are mm"
         )
     return triangles
+
+
+def _of_scene(content: bytes, path: Path) -> Triangles:
+    """Triangles of a file that trimesh reads, its scene graph applied."""
+    suffix, resolver = path.suffix.lower(), None
+    if suffix == ".stl":
+        _check_stl(content)
+    if suffix in (".gltf", ".glb"):
+        tree, lengths = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
+        if _scale_normalised(tree):
+            content = _with_json(content, tree, suffix)
+        resolver = _Beside(path, lengths)
+    scene = trimesh.load_scene(
+        io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
+    )
+    _check_count(scene, len(content))
+    parts = [_placed(scene.geometry[name], T) for T, name in map(scene.graph.get, scene.graph.nodes_geometry)]
+    return np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
 
 
 class _Beside(Mapping[str, bytes]):
@@ -114,14 +124,6 @@ class _Beside(Mapping[str, bytes]):
         return content
 
 
-def _corners_and_faces(content: bytes) -> bytes:
-    """An OBJ file without all that is no shape, such as materials: there may be thousands, each taken for a mesh."""
-    lines = _SHAPES.findall(content.replace(b"\r", b"").replace(b"\\\n", b" "))
-    if max(map(len, lines), default=0) > _LONGEST_LINE:
-        raise ValueError(f"a face has more corners than fit in {_LONGEST_LINE} bytes")
-    return _BESIDE_CORNERS.sub(b"", b"\n".join(lines))
-
-
 def _check_stl(content: bytes) -> None:
     """Refuse a binary file that was cut off, of which trimesh makes a text without triangles."""
     if len(content) < _STL_HEAD or content[:5].lower() == b"solid":
@@ -139,11 +141,11 @@ def _json_of_glb(content: bytes) -> bytes:
     return content[20 : 20 + length]
 
 
-def _check_gltf(text: bytes, n_bytes: int) -> dict[str, int]:
-    """Refuse a scene that declares far more than the file and those beside it can hold.
+def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, int]]:
+    """Refuse a scene that declares far more than the file and those beside it can hold, or what is not supported.
 
     Returns:
-        The names of files beside it, and how many bytes they must have.
+        The scene, and the names of files beside it with how many bytes they must have.
     """
     if len(text) > MOST_JSON and b"base64," not in text:
         raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
@@ -151,6 +153,8 @@ def _check_gltf(text: bytes, n_bytes: int) -> dict[str, int]:
     required = tree.get("extensionsRequired", ())
     if _DRACO in required and importlib.util.find_spec("DracoPy") is None:
         raise ValueError("its triangles are compressed by Draco; export it without, or install DracoPy")
+    if unknown := [str(one)[:40] for one in required if not _READ_EXTENSIONS.fullmatch(str(one))]:
+        raise ValueError(f"it needs {unknown[0]}, which is not supported; export it without compression")
     for kind in ("accessors", "bufferViews", "buffers", "nodes"):
         if len(_listed(tree, kind)) > _MOST_ENTRIES:
             raise ValueError(f"it lists {len(tree[kind])} {kind}, expected at most {_MOST_ENTRIES}")
@@ -167,9 +171,59 @@ def _check_gltf(text: bytes, n_bytes: int) -> dict[str, int]:
     if max(views, accessors) > min(most, 2 * MOST_BYTES):
         raise ValueError(f"it declares {max(views, accessors)} bytes of data, far more than there can be")
     _check_nodes(_listed(tree, "nodes"), _listed(tree, "meshes"))
-    return {
+    lengths = {
         one["uri"]: one["byteLength"] for one in _listed(tree, "buffers") if isinstance(one.get("uri"), str)
     }
+    return tree, lengths
+
+
+def _scale_normalised(tree: dict[str, Any]) -> bool:
+    """Give meshes whose positions are normalised integers a node of the scale that they stand for; whether any has.
+
+    trimesh reads such positions as plain numbers (KHR_mesh_quantization; glTF 2.0, 3.6.2.2).
+    """
+    scale: dict[int, float] = {}
+    for number, mesh in enumerate(_listed(tree, "meshes")):
+        largest = set()
+        for part in mesh.get("primitives", ()):
+            accessor = _listed(tree, "accessors")[part.get("attributes", {}).get("POSITION", 0)]
+            if "sparse" in accessor:
+                raise ValueError(
+                    "its positions are sparse, which is not supported; export it with all of them"
+                )
+            if part.get("mode", 4) == _FAN:
+                raise ValueError("it has triangle fans, which are not supported; export it with triangles")
+            largest.add(
+                _LARGEST.get(accessor.get("componentType"), 1.0) if accessor.get("normalized") else 1.0
+            )
+        if len(largest) > 1:
+            raise ValueError("a mesh has positions of several kinds; export it with one kind")
+        if largest and largest != {1.0}:
+            scale[number] = 1 / largest.pop()
+    nodes = _listed(tree, "nodes")
+    for node in [*nodes]:
+        if "EXT_mesh_gpu_instancing" in node.get("extensions", {}):
+            raise ValueError("it repeats meshes by EXT_mesh_gpu_instancing; export it with a node for each")
+        if node.get("mesh") in scale:
+            mesh = node.pop("mesh")
+            node["children"] = [*node.get("children", ()), len(nodes)]
+            nodes.append({"mesh": mesh, "scale": [scale[mesh]] * 3})
+    return bool(scale)
+
+
+def _with_json(content: bytes, tree: dict[str, Any], suffix: str) -> bytes:
+    """A glTF file with another scene in it."""
+    text = json.dumps(tree).encode()
+    if suffix == ".gltf":
+        return text
+    rest = content[20 + struct.unpack_from("<L", content, 12)[0] :]
+    text += b" " * (-len(text) % 4)
+    return (
+        struct.pack("<4s2L", b"glTF", 2, 20 + len(text) + len(rest))
+        + struct.pack("<L4s", len(text), b"JSON")
+        + text
+        + rest
+    )
 
 
 def _check_nodes(nodes: list[dict[str, Any]], meshes: list[dict[str, Any]]) -> None:

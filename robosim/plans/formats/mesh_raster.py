@@ -19,7 +19,7 @@ from robosim.plans.formats.scanline import Work, pairs
 #: How far surfaces are moved to their back, and intervals shortened [cells].
 MARGIN = 0.01
 #: Triangles that are worked on at once.
-_AT_ONCE = 100_000
+AT_ONCE = 100_000
 
 
 def cells_touched(
@@ -52,8 +52,8 @@ def cells_touched(
 
 def blocks(triangles: Float[np.ndarray, "n 3 3"]) -> Iterator[Float[np.ndarray, "m 3 3"]]:
     """All triangles, some at a time: what is worked out of one takes ten times its room."""
-    for first in range(0, len(triangles), _AT_ONCE):
-        yield triangles[first : first + _AT_ONCE]
+    for first in range(0, len(triangles), AT_ONCE):
+        yield triangles[first : first + AT_ONCE]
 
 
 def unit_normals(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "n 3"]:

@@ -20,15 +20,16 @@ from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
-from jaxtyping import Bool, Float
+import trimesh
+from jaxtyping import Bool, Float, Int
 from scipy import ndimage
 
-from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
+from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
 from robosim.plans.formats.mesh_bodies import in_bodies
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
 from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
 from robosim.plans.formats.scanline import Windings
-from robosim.plans.formats.storeys import LEVEL_COSINE, Storey, find_storeys
+from robosim.plans.formats.storeys import LEVEL_COSINE, Storey, area_below_air, find_storeys
 from robosim.support.reading import reading
 
 logger = logging.getLogger(__name__)
@@ -46,6 +47,14 @@ _NEAR_M = 0.5
 _HOLE_M2 = 0.1
 #: The least free area that is believed to be all there is [m2].
 _LEFT_M2 = 1.0
+#: A closed surface is a wall and no room if it is thinner [m].
+_THICKEST_WALL_M = 0.35
+#: A surface of less than this share of the floor is not the floor.
+_FLOOR_SHARE = 0.2
+#: Faces of larger meshes are taken as they point: to follow them from neighbour to neighbour takes too long.
+_MOST_REPAIRED = 200_000
+#: No storey is taller, floor to floor [m].
+_TALLEST_M = 40.0
 _GLTF = (".glb", ".gltf")
 _OTHER = {"y": "z", "z": "y"}
 
@@ -57,7 +66,8 @@ def read_mesh(
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] = SLICE_M,
     up: UpAxis = "auto",
-    unit_m: float = 1.0,
+    unit_m: float | None = None,
+    ground_m: float | None = None,
 ) -> FloorPlan:
     """Floor plan of a storey of a mesh file that trimesh reads (GLB, PLY, OBJ, STL and others).
 
@@ -69,7 +79,9 @@ def read_mesh(
         slice_m: Heights above the floor between which nothing may stand in free cells [m].
         up: Axis that points up; "auto" is y for glTF and z for all others, unless the other one of the two
             has a floor more than twice as large.
-        unit_m: The mesh's unit of length [m], for example 0.001 for millimetres.
+        unit_m: The mesh's unit of length [m], for example 0.001 for millimetres; None for metres, unless storeys would
+            be taller than `_TALLEST_M`, or the mesh longer than `LARGEST_M`.
+        ground_m: Height of level ground below all of the mesh [m], which is the floor then; None for the mesh's own.
 
     Raises:
         MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
@@ -78,26 +90,43 @@ def read_mesh(
     """
     if up not in get_args(UpAxis):
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
-    if not (np.isfinite(unit_m) and unit_m > 0):
+    if unit_m is not None and not (np.isfinite(unit_m) and unit_m > 0):
         raise ValueError(f"unit_m is {unit_m:g}, expected a positive number of metres, such as 0.001 for mm.")
     remedy = "Export it again, as GLB, PLY, OBJ or STL."
     with reading(path, "a mesh", remedy, most_bytes=MOST_BYTES, kind=MapError) as file:
-        triangles = load_triangles(file.read(), path, unit_m)
-        axis = up if up != "auto" else _likely_up(path, triangles)
+        triangles = load_triangles(file.read(), path, unit_m or 1.0)
+        axis = up if up != "auto" else _likely_up(path, triangles, ground_m is None)
         triangles = turned_up(triangles, axis)
         try:
+            if unit_m is None:
+                _check_size(triangles)
             return plan_from_triangles(
                 triangles,
                 resolution_m=resolution_m,
                 floor_height_m=floor_height_m,
                 slice_m=slice_m,
+                ground_m=ground_m,
                 name=path.stem,
             )
         except MapError as error:
             raise MapError(
-                f"{error} The {axis} axis was taken to point up, and the unit of length for {unit_m:g} m; if "
+                f"{error} The {axis} axis was taken to point up, and the unit of length for {unit_m or 1:g} m; if "
                 f"wrong, pass up={_OTHER[axis]!r} (--up {_OTHER[axis]}), or unit_m=0.001 for mm (--unit 0.001)."
             ) from error
+
+
+def _check_size(triangles: Triangles) -> None:
+    """Refuse a mesh that cannot be in metres.
+
+    Raises:
+        MapError: If it is longer than any building, or taller than its storeys can be.
+    """
+    x, y, z = np.ptp(triangles.reshape(-1, 3), axis=0)
+    if max(x, y) > LARGEST_M or z > _TALLEST_M * max(1, len(find_storeys(triangles, *SLICE_M))):
+        raise MapError(
+            f"a building {x:.4g} m long, {y:.4g} m wide and {z:.4g} m high? Pass its unit of length: unit_m=0.001 "
+            "(--unit 0.001) for mm, 0.0254 for inches, or 1 if it is in metres all the same."
+        )
 
 
 def turned_up(triangles: Triangles, axis: str) -> Triangles:
@@ -105,39 +134,44 @@ def turned_up(triangles: Triangles, axis: str) -> Triangles:
     return triangles[:, :, [0, 2, 1]] * (1.0, -1.0, 1.0) if axis == "y" else triangles
 
 
-def _likely_up(path: Path, triangles: Triangles) -> str:
-    """The axis that points up by the custom of the format, unless the other one has a far larger floor."""
+def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
+    """The axis that points up by the custom of the format, unless the other one has a far larger floor.
+
+    A floor is larger than the mesh is tall: else it may be a wall of a mesh without a floor.
+    """
     usual = "y" if path.suffix.lower() in _GLTF else "z"
+    other = _OTHER[usual]
+    span = np.ptp(triangles.reshape(-1, 3), axis=0)
+    if not has_floor or span["xyz".index(other)] > span["xyz".index(usual)]:
+        return usual
     largest = {
         axis: max(
             (s.area_m2 for s in find_storeys(turned_up(triangles, axis), *SLICE_M) if s.has_walls), default=0
         )
         for axis in _OTHER
     }
-    if largest[_OTHER[usual]] <= 2 * largest[usual]:
-        if largest[_OTHER[usual]] > largest[usual]:
+    if largest[other] <= 2 * largest[usual]:
+        if largest[other] > largest[usual]:
             logger.warning(
                 "%s: the %s axis is taken to point up, as usual in such files, but the largest floor has %.0f m2 then, "
                 "and %.0f m2 if the %s axis does. If this is wrong, pass up=%r (--up %s).",
                 path,
                 usual,
                 largest[usual],
-                largest[_OTHER[usual]],
-                *(_OTHER[usual],) * 3,
+                largest[other],
+                *(other,) * 3,
             )
         return usual
     logger.warning(
-        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s "
-        "axis. If this is wrong, pass up=%r (--up %s).",
+        "%s: the %s axis is taken to point up: its largest floor has %.0f m2, %.0f m2 that of the usual %s axis. If "
+        "this is wrong, pass up=%r (--up %s).",
         path,
-        _OTHER[usual],
-        largest[_OTHER[usual]],
+        other,
+        largest[other],
         largest[usual],
-        usual,
-        usual,
-        usual,
+        *(usual,) * 3,
     )
-    return _OTHER[usual]
+    return other
 
 
 def plan_from_triangles(
@@ -146,6 +180,7 @@ def plan_from_triangles(
     resolution_m: float = RESOLUTION_M,
     floor_height_m: float | None = None,
     slice_m: tuple[float, float] = SLICE_M,
+    ground_m: float | None = None,
     name: str = "plan",
 ) -> FloorPlan:
     """Floor plan of a storey of triangles in memory, z upwards [m]; options as for `read_mesh`.
@@ -159,8 +194,20 @@ def plan_from_triangles(
         raise ValueError(
             f"slice_m is ({low:g}, {high:g}), expected two heights above the floor [m], the lower first."
         )
-    triangles, storeys = _facing_up(triangles, low, high)
-    storey = choose_storey(storeys, floor_height_m)
+    if ground_m is None:
+        found = find_storeys(triangles, low, high)
+        storeys = [storey for storey in found if storey.has_walls] or found
+        if not storeys:
+            lowest = triangles[..., 2].min()
+            raise MapError(
+                "no floor found: no level surface with free air above covers much of the mesh. If it "
+                f"has walls alone, pass the height that they stand at: ground_m={lowest:.2f} (--ground {lowest:.2f})."
+            )
+        storey = choose_storey(storeys, floor_height_m)
+        triangles = _facing_up(triangles, storey.height_m)
+    else:
+        storey = Storey(height_m=ground_m, area_m2=0.0, walls_m=0.0)
+        triangles = np.concatenate([triangles, _ground(triangles, ground_m)])
     plan = _slice(triangles, storey.height_m, low, high, resolution_m)
     if not plan[0].any():
         raise MapError(
@@ -172,20 +219,58 @@ def plan_from_triangles(
     return FloorPlan(occupancy=states, resolution_m=resolution_m, origin=(*origin, 0.0), name=name)
 
 
-def _facing_up(triangles: Triangles, low: float, high: float) -> tuple[Triangles, list[Storey]]:
-    """Triangles and their storeys; turned inside out if only so there is a floor with walls on it."""
-    storeys = find_storeys(triangles, low, high)
-    with_walls = [storey for storey in storeys if storey.has_walls]
-    if with_walls:
-        return triangles, with_walls
-    turned = triangles[:, ::-1]
-    with_walls = [storey for storey in find_storeys(turned, low, high) if storey.has_walls]
-    if with_walls:
-        logger.warning("the mesh's floor faces down; it is taken to be inside out.")
-        return turned, with_walls
-    if not storeys:
-        raise MapError("no floor found: no level surface of the mesh faces up.")
-    return triangles, storeys
+def _ground(triangles: Triangles, height_m: float) -> Float[np.ndarray, "2 3 3"]:
+    """Level ground that faces up, below all triangles."""
+    (x0, y0), (x1, y1) = (end(triangles[..., :2], axis=(0, 1)) for end in (np.min, np.max))
+    corner = np.insert([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], 2, height_m, axis=1)
+    return corner[[[0, 1, 2], [0, 2, 3]]]
+
+
+def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
+    """Triangles with surfaces turned over that are inside out: floors that face down, and walls that face inwards.
+
+    Each connected surface is judged by itself; where more than two faces meet in an edge, one body stands on another.
+    Surfaces whose faces point anywhere are put right before, in meshes that are small enough for that.
+    """
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3))
+    if not mesh.is_winding_consistent and len(triangles) <= _MOST_REPAIRED:
+        trimesh.repair.fix_normals(mesh, multibody=True)
+        triangles = np.array(mesh.triangles)
+        logger.warning("neighbouring faces of the mesh point to different sides; they are turned alike.")
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    surface = trimesh.graph.connected_component_labels(mesh.face_adjacency, node_count=len(triangles))
+    over = _is_inverted_wall(triangles, normals, length, surface)[surface]
+    level = np.abs(triangles[:, :, 2].mean(axis=1) - height_m) <= _DIP_M
+    level = np.flatnonzero(level & (np.abs(normals[:, 2]) > LEVEL_COSINE * length))
+    air = np.zeros(len(triangles))
+    air[level] = area_below_air(triangles, level, SLICE_M[1]) * np.sign(normals[level, 2])
+    if air.sum() < 0:
+        # Walls' own undersides face down too, and are not the floor.
+        over |= np.bincount(surface, air)[surface] < _FLOOR_SHARE * air.sum()
+    if over.any():
+        logger.warning("a floor or wall of the mesh is inside out; its surface is turned over.")
+    return np.where(over[:, None, None], triangles[:, ::-1], triangles)
+
+
+def _is_inverted_wall(
+    triangles: Triangles,
+    normals: Float[np.ndarray, "n 3"],
+    length: Float[np.ndarray, " n"],
+    surface: Int[np.ndarray, " n"],
+) -> Bool[np.ndarray, " s"]:
+    """Which surfaces close a thin volume, as of a wall, and face into it; none where rooms are such surfaces too."""
+    n = int(surface.max()) + 1
+    area = np.bincount(surface, length, n)
+    total = np.stack([np.bincount(surface, axis, n) for axis in normals.T])
+    closed = np.linalg.norm(total, axis=0) < 1e-6 * area
+    count = np.bincount(surface, minlength=n)
+    middle = np.stack([np.bincount(surface, axis, n) / count for axis in triangles[:, 0].T], axis=1)
+    volume = np.bincount(surface, np.einsum("ij,ij->i", triangles[:, 0] - middle[surface], normals), n) / 6
+    upright = np.bincount(surface, length * (np.abs(normals[:, 2]) < LEVEL_COSINE * length), n) / 2
+    inwards = closed & (volume < 0)
+    thin = -2 * volume < _THICKEST_WALL_M * upright
+    return inwards & thin & ~(inwards & ~thin).any()
 
 
 def choose_storey(storeys: list[Storey], floor_height_m: float | None) -> Storey:

@@ -14,10 +14,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, UInt, UInt8, UInt16
+from jaxtyping import Bool, Shaped, UInt, UInt8, UInt16
 from PIL import Image
 
-from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
+from robosim.plans.formats.drawing import without_frame, without_strokes
 from robosim.plans.formats.pgm import decode_pgm, encode_pgm, is_pgm
 from robosim.support.files import whole_file
 from robosim.support.images_in import opened_image, silenced
@@ -126,24 +127,35 @@ def three_states(
     return looked_up(state, light)
 
 
-def looked_up(state: UInt8[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w"]:
+def looked_up(state: Shaped[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -> Shaped[np.ndarray, "h w"]:
     """The state of each pixel by its brightness; a few rows at a time, since NumPy's indices take 8 bytes each."""
-    found = np.empty(light.shape, np.uint8)
+    found = np.empty(light.shape, state.dtype)
     rows = max(1, 1_000_000 // light.shape[1])
     for first in range(0, len(light), rows):
         found[first : first + rows] = state[light[first : first + rows]]
     return found
 
 
-def read_image_plan(path: Path, resolution_m: float | None) -> FloorPlan:
+def read_image_plan(
+    path: Path,
+    resolution_m: float | None,
+    *,
+    thinnest_wall_m: float | None = None,
+    allow_large: bool = False,
+) -> FloorPlan:
     """Floor plan from an image alone: light is free, dark occupied, grey and transparent unknown.
+
+    A frame around the drawing is read as paper (`robosim.plans.formats.drawing`).
 
     Args:
         path: The image. Its lower left corner becomes the origin of `map`.
         resolution_m: Metres per pixel.
+        thinnest_wall_m: Dark strokes thinner than this are not walls, and become free [m]; None to keep all.
+        allow_large: Whether the plan may be larger than `LARGEST_M`.
 
     Raises:
-        MapError: If the scale is not given, or the image cannot be read or has no free pixel.
+        MapError: If the scale is not given or makes an implausibly large building, or the image cannot be read or has
+            no free pixel.
     """
     if resolution_m is None:
         beside = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]
@@ -155,6 +167,10 @@ def read_image_plan(path: Path, resolution_m: float | None) -> FloorPlan:
     image = read_image(path)
     states = three_states(image.light, image.white, False, FREE_THRESH, OCCUPIED_THRESH)
     states[image.see_through] = UNKNOWN
+    if not allow_large:
+        check_size(states.shape, resolution_m)
+    states = without_frame(states, resolution_m, path)
+    states = without_strokes(states, thinnest_wall_m, resolution_m, path)
     return FloorPlan(occupancy=states[::-1].copy(), resolution_m=resolution_m, name=path.stem)
 
 

@@ -10,8 +10,10 @@ probability p of a cell being occupied is (255 - value) / 255, or value / 255 if
 - `raw`: the value itself is the percentage, above 100 unknown; `negate` does not matter. Percentages become
   states by map_saver's rule: free up to `free_thresh`, occupied from `occupied_thresh` on, both rounded.
 
-One departure: Nav2's map_saver writes unknown as 205 together with `free_thresh: 0.25`, by which map_server
-takes it for free. In images of map_saver's three greys only, 205 is unknown here, and a warning says so.
+The letter of this rule is often not what a map means: Nav2's map_saver writes unknown as 205 together with
+`free_thresh: 0.25`, which makes it free; programs that save an alpha channel make every opaque 205 free; and a picture
+of these greys in mode raw has free walls. So maps are read by what is common (`robosim.plans.formats.ros_greys`), and a
+warning says so wherever that differs from the letter. `map_reading="letter"` goes by the letter.
 `name`, `wall_line`, `eroded_m`, `materials` and `furnishings` are keys of our own, which map_server ignores. Pixels of
 a colour that stands for a radio material are walls, however light they are.
 
@@ -24,13 +26,12 @@ from typing import Any, Literal
 
 import numpy as np
 import yaml
-from jaxtyping import UInt8, UInt16
+from jaxtyping import UInt8
 
-from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError, MapReading
 from robosim.plans.formats.furnishing_file import read_furnishings, write_furnishings
 from robosim.plans.formats.plan_image import (
     FREE_THRESH,
-    GREY,
     OCCUPIED_THRESH,
     PlanImage,
     colours_of,
@@ -41,6 +42,7 @@ from robosim.plans.formats.plan_image import (
     write_png,
     write_whole,
 )
+from robosim.plans.formats.ros_greys import has_saved_greys, has_shades_of_alpha, unknown_grey
 from robosim.plans.formats.ros_header import RosHeader, read_header
 
 logger = logging.getLogger(__name__)
@@ -49,8 +51,12 @@ logger = logging.getLogger(__name__)
 COLOUR_OFF = 4
 
 
-def read_ros(path: Path) -> FloorPlan:
+def read_ros(path: Path, *, map_reading: MapReading = "common") -> FloorPlan:
     """Floor plan from a map_server YAML file and the image that it names.
+
+    Args:
+        path: The YAML file.
+        map_reading: Whether greys become unknown by what is common, or by the letter of map_server's rule.
 
     Raises:
         MapError: If either file is missing or damaged, a key is missing or has a senseless value, or no cell
@@ -58,7 +64,7 @@ def read_ros(path: Path) -> FloorPlan:
     """
     header = read_header(path)
     image = read_image(header.image)
-    states, material = occupancy_of(image, header, path), None
+    states, material = occupancy_of(image, header, path, map_reading), None
     if header.materials:
         material = _materials_of(image, header, path)
         states[material > 0] = OCCUPIED
@@ -76,28 +82,69 @@ def read_ros(path: Path) -> FloorPlan:
     )
 
 
-def occupancy_of(image: PlanImage, header: RosHeader, path: Path) -> UInt8[np.ndarray, "h w"]:
+def occupancy_of(
+    image: PlanImage, header: RosHeader, path: Path, map_reading: MapReading = "common"
+) -> UInt8[np.ndarray, "h w"]:
     """States of the pixels, row 0 at the top, by the mode of the header; `path` is for messages."""
+    letter = _by_the_letter(image, header)
+    raw = header.mode == "raw"
+    if map_reading == "letter" or (raw and not has_saved_greys(image)):
+        return letter
+    free_thresh, occupied_thresh = header.free_thresh, header.occupied_thresh
+    states = three_states(image.light, image.white, header.negate and not raw, free_thresh, occupied_thresh)
+    states[image.see_through] = UNKNOWN
+    settle = "To read it by map_server's rule, pass --map-reading letter (map_reading='letter')."
+    if raw:
+        logger.warning(
+            "%s: mode is raw, but the greys of %s are those of mode trinary, by which it is read: black is occupied. "
+            "Set 'mode: trinary'. %s",
+            path,
+            header.image.name,
+            settle,
+        )
+    elif (n_changed := np.count_nonzero(states != letter)) > 0:
+        shades = has_shades_of_alpha(image)
+        logger.warning(
+            "%s: the alpha channel of %s changes the state of %d cells by map_server's rule, which averages it with "
+            "the colours in mode trinary. %s Remove it, or set 'mode: scale', by which transparent is unknown.",
+            path,
+            header.image.name,
+            n_changed,
+            "It is averaged here too."
+            if shades
+            else f"It is ignored here, and transparent is unknown. {settle}",
+        )
+        states = letter if shades else states
+    found = unknown_grey(image, header.negate and not raw)
+    if found is not None:
+        unknown = found.cells & (states == FREE)
+        if unknown.any():
+            logger.warning(
+                "%s: %d cells around grey %d are read as unknown, since that grey is common, though free_thresh %g "
+                "makes them free. Set 'free_thresh: %.3f' to settle it. %s",
+                path,
+                np.count_nonzero(unknown),
+                found.grey,
+                free_thresh,
+                found.free_thresh,
+                settle,
+            )
+            states[unknown] = UNKNOWN
+    return states
+
+
+def _by_the_letter(image: PlanImage, header: RosHeader) -> UInt8[np.ndarray, "h w"]:
+    """States of the pixels by map_server's rule."""
     thresholds = header.free_thresh, header.occupied_thresh
     if header.mode == "raw":
         return _raw_states(image, *thresholds)
-    if header.mode == "scale":
-        states = three_states(image.light, image.white, header.negate, *thresholds)
-        states[image.see_through] = UNKNOWN
-        return states
-    if image.alpha is not None:
-        return _with_alpha(image, image.alpha, header, path)
+    if header.mode == "trinary" and image.alpha is not None:
+        share = 3 * image.opaque // image.white  # a grey channel stands for three
+        light = share * image.light.astype(np.uint32) + image.alpha
+        return three_states(light, 4 * image.opaque, header.negate, *thresholds)
     states = three_states(image.light, image.white, header.negate, *thresholds)
-    unknown = _map_saver_unknown(image, header, states)
-    if unknown is not None:
-        logger.warning(
-            "%s: %d cells of grey 205 are taken for unknown, as map_saver meant them, though free_thresh %g "
-            "makes them free by the letter. Set 'free_thresh: 0.196' to settle it.",
-            path,
-            np.count_nonzero(unknown),
-            header.free_thresh,
-        )
-        states[unknown] = UNKNOWN
+    if header.mode == "scale":
+        states[image.see_through] = UNKNOWN
     return states
 
 
@@ -125,41 +172,6 @@ def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) ->
     state[(percent >= np.rint(100 * occupied_thresh)) & (percent <= 100)] = OCCUPIED
     state[percent <= np.rint(100 * free_thresh)] = FREE
     return looked_up(state, image.light)
-
-
-def _with_alpha(
-    image: PlanImage, alpha: UInt16[np.ndarray, "h w"], header: RosHeader, path: Path
-) -> UInt8[np.ndarray, "h w"]:
-    """Trinary, alpha averaged with the colours; says so where that makes a difference."""
-    thresholds = header.free_thresh, header.occupied_thresh
-    # A grey channel stands for three.
-    share = 3 * image.opaque // image.white
-    states = three_states(
-        share * image.light.astype(np.uint32) + alpha, 4 * image.opaque, header.negate, *thresholds
-    )
-    plain = three_states(image.light, image.white, header.negate, *thresholds)
-    if (n_changed := np.count_nonzero(states != plain)) > 0:
-        logger.warning(
-            "%s: the alpha channel of %s changes the state of %d cells, since map_server averages it with "
-            "the colours in mode trinary. Remove it, or set 'mode: scale', by which transparent is unknown.",
-            path,
-            header.image.name,
-            n_changed,
-        )
-    return states
-
-
-def _map_saver_unknown(image: PlanImage, header: RosHeader, states: np.ndarray) -> np.ndarray | None:
-    """Cells that map_saver wrote as unknown and the thresholds make free, or None."""
-    if header.negate or image.white not in (255, 765):
-        return None
-    share = image.white // 255
-    unknown = image.light == share * int(GREY[UNKNOWN])
-    if not (unknown.any() and states[unknown][0] == FREE):
-        return None
-    of_saver = np.zeros(image.white + 1, bool)
-    of_saver[share * GREY.astype(int)] = True
-    return unknown if looked_up(of_saver.view(np.uint8), image.light).all() else None
 
 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:

@@ -1,18 +1,24 @@
-"""The storeys of a building's mesh: large level surfaces that face up, with walls above them.
+"""The storeys of a building's mesh: large level surfaces below free air, with walls above them.
 
-Heights are found where most upward-facing area lies within a decimetre or so. Tables, beds and steps are
-too small, and whatever lies less than a storey above or below a larger surface is taken for a part of the
-same storey. A roof faces up too, but no walls stand on it.
+Heights are found where most level area with free air above lies within a decimetre or so, whichever way it faces:
+many files have faces that point anywhere, and closed boxes for rooms. Undersides of slabs have no air above them. What
+covers little of the mesh is no floor, such as the ground below walls alone. Tables, beds and steps are too small, and
+whatever lies less than a storey above or below a larger surface is taken for a part of the
+same storey. A roof has air above it too, but no walls stand on it.
 Left out: split levels less than a storey apart are one storey, of which only the larger part counts.
 """
 
+import itertools
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+import shapely
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from jaxtyping import Float, Int
 
-from robosim.plans.formats.mesh_raster import blocks
+from robosim.plans.formats.mesh_raster import AT_ONCE, blocks
 
 #: Surfaces less steep than this are floors, ceilings or table tops (cosine of 45 degrees).
 LEVEL_COSINE = 0.7
@@ -22,6 +28,11 @@ _SPREAD_M = 0.1
 _STOREY_M = 1.8
 #: The smallest floor, as a share of the largest one.
 _SMALLEST_SHARE = 0.2
+#: How much of the convex hull of its own corners, and of that of all of the mesh, a floor covers at least: the ground
+#: that walls stand on is a seventh of the former, a table far less of the latter.
+_LEAST_OF_OWN, _LEAST_OF_ALL = 0.25, 0.1
+#: Points that are looked up from: to a square metre, and in all; and from how far above the surface [m].
+_LOOKS_PER_M2, _MOST_LOOKS, _OFF_M = 10.0, 200_000, 0.01
 #: More are none of a building.
 _MOST_STOREYS = 300
 
@@ -54,24 +65,60 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
     Raises:
         ValueError: If there are more than any building has.
     """
-    heights, areas, walls = _surfaces(triangles)
-    order = np.argsort(heights)
-    heights, areas = heights[order], areas[order]
-    before = np.concatenate([[0.0], np.cumsum(areas)])
-    around = _within(before, heights, heights, _SPREAD_M)
+    level, walls = _surfaces(triangles)
+    order = np.argsort(triangles[level, :, 2].mean(axis=1), kind="stable")
+    level = level[order]
+    heights, air = triangles[level, :, 2].mean(axis=1), area_below_air(triangles, level, high_m)
+    a, b = triangles[level, 1] - triangles[level, 0], triangles[level, 2] - triangles[level, 0]
+    facing = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+    around, up, down = (
+        _within(np.append(0.0, np.cumsum(area)), heights, heights, _SPREAD_M)
+        for area in (air, np.maximum(facing, 0), np.maximum(-facing, 0))
+    )
+    middle = shapely.MultiPoint(triangles[:, :, :2].reshape(-1, 2)).convex_hull.area
     storeys: list[Storey] = []
-    left = np.ones(len(heights), bool)
+    left = air > 0
     while left.any():
         best = int(np.argmax(np.where(left, around, -1.0)))
         if around[best] <= (_SMALLEST_SHARE * storeys[0].area_m2 if storeys else 0.0):
             break
-        height = _weighted_median(heights, areas, heights[best])
+        near = np.abs(heights - heights[best]) <= _SPREAD_M
+        left &= np.abs(heights - heights[best]) >= _STOREY_M
+        own = shapely.MultiPoint(triangles[level[near], :, :2].reshape(-1, 2)).convex_hull.area
+        if around[best] < max(_LEAST_OF_OWN * own, _LEAST_OF_ALL * middle):
+            continue
+        height = _weighted_median(heights, air, heights[best])
         walls_m = walls.length_m(height + low_m, height + high_m)
         if len(storeys) == _MOST_STOREYS:
             raise ValueError(f"more than {_MOST_STOREYS} storeys")
-        storeys.append(Storey(height_m=height, area_m2=float(around[best]), walls_m=walls_m))
-        left &= np.abs(heights - heights[best]) >= _STOREY_M
+        storeys.append(Storey(height_m=height, area_m2=float(max(up[best], down[best])), walls_m=walls_m))
     return sorted(storeys, key=lambda storey: storey.height_m)
+
+
+def area_below_air(
+    triangles: Float[np.ndarray, "n 3 3"], which: Int[np.ndarray, " k"], high_m: float
+) -> Float[np.ndarray, " k"]:
+    """Area of some triangles with nothing above them up to a height, seen from above [m2].
+
+    Points all over each are looked up from, one to a tenth of a square metre or so, as many as `_MOST_LOOKS` allows.
+    """
+    corner = triangles[which]
+    a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
+    area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
+    per_m2 = min(_LOOKS_PER_M2, _MOST_LOOKS / max(float(area.sum()), 1e-9))
+    looks = np.maximum(np.ceil(area * per_m2), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(which)), looks)
+    # Evenly spread: multiples of the plastic number's powers (M. Roberts' R2 sequence), folded into the triangle.
+    share = np.outer(np.arange(len(owner)) + 0.5, [0.7548776662, 0.5698402910]) % 1
+    share = np.where(share.sum(axis=1, keepdims=True) > 1, 1 - share, share)
+    middle = triangles.reshape(-1, 3).mean(axis=0)
+    origin = corner[owner, 0] - middle + share[:, :1] * a[owner] + share[:, 1:] * b[owner]
+    origin[:, 2] += _OFF_M
+    scene = EmbreeScene(robust=True)
+    shape = TriangleMesh(scene, (triangles - middle).astype(np.float32))  # noqa: F841 (the scene holds no reference)
+    upwards = np.tile(np.array([0, 0, 1], np.float32), (len(origin), 1))
+    free = scene.run(origin.astype(np.float32), upwards, output=True)["tfar"] > high_m
+    return area * np.bincount(owner, free, len(which)) / looks
 
 
 def _within(
@@ -106,18 +153,15 @@ class _Walls(NamedTuple):
         return float((self.area_m2 * shared / tall).sum() / (high - low))
 
 
-def _surfaces(
-    triangles: Float[np.ndarray, "n 3 3"],
-) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"], _Walls]:
-    """Heights and areas of what faces up, and the walls."""
-    heights, areas, walls = [], [], []
-    for block in blocks(triangles):
+def _surfaces(triangles: Float[np.ndarray, "n 3 3"]) -> tuple[Int[np.ndarray, " m"], _Walls]:
+    """Which triangles are level, and the walls."""
+    level, walls = [], []
+    for first, block in zip(itertools.count(0, AT_ONCE), blocks(triangles), strict=False):
         normals = np.cross(block[:, 1] - block[:, 0], block[:, 2] - block[:, 0])
         length = np.linalg.norm(normals, axis=1)
-        cosine = np.divide(normals[:, 2], length, out=np.zeros_like(length), where=length > 0)
-        up, wall = cosine > LEVEL_COSINE, np.abs(cosine) < LEVEL_COSINE
-        heights.append(block[up, :, 2].mean(axis=1))
-        areas.append(normals[up, 2] / 2)
+        cosine = np.abs(np.divide(normals[:, 2], length, out=np.zeros_like(length), where=length > 0))
+        level.append(first + np.flatnonzero(cosine > LEVEL_COSINE))
+        wall = cosine < LEVEL_COSINE
         z = block[wall, :, 2]
         walls.append(np.stack([length[wall] / 2, z.min(axis=1), z.max(axis=1)]))
-    return np.concatenate(heights), np.concatenate(areas), _Walls(*np.concatenate(walls, axis=1))
+    return np.concatenate(level), _Walls(*np.concatenate(walls, axis=1))

@@ -13,6 +13,7 @@ from robosim.plans.files import read_plan, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.support.reading import FileError
 from wireless.em.materials import Layer, Material
+from wireless.paths import LinkCategory
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 BLUE, GREEN = (0, 0, 255), (0, 128, 0)
@@ -173,3 +174,22 @@ def test_materials_of_free_cells_are_refused():
         FloorPlan(occupancy=cells, resolution_m=1.0, material=np.ones((4, 4), np.uint8), materials=("glass",))
     with pytest.raises(MapError, match="there are 0 materials"):
         FloorPlan(occupancy=cells, resolution_m=1.0, material=(cells == OCCUPIED).astype(np.uint8))
+
+
+@pytest.mark.parametrize("cells", [1, 3, 6])
+def test_a_drawn_window_weakens_once(cells):
+    """A room divided by glazing at 5 GHz, with all defaults: 10.25 dB beyond free space, whatever its thickness."""
+    occupancy = np.ones((60, 120), np.uint8)
+    occupancy[2:-2, 2:-2] = 0
+    glass = np.zeros_like(occupancy)
+    glass[2:-2, 60 : 60 + cells] = 1
+    plan = FloorPlan(
+        occupancy=np.maximum(occupancy, glass), resolution_m=0.1, material=glass, materials=("glazing",)
+    )
+    paths = Tracer(make_building(plan), frequency_hz=5e9).trace(
+        np.array([[2.0, 3.0, 1.5]]), np.array([[10.0, 3.0, 1.5]])
+    )
+    direct = paths.select(paths.order == 1).strongest()
+    free_db = 20 * np.log10(299792458.0 / 5e9 / (4 * np.pi * 8))
+    assert free_db - direct.power_db == pytest.approx(10.25, abs=0.01)
+    assert paths.link_category().tolist() == [[LinkCategory.OBSTRUCTED_LOS]]

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -287,6 +288,18 @@ def test_a_system_that_is_asked_for_but_missing_is_named(bare_machine):
     bare_machine.setenv("PYOPENGL_PLATFORM", "egl")
     with pytest.raises(OSError, match=r"^PYOPENGL_PLATFORM=egl, but EGL is not installed\..*libegl1.* unset"):
         default_system()
+
+
+def test_the_other_system_is_named_where_that_is_installed(bare_machine):
+    """PYOPENGL_PLATFORM=osmesa, but EGL alone is there: the remedy names egl. So does that of a display's PyOpenGL."""
+    bare_machine.setattr(gl_libraries, "_EGL", ("libc.so.6",))
+    bare_machine.setattr(gl_libraries, "_EGL_OPENGL", ("libc.so.6",))
+    bare_machine.setenv("PYOPENGL_PLATFORM", "osmesa")
+    with pytest.raises(OSError, match="or set PYOPENGL_PLATFORM=egl, which is installed"):
+        default_system()
+    bare_machine.setitem(sys.modules, "OpenGL.platform", SimpleNamespace(PLATFORM=object()))
+    with pytest.raises(RuntimeError, match=r"could ask for EGL.* PYOPENGL_PLATFORM=egl before Python starts"):
+        bind_opengl()
 
 
 def test_a_setting_that_names_no_system_is_left_aside(bare_machine):

@@ -1,8 +1,11 @@
 """Plans that explain themselves: legend, scale bar, and what a robot that only explores is told of."""
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.collections import QuadMesh
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
@@ -19,7 +22,7 @@ from tests.plans import two_rooms
 def drawn(monkeypatch):
     """Figures as they would be written."""
     figures = []
-    monkeypatch.setattr(plots, "save_figure", lambda figure, path, cut=False: figures.append(figure))
+    monkeypatch.setattr(plots, "save_figure", lambda figure, path: figures.append(figure))
     yield figures
     for figure in figures:
         plt.close(figure)
@@ -63,6 +66,21 @@ def test_parts_of_the_floor_are_told_by_their_areas(drawn, tmp_path):
     cells = np.sort(np.bincount(places.parts.ravel())[1:])[::-1] * plan.resolution_m**2
     assert places.n_parts == 2
     assert _named(drawn[0])[1:3] == [f"part {k + 1}: {area:.1f} m2" for k, area in enumerate(cells)]
+
+
+def test_the_floor_that_can_be_reached_is_filled(drawn, tmp_path):
+    """Each cell of each part in the part's colour, on a plan turned by 30 degrees too; other cells stay open."""
+    plan = replace(two_rooms(0.1), origin=(1.0, -2.0, np.radians(30)))
+    building = make_building(plan)
+    places = reach(building, 0.1)
+    plot_plan(tmp_path / "reach.png", building, places)
+    (mesh,) = (one for one in drawn[0].axes[0].collections if isinstance(one, QuadMesh))
+    shown = np.ma.filled(mesh.get_array().reshape(plan.shape), -1)
+    larger = 1 + np.argmax(np.bincount(places.parts.ravel())[1:])
+    assert np.array_equal(shown, np.where(places.parts == 0, -1, places.parts != larger))
+    corner = mesh.get_coordinates()
+    middle = (corner[:-1, :-1] + corner[1:, 1:]) / 2
+    assert np.allclose(middle[places.parts > 0], plan.centres(places.parts > 0))
 
 
 @pytest.mark.parametrize("width_m", [3.0, 17.0, 90.0])

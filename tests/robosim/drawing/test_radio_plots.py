@@ -10,8 +10,8 @@ from PIL import Image
 
 from robosim.building.building import make_building
 from robosim.drawing.radio import (
-    STATES,
     choose_link,
+    conditions,
     draw_arrival,
     draw_power,
     draw_rays,
@@ -19,6 +19,7 @@ from robosim.drawing.radio import (
     plot_grid,
 )
 from robosim.radio.receivers import receiver_grid
+from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
 from tests.plans import two_rooms
 from wireless import LinkState, Tracer
 
@@ -76,6 +77,37 @@ def test_power_is_in_decibels_and_says_so(axes, building, grid, paths):
     assert "transmitter" in labels(axes)
 
 
+def test_titles_tell_frequency_and_heights(axes, building, grid, paths):
+    """On every picture; heights of receivers from the lowest to the highest."""
+    about = "28 GHz; transmitter 1.5 m, receivers 1.5 m high"
+    for draw in (
+        lambda: draw_power(axes, building, grid, first(paths), TX[0], 23.0),
+        lambda: draw_arrival(axes, building, grid, first(paths), TX[0]),
+        lambda: draw_state(axes, building, grid, paths.link_state()[0], TX[0], frequency_hz=28e9),
+    ):
+        draw()
+        assert axes.get_title().splitlines()[1] == about
+    draw_rays(axes, building, paths, 0, 3, 23.0)
+    assert axes.get_title().splitlines()[1] == "28 GHz; transmitter 1.5 m, receiver 1.5 m high"
+    assert conditions(5.2e9, TX[0], np.array([[0, 0, 0.4], [1, 1, 2.0]])) == (
+        "5.2 GHz; transmitter 1.5 m, receivers 0.4 to 2 m high"
+    )
+
+
+def test_power_is_bright_where_it_is_strong(axes, building, grid, paths):
+    """Luminance rises with power, of the floor and of rays (Rec. 709 weights on each map's 256 colours)."""
+    draw_power(axes, building, grid, first(paths), TX[0], 23.0)
+    draw_rays(axes, building, paths, 0, choose_link(paths, 0), 23.0)
+    maps = [one.cmap for one in axes.collections if one.get_array() is not None]
+    assert {type(one) for one in axes.collections if one.get_array() is not None} == {
+        QuadMesh,
+        LineCollection,
+    }
+    for cmap in maps:
+        linear = cmap(np.linspace(0, 1, 256))[:, :3] ** 2.2
+        assert (np.diff(linear @ (0.2126, 0.7152, 0.0722)) > -1e-3).all()
+
+
 def test_states_have_their_colours_and_shares(axes, building, grid, paths):
     """The colour of each cell is the one that the legend gives its state; outage is left open."""
     state = paths.link_state()[0].copy()
@@ -83,8 +115,11 @@ def test_states_have_their_colours_and_shares(axes, building, grid, paths):
     draw_state(axes, building, grid, state, TX[0])
     values, mesh = cells(axes, grid)
     assert np.isnan(values[:7]).all()
-    for one, (name, colour) in STATES.items():
+    for one, name in STATE_NAMES.items():
+        colour = css(STATE_COLOURS[one])
         share = 100 * (state == one).mean()
+        if one == LinkState.OUTAGE or not share:
+            continue
         assert f"{name} ({share:.0f} %)" in labels(axes)
         for value in values[state == one][:1]:
             assert to_hex(mesh.cmap(mesh.norm(value))) == colour.lower()

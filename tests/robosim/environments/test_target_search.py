@@ -134,11 +134,35 @@ def test_rewards_are_the_weighted_sum_of_their_terms():
         _, reward, _, _, info = env.step(action)
         terms = info["rewards"]
         assert set(terms) == set(weights)
-        assert reward == pytest.approx(sum(weights[term] * terms[term] for term in weights))
-        assert terms["progress"] == pytest.approx(before - info["distance_m"])
-        assert terms["collision"] == info["collided"]
+        assert reward == sum(terms.values())
+        assert terms["step"] == -0.5
+        assert terms["progress"] == pytest.approx(2 * (before - info["distance_m"]))
+        assert terms["collision"] == -3 * info["collided"]
         before, collided = info["distance_m"], collided + info["collided"]
     assert collided > 0
+
+
+def test_terms_of_ones_own_have_names():
+    """They see observation and `info` of the step; weighted like the others, they add up to the reward."""
+
+    def facing(observation, info):
+        return np.float32(0.5) * (observation["pose"][2] > 0)
+
+    env = made(
+        observe=("pose",), rewards={"step": -0.25, "facing": facing, "near": lambda o, i: i["distance_m"] < 9}
+    )
+    env.reset(seed=1)
+    for action, faces in ((0, 0.0), (1, 0.5), (1, 0.5)):
+        _, reward, _, _, info = env.step(action)
+        assert info["rewards"] == {"step": -0.25, "facing": faces, "near": 1.0}
+        assert reward == 0.75 + faces
+
+
+def test_a_term_of_ones_own_that_is_no_number_is_named():
+    env = made(observe=("pose",), rewards={"broken": lambda observation, info: np.nan})
+    env.reset(seed=1)
+    with pytest.raises(ValueError, match="reward term broken is nan"):
+        env.step(0)
 
 
 def test_coming_into_sight_is_rewarded():
@@ -161,7 +185,8 @@ def test_coming_into_sight_is_rewarded():
     [
         ({"observe": ("sonar",)}, "observe is 'sonar'"),
         ({"observe": ()}, "observe is empty"),
-        ({"rewards": {"arival": 1.0}}, "rewards has 'arival'"),
+        ({"rewards": {"arival": 1.0}}, "rewards has 'arival': float. Known terms"),
+        ({"rewards": {"step": len}}, "rewards has 'step': builtin_function_or_method. Known terms"),
         ({"difficulty": 1.5}, r"difficulty is 1\.5"),
         ({"render_mode": "human"}, "render_mode = 'human'"),
         ({"observe": ("lidar",), "config": SimulatorConfig()}, "the simulator's lidar is 'none'"),

@@ -46,7 +46,7 @@ def test_confusion_is_of_test_buildings_or_else_of_all_folds(tmp_path):
     """Folds add up; test buildings come first; a card without either has none."""
     card = read_card(write_run(tmp_path / "a") / "result.json")
     words, matrix = confusion_of(card)
-    assert words == "held-out buildings of 2 fold(s)"
+    assert words == "held-out buildings of 2 folds"
     np.testing.assert_array_equal(matrix, FOLDS.sum(axis=0))
     test = np.eye(4, dtype=int).tolist()
     words, matrix = confusion_of(read_card(write_run(tmp_path / "b", test=test) / "result.json"))

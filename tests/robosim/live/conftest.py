@@ -74,7 +74,7 @@ def evaluated(quick, tmp_path_factory) -> Path:
 @pytest.fixture
 def page() -> Iterator:
     """A page without anything on it."""
-    pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+    pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
     from robosim.live.page import Page
 
     with Page("127.0.0.1", 0, "robosim live") as served:
@@ -93,7 +93,7 @@ def explored(page):
 def chromium() -> Iterator:
     """A browser."""
     playwright = pytest.importorskip(
-        "playwright.sync_api", reason="needs playwright: pip install robosim[test]"
+        "playwright.sync_api", reason="needs playwright: pip install -e '.[test]'"
     )
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:

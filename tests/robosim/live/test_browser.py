@@ -150,7 +150,7 @@ def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, wi
     """It is started by a click, shown, and goes on to its end when the window is closed in the middle."""
     searches = explored.search(quick, BuildingConfig())
     tab = window(explored.url)
-    choose(tab, "show", "Search")
+    press(tab, "Search")
     press(tab, "Start")
     tab.get_by_text("floor seen").wait_for()
     tab.close()
@@ -167,7 +167,7 @@ def test_a_search_that_is_ended_by_hand_says_so(explored, quick, window):
     """Though no decision comes with its end: it waits for a key that nobody presses."""
     searches = explored.search(quick, BuildingConfig())
     tab = window(explored.url)
-    choose(tab, "show", "Search")
+    press(tab, "Search")
     choose(tab, "policy", BY_HAND_NAME)
     press(tab, "Start")
     tab.get_by_text("floor seen").wait_for()
@@ -182,7 +182,7 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
     """What is clicked on the floor is where the search begins, and where its target stands, to 5 cm."""
     searches = explored.search(quick, BuildingConfig())
     tab = window(explored.url)
-    choose(tab, "show", "Search")
+    press(tab, "Search")
     camera = camera_of(explored, tab)
     places = {"start": np.array([1.0, 1.0]), "target": np.array([5.0, 2.0])}
     for what, place in places.items():
@@ -316,17 +316,21 @@ def test_it_can_be_used_on_a_phone(page, window, deep_m):
         assert content <= wide
 
 
+#: Drops a file of a name and a content onto the page.
+DROP = """([name, content]) => {
+    const held = new DataTransfer();
+    held.items.add(new File([Uint8Array.from(content)], name));
+    for (const kind of ['dragenter', 'dragover', 'drop'])
+        document.querySelector('canvas[data-engine]').dispatchEvent(
+            new DragEvent(kind, {dataTransfer: held, bubbles: true, cancelable: true}));
+}"""
+
+
 def test_a_file_that_is_dropped_onto_the_page_is_opened(explored, window):
     """A plan is shown; one that cannot be read is told in a line, and the page stays where it is."""
     tab = window(explored.url)
     tab.get_by_text("the strongest first").wait_for()
-    drop = """([name, content]) => {
-        const held = new DataTransfer();
-        held.items.add(new File([Uint8Array.from(content)], name));
-        for (const kind of ['dragenter', 'dragover', 'drop'])
-            document.querySelector('canvas[data-engine]').dispatchEvent(
-                new DragEvent(kind, {dataTransfer: held, bubbles: true, cancelable: true}));
-    }"""
+    drop = DROP
     tab.evaluate(drop, ["damaged.npy", list(b"nothing")])
     tab.get_by_text("damaged.npy: ").first.wait_for()
     content = io.BytesIO()
@@ -334,6 +338,43 @@ def test_a_file_that_is_dropped_onto_the_page_is_opened(explored, window):
     tab.evaluate(drop, ["hall.npy", list(content.getvalue())])
     wait_for(lambda: explored.radio.model.plan.name == "hall", "the plan")
     assert explored.radio.settle(LONG_S)
+
+
+def test_the_tab_is_named_after_the_plan_and_says_what_is_assumed(explored, quick, window):
+    """Before and after a drop, in windows that come later too; what is wrong is said in any mode."""
+    explored.search(quick, BuildingConfig())
+    tab = window(explored.url)
+    tab.get_by_text("two rooms: 18.2 m² of floor, cells of 0.05 m. Assumed: ceiling at 2.5 m").wait_for()
+    wait_for(lambda: tab.title() == "robosim live: two rooms", "the title")
+    content = io.BytesIO()
+    np.save(content, room(5.0, 4.0).occupancy)
+    tab.evaluate(DROP, ["hall.npy", list(content.getvalue())])
+    tab.get_by_text("hall: 20.0 m² of floor").wait_for()
+    tab.get_by_text(
+        "Assumed: 0.05 m per pixel (set it under 'Your own plan', and open hall.npy again)"
+    ).wait_for()
+    wait_for(lambda: tab.title() == "robosim live: hall", "the title")
+    assert not tab.get_by_text("two rooms").is_visible()
+    later = window(explored.url)
+    wait_for(lambda: later.title() == "robosim live: hall", "the title")
+    later.get_by_text("Uploading undefined").first.wait_for(state="attached")
+    assert later.get_by_text("Uploading undefined").filter(visible=True).count() == 0
+    later.evaluate(DROP, ["notes.docx", list(b"hello")])
+    later.get_by_text("notes.docx: expected one file that says all by itself").first.wait_for()
+    press(later, "Search")
+    later.get_by_text("What is searched").wait_for()
+    assert later.get_by_text("notes.docx: expected one file").first.is_visible()
+    later.evaluate(DROP, ["hall.npy", list(content.getvalue())])
+    later.get_by_text("Files can be opened under Radio").wait_for()
+    assert explored.radio.model.plan.name == "hall"
+
+
+def test_a_drop_where_nothing_can_be_opened_is_answered(page, recorded, window):
+    page.look_back(recorded)
+    tab = window(page.url)
+    tab.get_by_text("floor seen").wait_for()
+    tab.evaluate(DROP, ["hall.npy", [1, 2, 3]])
+    tab.get_by_text("Files can be opened under Radio").wait_for()
 
 
 def test_without_a_graphics_card_edges_are_not_smoothed_and_it_says_so(explored, window):

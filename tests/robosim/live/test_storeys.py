@@ -9,7 +9,7 @@ from robosim.live.storeys_model import StoreysModel
 from robosim.plans.storeys import StoreyPlan, StoreysPlan
 from tests.plans import room
 
-pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
 STAIRS = ((1.0, 1.0), (3.0, 1.0), (3.0, 3.0), (1.0, 3.0))
 
 

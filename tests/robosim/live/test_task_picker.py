@@ -9,7 +9,7 @@ from robosim.building.building import BuildingConfig
 from robosim.live.search_panel import FROM_CLICKS, FROM_SEED
 from tests.plans import two_rooms
 
-pytest.importorskip("viser", reason="needs viser: pip install robosim[live]")
+pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")
 
 
 def click(picker, at, eye=(3.0, -2.0, 6.0)):

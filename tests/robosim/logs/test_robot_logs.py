@@ -10,7 +10,7 @@ from evo.tools import file_interface
 
 from robosim.cli import main
 from robosim.logs.files import read_log
-from robosim.logs.mapping import map_log, plan_of
+from robosim.logs.mapping import LogConfig, map_log, plan_of
 from robosim.logs.scores import aligned, compared, filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
@@ -230,3 +230,80 @@ def test_whole_buildings_come_out_as_published(shared, name, rpe_m, rpe_deg):
     assert scores.rpe_m < rpe_m
     assert scores.rpe_deg < rpe_deg
     assert filled_cells(log, poses) < 1.02 * filled_cells(log, log.reference)
+
+
+def test_scans_of_other_bearings_are_named_by_their_line(tmp_path):
+    """Bearings that differ from line to line are not those of the first: in a table of scans and in a log."""
+    odometry, scans = DRIVE.write_tum(tmp_path)
+    lines = scans.read_text().splitlines()
+    words = lines[7].split()
+    words[1] = str(float(words[1]) + 0.02)
+    scans.write_text("\n".join([*lines[:7], " ".join(words), *lines[8:]]))
+    with pytest.raises(FileError, match=r"scans\.txt.*line 8 has bearings"):
+        read_log(odometry, scans)
+    path = tmp_path / "room.clf"
+    rows = DRIVE.newer().splitlines()
+    words = rows[4].split()
+    words[4 - 2] = "-1.5"
+    path.write_text("\n".join([*rows[:4], " ".join(words), *rows[5:]]) + "\n")
+    with pytest.raises(FileError, match=r"room\.clf.*line 5 has bearings"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "word", "said"),
+    [
+        (4, 0, "nan", "line 5 has the time nan"),
+        (4, 0, "3.0", "line 5 has the time 3 s, after 3 s"),
+        (2, 0, "9", "line 4 has the time"),
+        (5, 2, "nan", "line 6 has bearings"),
+        (6, 9, "far", "line 7: .*far"),
+    ],
+)
+def test_tables_of_scans_name_the_line(tmp_path, row, column, word, said):
+    odometry, scans = DRIVE.write_tum(tmp_path)
+    lines = [line.split() for line in scans.read_text().splitlines()]
+    lines[row][column] = word
+    scans.write_text("\n".join(map(" ".join, lines)))
+    with pytest.raises(FileError, match=said):
+        read_log(odometry, scans)
+
+
+@pytest.mark.parametrize("step", ["0", "-0.01"])
+def test_beams_that_do_not_rise_are_refused(tmp_path, step):
+    path = tmp_path / "room.clf"
+    words = DRIVE.newer().splitlines()[0].split()
+    words[4] = step
+    path.write_text(" ".join(words) + "\n" + " ".join(words) + "\n")
+    with pytest.raises(FileError, match=r"line 1 has .* rad between beams"):
+        read_log(path)
+
+
+@pytest.mark.parametrize(
+    ("head", "kind"),
+    [
+        (b"#ROSBAG V2.0\n", "a ROS 1 bag"),
+        (b"\x89MCAP0\r\n", "an MCAP recording"),
+        (b"SQLite format 3\0", "a ROS 2 bag"),
+    ],
+)
+@pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive.tum", "drive.log"])
+def test_recordings_are_named_as_what_they_are(tmp_path, head, kind, name):
+    path = tmp_path / name
+    path.write_bytes(head + bytes(100))
+    scans = DRIVE.write_tum(tmp_path)[1] if name.endswith("tum") else None
+    with pytest.raises(FileError) as error:
+        read_log(path, scans)
+    said = str(error.value)
+    assert f"{path}: is {kind}, which is not supported yet" in said and "TUM" in said and "CARMEN" in said
+
+
+@pytest.mark.parametrize("places", [(0, 1, 3000, 3001), (0, 1000, 2000, 3000), tuple(range(0, 12_000, 40))])
+def test_maps_of_kilometres_are_refused_before_they_are_made(tmp_path, places):
+    """Poses that are too far apart for scans to have anything in common, or for the map: at once."""
+    odometry, scans = tmp_path / "far.tum", tmp_path / "scans.txt"
+    odometry.write_text("\n".join(f"{k} {x} {x} 0 0 0 0 1" for k, x in enumerate(places)))
+    scans.write_text("\n".join(f"{k} -1 1 3 3 3 3" for k in range(len(places))))
+    log = read_log(odometry, scans)
+    with pytest.raises(ValueError, match=r"far\.tum: .*(nothing in common|more than 36000000)"):
+        map_log(log, LogConfig(range_m=30))

@@ -1,6 +1,7 @@
 """White paper round a drawn plan: found, said, and left out of what is drawn at random."""
 
 import logging
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.plans.files import read_plan
-from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from robosim.plans.outside import outside_of
+from robosim.radio.receivers import receiver_grid
 from robosim.radio.transmitters import random_transmitters
 from robosim.task.tasks import make_task
 from tests.plans import room, two_rooms
@@ -73,3 +75,73 @@ def test_the_rooms_are_the_largest_part_whatever_the_paper(caplog):
     assert not places.indoors[paper].any()
     assert not (places.parts == 1)[paper].any()
     assert places.cut_off(1) == []
+
+
+def house_on_ground(
+    turn: float = 0.0, shape: str = "square", beyond: int = UNKNOWN
+) -> tuple[FloorPlan, np.ndarray]:
+    """A house of 5 x 4 m with an open front door on ground of about 12 x 12 m, turned; and which cells are ground."""
+    resolution_m, c, s = 0.05, math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    y, x = np.mgrid[:380, :380] * resolution_m - 9.5 + 0.025
+    x, y = x * c + y * s, y * c - x * s
+    ground = {"square": np.maximum(np.abs(x), np.abs(y)) < 6, "round": np.hypot(x, y) < 6}
+    ground["L"] = ground["square"] & ~((x > 3.4) & (y > 3.4))
+    house = (np.abs(x) < 2.7) & (np.abs(y) < 2.2)
+    room = (np.abs(x) < 2.5) & (np.abs(y) < 2.0)
+    door = (np.abs(x) < 0.45) & (y > 0) & house
+    wall = house & ~room & ~door | (np.abs(x - 0.5) < 0.1) & room & (y < 1)
+    cells = np.where(ground[shape], FREE, beyond).astype(np.uint8)
+    cells[wall] = OCCUPIED
+    return FloorPlan(occupancy=cells, resolution_m=resolution_m, name="house"), ground[shape] & ~house
+
+
+@pytest.mark.parametrize("turn", [0, 30, 45])
+@pytest.mark.parametrize("shape", ["square", "round", "L"])
+def test_ground_of_any_shape_is_outside(shape, turn):
+    """A ground plate with nothing beyond it, as meshes of houses have: all of it, and nothing but a doorway else."""
+    plan, ground = house_on_ground(turn, shape)
+    assert outside_of(plan)[ground].mean() > 0.999
+    assert (outside_of(plan) & ~ground).sum() * plan.resolution_m**2 < 0.5
+
+
+@pytest.mark.parametrize("turn", [0, 30])
+def test_a_courtyard_within_walls_is_inside(turn):
+    """The same with walls all around the ground: it may be a hall, and is said to be neither."""
+    assert not outside_of(house_on_ground(turn, beyond=OCCUPIED)[0]).any()
+
+
+@pytest.mark.parametrize("pixels", [1, 3, 8])
+def test_a_frame_of_unknown_hides_nothing(pixels):
+    plan, paper = on_paper(0.9)
+    cells = plan.occupancy.copy()
+    framed = np.pad(cells, pixels, constant_values=UNKNOWN)
+    found = outside_of(replace(plan, occupancy=framed))
+    np.testing.assert_array_equal(found[pixels:-pixels, pixels:-pixels][paper], True)
+
+
+def test_maps_without_walls_have_no_outside():
+    """Free and unknown only, as a robot without a map of its walls has: a hall with a closet is no house on paper."""
+    cells = np.full((200, 240), UNKNOWN, np.uint8)
+    cells[10:-10, 10:-10] = FREE
+    cells[80:140, 80:140] = UNKNOWN
+    cells[85:135, 85:135] = FREE
+    assert not outside_of(FloorPlan(occupancy=cells, resolution_m=0.05)).any()
+
+
+def test_outside_counts_nowhere(caplog):
+    """Area, receivers and the floor that is to be seen are those of the house, though its door is open; said once."""
+    plan, ground = house_on_ground()
+    with caplog.at_level(logging.WARNING):
+        building = make_building(plan)
+        places = reach(building, 0.1)
+        grid = receiver_grid(building, 0.25, 1.5)
+        random_transmitters(building, 5, 1.5, np.random.default_rng(0))
+    assert caplog.text.count("m2 of free space around the building") == 1
+    assert building.indoor_m2 == pytest.approx((plan.free & ~ground).sum() * plan.resolution_m**2, abs=0.3)
+    column, row = np.floor(plan.to_cells(grid.position[:, :2])).astype(int).T
+    assert not ground[row, column].any() and len(grid.position) == pytest.approx(
+        building.indoor_m2 / 0.25**2, rel=0.1
+    )
+    part = places.part_at(np.array([*places.plan.centres(places.indoors)[0]]))
+    assert not (places.swept(part) & ground).any()
+    assert (places.swept(part) & ~outside_of(plan)).sum() > 0.9 * (plan.free & ~outside_of(plan)).sum()

@@ -79,10 +79,12 @@ def test_each_pixel_follows_the_documented_rule(tmp_path, mode, negate, threshol
 
 
 @pytest.mark.parametrize(("free_thresh", "state"), [(0.196, UNKNOWN), (0.1, UNKNOWN), (0.25, FREE)])
-def test_grey_205_is_unknown_up_to_the_usual_threshold(tmp_path, free_thresh, state):
-    """1 - 205/255 = 0.19608 is above 0.196 by a hair; 0.25 makes it free. Map_saver writes no 100."""
+def test_grey_205_is_unknown_up_to_the_usual_threshold_by_the_letter(tmp_path, free_thresh, state):
+    """1 - 205/255 = 0.19608 is above 0.196 by a hair; 0.25 makes it free."""
     pixels = np.array([[254, 205, 0, 100]], np.uint8)
-    assert read_plan(write_map(tmp_path, pixels, free_thresh=free_thresh)).occupancy[0, 1] == state
+    path = write_map(tmp_path, pixels, free_thresh=free_thresh)
+    assert read_plan(path, map_reading="letter").occupancy[0, 1] == state
+    assert read_plan(path).occupancy[0, 1] == UNKNOWN
 
 
 @pytest.mark.parametrize("channels", [1, 3])
@@ -102,10 +104,12 @@ def test_alpha_that_changes_cells_is_said(tmp_path, caplog):
     """Averaging alpha makes an opaque 205 free by map_server's rule (mean 217.5), which nobody expects."""
     pixels = np.full((2, 2, 4), 255, np.uint8)
     pixels[1, :, :3] = 205
+    path = write_map(tmp_path, pixels)
     with caplog.at_level(logging.WARNING):
-        plan = read_plan(write_map(tmp_path, pixels))
-    assert (plan.occupancy == FREE).all()
+        plan = read_plan(path)
+    assert (plan.occupancy == [[UNKNOWN], [FREE]]).all()
     assert "alpha" in caplog.text
+    assert (read_plan(path, map_reading="letter").occupancy == FREE).all()
 
 
 def test_what_the_top_row_of_the_image_shows_lies_at_the_largest_y(tmp_path):

@@ -1,5 +1,6 @@
 """Recordings for the Rerun viewer, read back without one; and what is said where Rerun is missing."""
 
+import re
 import subprocess
 import sys
 from collections import defaultdict
@@ -14,6 +15,7 @@ from robosim.recording.decision_log import read_decisions
 from robosim.recording.rerun_recording import RAY_COLOURS, RECORDING, ray_kind, rerun_sdk
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
+from robosim.support.installation import install_command
 from tests.plans import two_rooms
 from wireless.paths import Interaction
 
@@ -25,7 +27,7 @@ HEIGHT_M = 1.5
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory):
     """A recorded episode."""
-    pytest.importorskip("rerun", reason="needs rerun-sdk, a download of 170 MB: pip install robosim[viz]")
+    pytest.importorskip("rerun", reason="needs rerun-sdk, a download of 170 MB: pip install -e '.[viz]'")
     folder = tmp_path_factory.mktemp("episode")
     config = EpisodeConfig(
         goal="fused", link_states="true", simulator=SimulatorConfig(physics="kinematic"), max_steps=STEPS
@@ -146,7 +148,7 @@ def test_kinds_of_rays():
 
 def test_without_rerun_the_fix_is_named_before_any_work(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(ValueError, match=r"pip install robosim\[viz\]"):
+    with pytest.raises(ValueError, match=re.escape(install_command("viz"))):
         rerun_sdk()
     with pytest.raises(ValueError, match=r"robosim replay DIR"):
         record_episode(two_rooms(0.8), EpisodeConfig(), tmp_path / "out", rerun=True)

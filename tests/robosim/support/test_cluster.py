@@ -15,7 +15,7 @@ from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
 from tests.plans import two_rooms
 
-distributed = pytest.importorskip("distributed", reason="needs robosim[cluster]")
+distributed = pytest.importorskip("distributed", reason="needs the extra cluster")
 
 
 @pytest.mark.filterwarnings("ignore")  # of the cluster: what it has to say of a worker that is gone

@@ -164,7 +164,7 @@ def test_workers_must_be_some():
 
 
 def test_no_cluster_is_told():
-    pytest.importorskip("distributed", reason="needs robosim[cluster]")
+    pytest.importorskip("distributed", reason="needs the extra cluster")
     with pytest.raises(ValueError, match="no dask scheduler answers"), Workers(1, "nowhere"):
         pass
 

@@ -39,9 +39,11 @@ def same(one, other):
     np.testing.assert_allclose(one.delay_s, other.delay_s, atol=1e-15)
 
 
-def test_one_wall_leads_out_of_a_room_and_not_into_the_next(two_rooms):
-    """A wall between rooms has two sides: one passed changes nothing, two let the direct path through."""
-    none, one, two = (traced(two_rooms, "partition", max_transmissions=n) for n in range(3))
+def test_one_face_leads_out_of_a_room_and_not_into_the_next(two_rooms):
+    """In the published convention each face is passed: one changes nothing, two let the direct path through."""
+    none, one, two = (
+        traced(two_rooms, "partition", max_transmissions=n, wall_passage="face") for n in range(3)
+    )
     same(one, none)
     assert not one.between(0, 0).order.size and not one.between(0, 2).order.size
     direct = two.between(0, 0).strongest()
@@ -62,8 +64,8 @@ def test_what_is_left_out_would_lead_nowhere(name, passed, request):
 
 
 def test_a_screen_is_passed_once(with_a_screen):
-    """Thin walls with the same space on both sides are passed by default."""
-    direct = traced(with_a_screen, "partition").between(0, 0).strongest()
+    """A thin wall with the same space on both sides is one wall."""
+    direct = traced(with_a_screen, "partition", max_transmissions=1).between(0, 0).strongest()
     assert direct.interaction[0, 0] == Interaction.TRANSMISSION and direct.order == [1]
 
 
@@ -105,7 +107,7 @@ def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, mon
     """
     monkeypatch.setattr(scenes, "MOST_VISITS", most)
     monkeypatch.setattr(scenes, "KEPT_SIGHTS", kept)
-    config = TracerConfig(max_transmissions=1)
+    config = TracerConfig(max_transmissions=1, wall_passage="face")
     tracer = Tracer(two_rooms, materials=("partition",), config=config)
     for tx in (TX, RX[:1], TX):
         for rx in (RX[1:2], RX[2:], RX[1:2], RX[:1]):

@@ -7,5 +7,7 @@ try:
     import torch as torch
 except ImportError as error:
     raise ImportError(
-        "Training needs PyTorch, which is not installed: pip install 'robosim[train]'", name="torch"
+        "Training needs PyTorch, which is not installed: pip install 'robosim-wireless[train]', or in a checkout "
+        "pip install -e '.[train]'",
+        name="torch",
     ) from error

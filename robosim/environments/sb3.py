@@ -1,0 +1,60 @@
+"""Many searches as a vector environment of Stable-Baselines3, whose interface is not Gymnasium's."""
+
+from typing import TYPE_CHECKING, Any
+
+from gymnasium.wrappers import TimeLimit
+
+from robosim.environments.target_search import TargetSearch
+from robosim.support.checks import check_number
+
+if TYPE_CHECKING:
+    from stable_baselines3.common.vec_env import DummyVecEnv
+
+
+def sb3_vec_env(
+    num_envs: int = 1,
+    plan: object = "flat",
+    *,
+    seed: int = 0,
+    max_episode_steps: int = 1000,
+    threads: int | None = 1,
+    **search: Any,
+) -> "DummyVecEnv":
+    """Searches in one process as a vector environment of Stable-Baselines3.
+
+    Such as `PPO("MultiInputPolicy", sb3_vec_env(8, "homes:50", targets=2)).learn(100_000)`. Robots share
+    buildings, their scenes and tables. A search that has ended begins again within the step: its last observation is
+    `infos[i]["terminal_observation"]`, and `infos[i]["episode"]` has its return and length.
+
+    Args:
+        num_envs: How many robots.
+        plan: Where plans come from: see `robosim.environments.sources`.
+        seed: Robot i has seed + i.
+        max_episode_steps: Steps after which a search is truncated.
+        threads: Threads of PyTorch in this process; one is the fastest for networks this small, several times faster
+            than one per core on most machines. None leaves them as they are.
+        search: Other arguments of `TargetSearch`.
+
+    Raises:
+        ImportError: If Stable-Baselines3 is not installed.
+        ValueError: If a number is out of bounds, or an argument of the search is wrong.
+        MapError: If there is no such plan.
+    """
+    check_number("num_envs", num_envs, 1, 65536, "robots", whole=True)
+    check_number("max_episode_steps", max_episode_steps, 1, 10**9, "steps", whole=True)
+    try:
+        import torch
+        from stable_baselines3.common.monitor import Monitor
+        from stable_baselines3.common.vec_env import DummyVecEnv
+    except ImportError as error:
+        raise ImportError(
+            "sb3_vec_env needs Stable-Baselines3: pip install stable-baselines3.", name=error.name
+        ) from error
+    if threads is not None:
+        check_number("threads", threads, 1, 1024, "threads", whole=True)
+        torch.set_num_threads(threads)
+    made = DummyVecEnv(
+        [lambda: Monitor(TimeLimit(TargetSearch(plan, **search), max_episode_steps))] * num_envs
+    )
+    made.seed(seed)
+    return made

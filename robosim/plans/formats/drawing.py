@@ -1,0 +1,154 @@
+"""What is drawn on a picture of a floor plan beside its walls: text, door arcs, furniture, the edge of the paper.
+
+Strokes are told from walls by their thickness only: what a disk of the thickness of a wall does not fit into is dropped
+(a morphological opening; Serra 1982). Which thickness that is, only a person can say, since some plans have walls of a
+single line; where a picture has strokes much thinner than its walls, a warning names the option.
+
+A frame around everything else, to which nothing is attached, is the edge of the paper or of the drawing and no wall,
+where there is a building within it. It is read as paper.
+"""
+
+import logging
+import math
+from pathlib import Path
+from typing import Literal
+
+import cv2
+import numpy as np
+from jaxtyping import Bool, UInt8
+from scipy import ndimage
+
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.outside import find_outside, grown, hull_of
+
+logger = logging.getLogger(__name__)
+
+#: Thicknesses that are tried for that of most walls [cells].
+_THICKNESSES = (2, 3, 4, 6, 8, 12, 16)
+#: With less of its dark cells in strokes half as thick as its walls, a picture has no strokes that matter.
+_STROKES = 0.02
+#: Smudged edges of walls are so wide [cells].
+_SMUDGED = 2
+#: A frame spans so much of a picture, and bends inwards by no more than so much of it.
+_SPAN, _BEND = 0.8, 0.01
+
+
+def without_strokes(
+    states: UInt8[np.ndarray, "h w"], thinnest_wall_m: float | None, resolution_m: float, path: Path
+) -> UInt8[np.ndarray, "h w"]:
+    """States of pixels without strokes thinner than a wall [m], which become free; None keeps all, and warns of any.
+
+    Raises:
+        MapError: If no wall is left.
+    """
+    dark = states == OCCUPIED
+    if thinnest_wall_m is None:
+        _warn_of_strokes(dark, resolution_m, path)
+        return states
+    cells = math.ceil(thinnest_wall_m / resolution_m - 1e-6)
+    walls = _without_blots(dark, _opened(dark, cells), cells)
+    if dark.any() and not walls.any():
+        raise MapError(
+            f"{path}: thinnest wall is {thinnest_wall_m:g} m, and no dark stroke of the picture is that thick. Give a "
+            "smaller one (--thinnest-wall), or check the resolution."
+        )
+    grey = states == UNKNOWN
+    kept = grey & (grown(walls, _SMUDGED) | _opened(grey, cells, beyond="constant")) | dark & grown(walls, 1)
+    dropped = dark & ~kept
+    logger.warning(
+        "%s: %.2f of %.2f m2 of dark strokes are thinner than %g m and are not read as walls.",
+        path,
+        dropped.sum() * resolution_m**2,
+        dark.sum() * resolution_m**2,
+        thinnest_wall_m,
+    )
+    return np.where(kept, states, FREE).astype(np.uint8)
+
+
+def _without_blots(
+    dark: Bool[np.ndarray, "h w"], walls: Bool[np.ndarray, "h w"], cells: int
+) -> Bool[np.ndarray, "h w"]:
+    """Walls without the places where strokes of a letter meet: small remains of what was dropped otherwise."""
+    _, shape = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)
+    count, label, stats, _ = cv2.connectedComponentsWithStats(walls.astype(np.uint8), connectivity=8)
+    shape_of = np.zeros(count, np.int64)
+    shape_of[label[walls]] = shape[walls]
+    area = np.bincount(shape.ravel())
+    share = np.bincount(shape[walls], minlength=len(area)) / area
+    longest = stats[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    return walls & ~((longest < 2 * cells) & (share[shape_of] < 0.5))[label]
+
+
+def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: Path) -> None:
+    """Warn where a picture has strokes much thinner than most of its walls."""
+    area, thickness = int(dark.sum()), 1
+    for cells in _THICKNESSES:
+        if _opened(dark, cells).sum() < area / 2:
+            break
+        thickness = cells
+    least = thickness // 2 + 1
+    thin = area - int(_opened(dark, least).sum()) if least > 1 else 0
+    if thin > _STROKES * area:
+        logger.warning(
+            "%s: %.2f m2 of dark strokes, thinner than %g m, are read as walls. If they are text, door arcs or "
+            "furniture, drop them by --thinnest-wall %g.",
+            path,
+            thin * resolution_m**2,
+            least * resolution_m,
+            least * resolution_m,
+        )
+
+
+def _opened(
+    mask: Bool[np.ndarray, "h w"], cells: int, beyond: Literal["edge", "constant"] = "edge"
+) -> Bool[np.ndarray, "h w"]:
+    """Those cells that a disk of a diameter [cells] covers from within.
+
+    Beyond the picture a wall goes on (`beyond="edge"`), and what is grey does not ("constant").
+    """
+    if cells < 2:
+        return mask
+    offset = np.arange(cells) - (cells - 1) / 2
+    disk = (np.hypot(offset, offset[:, None]) < (cells - 1) / 2 + 0.3).astype(np.uint8)
+    padded = np.pad(mask, cells, mode=beyond).astype(np.uint8)
+    # An even disk has no middle cell: dilated about the opposite one, it comes back to its place.
+    eroded = cv2.erode(padded, disk, anchor=(cells // 2,) * 2)
+    return cv2.dilate(eroded, disk, anchor=(cells - 1 - cells // 2,) * 2)[cells:-cells, cells:-cells] > 0
+
+
+def without_frame(
+    states: UInt8[np.ndarray, "h w"], resolution_m: float, path: Path
+) -> UInt8[np.ndarray, "h w"]:
+    """States of pixels with a frame around the whole drawing made free, like the paper around it."""
+    frame = _frame_of(states != FREE)
+    if frame is None:
+        return states
+    paper = np.where(frame, FREE, states).astype(np.uint8)
+    if not find_outside(FloorPlan(occupancy=paper, resolution_m=resolution_m)).any():
+        return states  # one room, with its own walls around it
+    logger.warning(
+        "%s: a frame of %d pixels, to which nothing is attached, is read as the edge of the paper. If it is a wall, "
+        "crop the picture to it and join it to another wall.",
+        path,
+        np.count_nonzero(frame),
+    )
+    return paper
+
+
+def _frame_of(blocked: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"] | None:
+    """Cells of a frame around the other blocked cells, which bends inwards nowhere; None if there is none."""
+    _, label, stats, _ = cv2.connectedComponentsWithStats(blocked.astype(np.uint8), connectivity=8)
+    spans = stats[1:, [cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]] >= _SPAN * np.array(blocked.shape)
+    for number in 1 + np.flatnonzero(spans.all(axis=1)):
+        frame = label == number
+        parts, _ = ndimage.label(~frame)
+        sizes = np.bincount(parts.ravel())
+        sizes[np.unique([0, *parts[0], *parts[-1], *parts[:, 0], *parts[:, -1]])] = 0
+        inner = parts == sizes.argmax()
+        if not inner.any() or inner.sum() < frame.size / 4:
+            continue
+        hull = np.pad(hull_of(inner), 1).astype(np.uint8)
+        depth = cv2.distanceTransform(hull, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        if depth[frame].max() <= max(2.0, _BEND * max(frame.shape)):
+            return frame
+    return None

@@ -1,0 +1,91 @@
+"""How this program is installed, and what to type to install more of it.
+
+The distribution is called robosim-wireless. A distribution called robosim on the public index is another project.
+"""
+
+import json
+from importlib.metadata import PackageNotFoundError, distribution
+from importlib.metadata import version as _version
+from importlib.util import find_spec
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+#: Name under which pip knows this program.
+DISTRIBUTION = "robosim-wireless"
+#: Extras by the module that each brings.
+EXTRAS = {"torch": "train", "viser": "live", "minari": "minari", "distributed": "cluster", "rerun": "viz"}
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+def package_version(name: str = "robosim") -> str:
+    """Version of an installed package; this program's own for `robosim`."""
+    return _version(DISTRIBUTION if name == "robosim" else name)
+
+
+def install_command(extra: str) -> str:
+    """What to type to install an extra, for a checkout or for a wheel, whichever this program was installed from."""
+    source = _source()
+    if not source.is_dir():
+        return f"pip install '{DISTRIBUTION}[{extra}]'"
+    place = "." if source == Path.cwd() else source
+    return f"pip install {'-e ' if source == _ROOT else ''}'{place}[{extra}]'"
+
+
+def is_installed(module: str) -> bool:
+    """Whether a module can be imported."""
+    try:
+        return find_spec(module) is not None
+    except ImportError:  # from a finder that blocks it
+        return False
+
+
+def missing_extra(module: str, purpose: str) -> ImportError:
+    """The error of what needs a module that an extra brings, with the remedy."""
+    return ImportError(
+        f"{purpose} needs {module}, which is not installed: {install_command(EXTRAS[module])}", name=module
+    )
+
+
+def install_first(module: str) -> str:
+    """What to type before a command that needs a module, to install it; empty if it is installed."""
+    if is_installed(module):
+        return ""
+    return f"{install_command(EXTRAS[module]) if module in EXTRAS else f'pip install {module}'}; "
+
+
+def namesake() -> str | None:
+    """What to do about the other project called robosim, in one line; None where it is not installed.
+
+    None too in worker processes, whose parent has said so.
+    """
+    try:
+        other = distribution("robosim")
+    except PackageNotFoundError:
+        return None
+    from multiprocessing import parent_process
+
+    ours = any(
+        point.value == "robosim.__main__:main" for point in other.entry_points
+    )  # under its former name
+    if ours or parent_process() is not None:
+        return None
+    found = f"robosim {other.version} is installed, another project"
+    if not any(file.parts[0] == "robosim" for file in other.files or ()):
+        return f"{found} than {DISTRIBUTION}, which is this one. Remove it: pip uninstall robosim"
+    return (
+        f"{found}, whose files lie among those of {DISTRIBUTION} and replace them. "
+        f"Remove it: pip uninstall -y robosim && pip install --force-reinstall --no-deps '{_source()}'"
+    )
+
+
+def _source() -> Path:
+    """The checkout that this program runs in, the folder or wheel it was installed from, or the distribution's name."""
+    if (_ROOT / "pyproject.toml").is_file():
+        return _ROOT
+    try:
+        # Where pip took it from (PEP 610), unless from an index.
+        origin = json.loads(distribution(DISTRIBUTION).read_text("direct_url.json") or "{}")
+    except PackageNotFoundError:
+        origin = {}
+    url = urlsplit(origin.get("url", ""))
+    return Path(unquote(url.path)) if url.scheme == "file" else Path(DISTRIBUTION)

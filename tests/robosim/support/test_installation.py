@@ -1,0 +1,122 @@
+"""What to type to install more, and what is said next to the other project called robosim."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from robosim.support import installation
+from robosim.support.installation import install_command, install_first, is_installed, namesake
+
+STRANGER = "Metadata-Version: 2.1\nName: robosim\nVersion: 1.0\nSummary: A pygame robotics simulator.\n"
+
+
+def stranger(folder: Path, record: str = "", points: str = "") -> Path:
+    """A folder with the metadata of another distribution called robosim."""
+    about = folder / "robosim-1.0.dist-info"
+    about.mkdir(parents=True)
+    (about / "METADATA").write_text(STRANGER, "utf-8")
+    (about / "RECORD").write_text(record, "utf-8")
+    (about / "entry_points.txt").write_text(points, "utf-8")
+    return folder
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """Installs the metadata of this program in a folder, from where a `direct_url.json` says."""
+
+    def install(origin: dict | None) -> None:
+        about = tmp_path / "site" / "robosim_wireless-9.9.dist-info"
+        about.mkdir(parents=True)
+        (about / "METADATA").write_text(
+            "Metadata-Version: 2.1\nName: robosim-wireless\nVersion: 9.9\n", "utf-8"
+        )
+        if origin is not None:
+            (about / "direct_url.json").write_text(json.dumps(origin), "utf-8")
+        monkeypatch.syspath_prepend(tmp_path / "site")
+        monkeypatch.setattr(installation, "_ROOT", tmp_path / "site")
+
+    return install
+
+
+def test_a_checkout_is_installed_again_with_the_extra(monkeypatch, tmp_path):
+    """By a dot in its folder, by its path elsewhere."""
+    root = Path(__file__).resolve().parents[3]
+    monkeypatch.chdir(root)
+    assert install_command("live") == "pip install -e '.[live]'"
+    monkeypatch.chdir(tmp_path)
+    assert install_command("live") == f"pip install -e '{root}[live]'"
+
+
+@pytest.mark.parametrize(
+    "origin", [None, {"url": "file:///gone/robosim_wireless-9.9-py3-none-any.whl", "archive_info": {}}]
+)
+def test_a_wheel_gets_the_extra_by_name(installed, origin):
+    """It is installed already, so that pip fetches the extra's packages alone."""
+    installed(origin)
+    assert installation.package_version() == "9.9"
+    assert install_command("viz") == "pip install 'robosim-wireless[viz]'"
+
+
+def test_a_folder_is_named(installed, tmp_path):
+    """`pip install FOLDER`, which does not run there."""
+    source = tmp_path / "a checkout"
+    source.mkdir()
+    installed({"url": source.as_uri(), "dir_info": {}})
+    assert install_command("viz") == f"pip install '{source}[viz]'"
+
+
+def test_what_is_missing_is_installed_first(monkeypatch):
+    """A module of an extra by the extra, another one by its name; nothing for one that is there."""
+    assert install_first("numpy") == "" and is_installed("numpy")
+    assert install_first("no_such_module") == "pip install no_such_module; "
+    monkeypatch.setitem(sys.modules, "minari", None)
+    assert not is_installed("minari")
+    assert install_first("minari") == f"{install_command('minari')}; "
+
+
+@pytest.mark.parametrize(
+    ("record", "points", "expected"),
+    [
+        ("robosim-1.0.dist-info/METADATA,,\n", "", "Remove it: pip uninstall robosim"),
+        (
+            "robosim/__init__.py,,\n",
+            "",
+            "pip uninstall -y robosim && pip install --force-reinstall --no-deps '",
+        ),
+        # This program before it was renamed.
+        ("robosim/__init__.py,,\n", "[console_scripts]\nrobosim = robosim.__main__:main\n", None),
+    ],
+)
+def test_the_other_project_is_named_with_the_remedy(record, points, expected, tmp_path, monkeypatch):
+    """One line; where its files replace ours, it says how to get them back."""
+    monkeypatch.syspath_prepend(stranger(tmp_path, record, points))
+    line = namesake()
+    if expected is None:
+        assert line is None
+    else:
+        assert line.startswith("robosim 1.0 is installed, another project") and expected in line
+        assert "\n" not in line
+
+
+def test_importing_says_it_once(tmp_path):
+    """On standard error; the import works."""
+    code = f"import sys; sys.path.insert(0, {str(stranger(tmp_path))!r}); import robosim; print(robosim.__version__)"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ended.stderr.count("\n") == 1 and "pip uninstall robosim" in ended.stderr
+
+
+def test_the_command_says_that_its_files_were_replaced(tmp_path):
+    """The other project has written its own `robosim/__init__.py` over this one's: one line, status 1."""
+    site = stranger(tmp_path, "robosim/__init__.py,,\n")
+    root = Path(installation.__file__).parents[2]
+    (site / "robosim").mkdir()
+    (site / "robosim" / "__init__.py").touch()
+    for name in ("__main__.py", "support"):
+        (site / "robosim" / name).symlink_to(root / "robosim" / name)
+    code = f"import sys; sys.path.insert(0, {str(site)!r}); from robosim.__main__ import main; main()"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith("robosim: robosim 1.0 is installed") and ended.stderr.count("\n") == 1
