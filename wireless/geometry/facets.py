@@ -200,8 +200,13 @@ def _pieces_of_lines(
     triangle, facet = triangle[wide], facet[wide]
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
     tip = np.roll(triangle, -2, axis=1).reshape(-1, 3)
-    fits = fit_lines(np.stack([start, stop], axis=1), tolerance_m)
-    line, along, base = fits.group, _one_way(fits.axis), fits.point
+    sides, line = np.unique(
+        np.where((start < stop).any(axis=1)[:, None], np.hstack([start, stop]), np.hstack([stop, start])),
+        axis=0,
+        return_inverse=True,
+    )
+    fits = fit_lines(sides.reshape(-1, 2, 3), tolerance_m)
+    line, along, base = fits.group[line.ravel()], _one_way(fits.axis), fits.point
     inward = np.cross(along[line], facet_normal[np.repeat(facet, 3)])
     inward *= (np.sign(np.einsum("ij,ij->i", tip - start, inward)) / np.linalg.norm(inward, axis=1))[:, None]
     ends = np.stack([np.einsum("ij,ij->i", p - base[line], along[line]) for p in (start, stop)], axis=1)

@@ -52,25 +52,23 @@ def find_patches(surfaces: Surfaces) -> Patches:
     facets: list[int] = []
     walls: list[np.ndarray] = []
     wall_of = np.empty(len(surfaces.triangle), np.int64)
+    crack_m = surfaces.near_m - NEAR_M if surfaces.near_m > 2 * NEAR_M else 0.0
     for facet, (first, last) in enumerate(
         zip(surfaces.facet_start[:-1], surfaces.facet_start[1:], strict=True)
     ):
         own = surfaces.triangle[first:last]
-        alone = [(own[0], own[0], np.zeros(1, int), True)]
-        # Each triangle may be off by half of what is wider than rounding.
-        crack_m = surfaces.near_m - NEAR_M if surfaces.near_m > 2 * NEAR_M else 0.0
-        parts = (
-            alone
-            if len(own) == 1 and not crack_m
-            else _parts(own, surfaces.facet_point[facet], surfaces.facet_normal[facet], crack_m)
-        )
-        for window, wall, which, filled in parts:
+        alone = [(own[0], np.zeros(1, int), True)]
+        plane = surfaces.facet_point[facet], surfaces.facet_normal[facet]
+        parts = alone if len(own) == 1 else _parts(own, *plane, crack_m)
+        for window, which, filled in parts:
             windows.append(window)
             members.append(first + which)
             facets.append(facet)
             wall_of[first + which] = len(walls) + (0 if filled else np.arange(len(which)))
-            walls += [wall] if filled else list(own[which])
+            walls += [window] if filled else list(own[which])
     window, corners = _padded(windows)
+    if crack_m:
+        window = _wider(window, corners, surfaces.facet_normal[facets], 2 * crack_m)
     wall, wall_corners = _padded(walls)
     return Patches(
         facet=np.array(facets, np.int64),
@@ -94,19 +92,36 @@ def _padded(
     return corner, np.array([len(p) for p in polygons], np.int64)
 
 
+def _wider(
+    window: Float[np.ndarray, "n m 3"],
+    corners: Int[np.ndarray, " n"],
+    normal: Float[np.ndarray, "n 3"],
+    by_m: float,
+) -> Float[np.ndarray, "n m 3"]:
+    """Convex polygons whose sides are moved outwards."""
+    row, k = np.arange(len(window))[:, None], np.arange(window.shape[1])
+    after = window[row, np.where(k + 1 < corners[:, None], k + 1, 0)]
+    out = np.cross(after - window, normal[:, None])
+    out /= np.maximum(np.linalg.norm(out, axis=2, keepdims=True), NEAR_M)
+    before = out[row, np.where(k > 0, k, corners[:, None]) - 1]
+    turn = np.sign(np.einsum("nki,nki->nk", np.cross(before, out), normal[:, None]).sum(axis=1))
+    step = (before + out) / np.maximum(1 + np.einsum("nki,nki->nk", before, out), 0.01)[..., None]
+    return np.where((k < corners[:, None])[..., None], window + by_m * turn[:, None, None] * step, 0.0)
+
+
 def _parts(
     triangle: Float[np.ndarray, "n 3 3"],
     base: Float[np.ndarray, "3"],
     normal: Float[np.ndarray, "3"],
     crack_m: float,
-) -> list[tuple[Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
-    """Window, outline and triangles of each part of triangles in one plane, and whether they fill the outline.
+) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
+    """Window and triangles of each part of triangles in one plane, and whether they fill the window.
 
     Args:
         triangle: Corners [m].
         base: A point of the plane.
         normal: Its unit normal.
-        crack_m: Cracks up to this are shut; windows are twice that wider.
+        crack_m: Cracks up to this are shut.
     """
     axes = axes_in(normal)
     flat = shapely.polygons((triangle - base) @ axes.T)
@@ -114,7 +129,7 @@ def _parts(
         flat = shapely.buffer(flat, crack_m / 2, join_style="mitre")
     parts = shapely.get_parts(shapely.union_all(flat))
     part = shapely.STRtree(parts).nearest(shapely.centroid(flat))
-    found: list[tuple[np.ndarray, np.ndarray, np.ndarray, bool]] = []
+    found: list[tuple[np.ndarray, np.ndarray, bool]] = []
     for i, whole in enumerate(parts):
         which, hull = np.flatnonzero(part == i), whole.convex_hull
         if not len(which):
@@ -124,9 +139,5 @@ def _parts(
         filled &= not crack_m or hull.difference(whole).buffer(-crack_m / 2).is_empty
         if not 3 <= len(outline.exterior.coords) - 1 <= PATCH_CORNERS:
             outline, filled = hull.oriented_envelope, False
-        wider = outline.buffer(2 * crack_m, join_style="mitre") if crack_m else outline
-        if len(wider.exterior.coords) - 1 > PATCH_CORNERS:
-            wider = wider.oriented_envelope
-        window, wall = (base + shapely.get_coordinates(one)[:-1] @ axes for one in (wider, outline))
-        found.append((window, wall, which, bool(filled)))
+        found.append((base + shapely.get_coordinates(outline)[:-1] @ axes, which, bool(filled)))
     return found

@@ -28,6 +28,9 @@ _STEPS = 4
 _COARSEST, _FINEST = -9, -22
 #: A mesh this many times farther from zero than it is long was moved there; its numbers had their steps before.
 _FAR = 100.0
+#: What lies farther off a group, in lengths of it, is another one, since its plane is uncertain there. What is alone
+#: looks one length around.
+_REACH = 10.0
 
 
 class Fits(NamedTuple):
@@ -199,13 +202,15 @@ def _collect(
         for j in range(-1 - first, -1 - first + other):
             t = boxes.number[j]
             if state[t] < 0 and state[t] != -2 - me:
+                if _distance(corner[t], point, axis) > near_m:
+                    continue
                 outside = False
                 for i in range(3):
                     least, most = np.inf, -np.inf
                     for k in range(corner.shape[1]):
                         least, most = min(least, corner[t, k, i]), max(most, corner[t, k, i])
                     outside = outside or least > high[i] or most < low[i]
-                if not outside and _distance(corner[t], point, axis) <= near_m:
+                if not outside:
                     state[t], members[count] = me, t
                     count += 1
     return count
@@ -268,18 +273,17 @@ def _grow(
         point, axis, off = corner[s, 0].copy(), own_axis[s].copy(), 0.0
         for i in range(3):
             low[i], high[i] = corner[s, :, i].min(), corner[s, :, i].max()
+        length = (high - low).max()
         while True:
-            # As far again as the group is long, and no farther while that finds something.
-            span, whole = (high - low).max(), True
+            # As far again as the group is long, and farther if there is nothing.
+            span, before = (high - low).max(), m
+            if span > (_REACH if m > 1 else 1.0) * length:
+                break
             for i in range(3):
                 low[i] -= span
                 high[i] += span
-                whole = whole and low[i] <= boxes.low[0, i] and high[i] >= boxes.high[0, i]
-            before = m
             m = _collect(corner, boxes, state, count, low, high, point, axis, near_m, members, m)
             if m == before:
-                if whole:
-                    break
                 continue
             found = m
             m, point, axis, off = _settle(corner, size, members, before, found, point, axis, off, near_m)
@@ -291,6 +295,7 @@ def _grow(
                     for k in range(corner.shape[1]):
                         low[i] = min(low[i], corner[members[j], k, i])
                         high[i] = max(high[i], corner[members[j], k, i])
+            length = (high - low).max()
         points[count], axes[count], offs[count] = point, axis, off
         count += 1
     return state, points[:count].copy(), axes[:count].copy(), offs[:count].copy()
