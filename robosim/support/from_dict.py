@@ -80,9 +80,9 @@ def _value(name: str, hint: Any, value: Any) -> Any:
     kinds, words = _PLAIN[hint]
     if not isinstance(value, kinds) or (isinstance(value, bool) and hint is not bool):
         raise _error(name, value, words)
-    if hint is float and not math.isfinite(value):
+    if isinstance(value, float) and not math.isfinite(value):
         raise _error(name, value, words)
-    return hint(value)
+    return value if hint is float else hint(value)
 
 
 def _tuple(name: str, inner: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
@@ -109,7 +109,7 @@ def _part(name: str, value: Any) -> Any:
     rest = {key: each for key, each in value.items() if key != "part"}
     if rest and not is_dataclass(found):
         raise ValueError(f"{name} is {value['part']}, which has no settings")
-    return from_dict(found, rest, name) if rest else found  # type: ignore[arg-type]
+    return from_dict(found, rest, name) if rest else found
 
 
 def _error(name: str, value: Any, expected: str) -> ValueError:

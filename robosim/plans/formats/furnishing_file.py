@@ -210,16 +210,17 @@ def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
         raise ValueError("expected one of piece and mesh")
     if "piece" in keys:
         check_choice("piece", keys["piece"], PIECES)
-        kind = PIECES[keys["piece"]]
-        known = make_dataclass(
+        kind: Any = PIECES[keys["piece"]]
+        known: Any = make_dataclass(
             "_PieceEntry", [("piece", str)], bases=(_Entry, kind), frozen=True, kw_only=True
         )
         entry = from_dict(known, keys)
         sizes = {size.name: getattr(entry, size.name) for size in fields(kind) if size.name in keys}
         return make_piece(keys["piece"], **_place(entry, folder), **sizes)
-    entry = from_dict(_MeshEntry, keys)
-    options = {"unit_m": entry.unit_m, "up": entry.up, "origin": entry.origin}
-    return furnishing_from_file(folder / entry.mesh, **_place(entry, folder), **options)
+    one = from_dict(_MeshEntry, keys)
+    return furnishing_from_file(
+        folder / one.mesh, unit_m=one.unit_m, up=one.up, origin=one.origin, **_place(one, folder)
+    )
 
 
 def _place(entry: _Entry, folder: Path) -> dict[str, Any]:

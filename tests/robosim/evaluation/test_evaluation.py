@@ -92,12 +92,18 @@ def test_a_suite_that_was_written_reads_the_same(suite, tmp_path, name):
             "plans: {flat: flat}\ntasks: [{plan: flt, start: [1, 2, 3], target: [4, 5]}]",
             r"plan of tasks\[0\] is 'flt'. Did you mean",
         ),
-        ("plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2]}]", r"tasks\[0\].start is \[1, 2\]"),
+        (
+            "plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2], target: [4, 5]}]",
+            r"tasks\[0\].start is \[1, 2\]",
+        ),
         (
             "plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2, 3], target: 4}]",
             r"tasks\[0\].target is 4",
         ),
-        ("plans: {a/b: flat}\ntasks: [{plan: a/b, start: [1, 2, 3], target: [4, 5]}]", "'a/b' names files"),
+        (
+            "plans: {a/b: flat}\ntasks: [{plan: a/b, start: [1, 2, 3], target: [4, 5]}]",
+            "plan a/b names files",
+        ),
         ("seed: -1\nplans: {flat: flat}\ntasks: []", "seed is -1"),
         ("tasks: [", "not readable as a suite of searches"),
     ],

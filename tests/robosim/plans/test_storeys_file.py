@@ -53,7 +53,7 @@ def test_file_says_all_of_its_storeys(tmp_path):
         ("plan: flat", "plan: flet", "Did you mean 'flat'"),
         ("plan: flat", "plans: flat", "a key of storeys\\[1\\] is 'plans'. Did you mean 'plan'"),
         ("storeys:", "storeys: 3\nother:", "Known: storeys, name"),
-        ("storeys:", "floors:", "'storeys' is missing"),
+        ("storeys:", "floors:", "a key is 'floors'. Known: storeys, name"),
     ],
 )
 def test_senseless_values_are_told_with_file_and_fix(tmp_path, old, new, told):
