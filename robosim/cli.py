@@ -1,7 +1,7 @@
 """The `robosim` command: parses what is asked for, calls what does it, prints what came out.
 
 Bad input ends in one sentence on standard error and exit status 2, never in a traceback; `--debug` shows that too.
-`--debug`, `--quiet`, `--json` and `--version` may stand anywhere on the command line.
+`--allow-code`, `--debug`, `--quiet`, `--json` and `--version` may stand anywhere on the command line.
 """
 
 import errno
@@ -24,13 +24,16 @@ from robosim.commands.table import COMMANDS, GROUPS, HELP_ALL, listed, loaded, n
 from robosim.support.garbage import look_for_garbage
 from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
+from robosim.support.parts import code_allowed, place_in_part
 from robosim.support.processes import processes_kept
+from robosim.support.reading import is_ours
 
 #: Options that every command has, wherever they stand.
-_EVERYWHERE = ("--debug", "--quiet", "--json", "--version")
+_EVERYWHERE = ("--debug", "--quiet", "--json", "--version", "--allow-code")
 _EVERYWHERE_HELP = (
     "Everywhere: --quiet prints errors only, --json prints the result as one JSON object and nothing else, --debug "
-    "prints where an error comes from, --version prints the version. Each command also takes --figures pdf or svg."
+    "prints where an error comes from, --version prints the version, --allow-code runs code that a suite or a "
+    "configuration names as module:Name. Each command also takes --figures pdf or svg."
 )
 #: What a shell's completion is asked for by.
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
@@ -57,6 +60,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             unwinding() as interrupt,
             processes_kept(),
             speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
+            code_allowed("--allow-code" in everywhere),
         ):
             _run(words)
             sys.stdout.flush()
@@ -115,6 +119,9 @@ def _explained(error: Exception) -> tuple[int, str]:
     text = " ".join(str(error).split())
     if isinstance(error, ChildProcessError):
         return 1, text
+    if (place := place_in_part(error)) and not is_ours(error):
+        status = 2 if isinstance(error, ValueError) else 1
+        return status, f"{type(error).__name__} in your own part, {place}: {text}. --debug shows all of it."
     if isinstance(error, ValueError):
         return 2, text
     if isinstance(error, ImportError) and error.name in EXTRAS:

@@ -11,17 +11,12 @@
 Only `layers` are needed.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-from robosim.support.parts import restored
+from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading
 from robosim.support.text_in import check_object, parse_yaml
-from wireless.em.materials import Layer, Material
-
-#: What may be said of a wall besides its layers.
-ROUGHNESS = ("scattering", "lobe")
+from wireless.em.materials import Material
 
 
 def read_material(path: Path) -> Material:
@@ -32,25 +27,4 @@ def read_material(path: Path) -> Material:
     """
     remedy = "Give layers from face to face, such as layers: [{material: glass, thickness_m: 0.006}]."
     with reading(path, "the layers of a wall", remedy) as file:
-        keys = check_object(parse_yaml(file.read()), ("layers",))
-        known = ("name", "layers", *ROUGHNESS)
-        if unknown := set(keys) - set(known):
-            raise ValueError(f"{min(map(str, unknown))!r} is no key of a wall, expected {', '.join(known)}")
-        if not isinstance(keys["layers"], list):
-            raise ValueError("layers is no list")
-        layers = tuple(restored(Layer, check_object(layer)) for layer in keys["layers"])
-        scattering, lobe = (_number(keys, name) for name in ROUGHNESS)
-        if lobe is not None and lobe != int(lobe):
-            raise ValueError(f"lobe is {lobe}, expected a whole number")
-        name = str(keys.get("name", path.stem))
-        return Material(name, layers, scattering, None if lobe is None else int(lobe))
-
-
-def _number(keys: Mapping[str, Any], name: str) -> float | None:
-    """A finite number of a key, or a complaint; None without it."""
-    value = keys.get(name)
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e9:
-        raise ValueError(f"{name} is {str(value)[:40]!r}, expected a number")
-    return value
+        return from_dict(Material, {"name": path.stem, **check_object(parse_yaml(file.read()))})

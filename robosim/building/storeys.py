@@ -143,12 +143,12 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     free, opening = _noded(free, opening)
     nothing = shapely.MultiPolygon()
     part = _Part()
+    slab = [one.slab_material and material_of(one.slab_material, "slab_material") for one in plan.storeys]
     for i, one in enumerate(plan.storeys):
         low = plan.floor_m(i)
         high = low + one.height_m
         below, above = ([nothing, *opening, nothing])[i : i + 2]
-        own = one.slab_material
-        under = plan.storeys[i - 1].slab_material if i else None
+        own, under = slab[i], slab[i - 1] if i else None
         _add_walls(part, alone[i], free[i], low, high)
         _add_flat(part, free[i], below, low, FLOOR, under or config.building.material("floor"))
         _add_flat(part, free[i], above, high, CEILING, own or config.building.material("ceiling"))

@@ -20,7 +20,8 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import POLICY
 from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
-from robosim.support.parts import Part, is_part, restored, told
+from robosim.support.from_dict import from_dict
+from robosim.support.parts import Part, is_part, names_code, told
 from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
 from wireless.support.counting import counted
@@ -124,15 +125,17 @@ def read_config(path: Path) -> EpisodeConfig:
     """The configuration that is told in a result.
 
     Raises:
-        FileError: If there is none, or it is none of an episode.
+        FileError: If there is none, or it is none of an episode, or names code outside of
+            `robosim.support.parts.code_allowed`.
     """
     what, remedy = "a configuration", "Give result.json of an episode, or settings.json of an evaluation."
     content = read_json(path, what, remedy)
     with naming(path, what, remedy):
         settings = content.get("settings")
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
-        known: EpisodeConfig = restored(EpisodeConfig, check_object(config))
-        return known
+        # An evaluation's settings hold digests of weights, too: see `robosim.evaluation.manifest`.
+        given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
+        return from_dict(EpisodeConfig, given)
 
 
 def words_of(config: EpisodeConfig) -> str:
@@ -141,7 +144,10 @@ def words_of(config: EpisodeConfig) -> str:
     A calibrated robot has more numbers than anybody would type: it stands in `settings.json` of what was run with it.
     """
     calibrated = config.simulator.robot.odometry is not None
-    return " ".join([*(["--config settings.json"] if calibrated else []), *_words(config, DEFAULTS, "")])
+    words = _words(config, DEFAULTS, "")
+    if calibrated:
+        words = ["--config settings.json", *(["--allow-code"] if any(map(names_code, words)) else []), *words]
+    return " ".join(words)
 
 
 def _words(value: Any, default: Any, prefix: str) -> list[str]:

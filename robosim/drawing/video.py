@@ -37,7 +37,7 @@ class VideoWriter:
         self.path.parent.mkdir(parents=True, exist_ok=True)
         self._partial = partial_path(self.path)
         self._empty = True
-        self._sink = _Sink(self._partial)
+        self._sink = _Sink(self._partial, self.path)
         self._file = av.open(self._sink, "w", format="mp4")
         options = {"preset": "ultrafast", "crf": "28", "tune": "fastdecode"}
         self._stream = self._file.add_stream("libx264", rate=Fraction(fps), options=options)
@@ -85,8 +85,8 @@ class _Sink:
     error is raised where it can be handled.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = path.open("wb")
+    def __init__(self, partial: Path, path: Path) -> None:
+        self._file, self._path = partial.open("wb"), path
         self._error: OSError | None = None
 
     def write(self, content: bytes) -> int:
@@ -106,6 +106,7 @@ class _Sink:
             try:
                 return action()
             except OSError as error:
+                error.filename = str(self._path)
                 self._error = error
         return otherwise
 

@@ -27,7 +27,6 @@ from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
 from robosim.evaluation.episode_file import Episode, read_episode, read_head
 from robosim.evaluation.following import progress, told
-from robosim.evaluation.rows import is_number
 from robosim.evaluation.scores import CLASSES, score, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.plans.files import read_plan
@@ -35,6 +34,7 @@ from robosim.policies.goals import SEEKERS
 from robosim.robot.robots import RobotConfig
 from robosim.support.colours import STATE_COLOURS, TARGET, TRUE, css
 from robosim.support.figures import save_figure
+from robosim.support.from_dict import from_dict
 from robosim.support.reading import FileError, naming, shown
 from robosim.support.run_folder import SETTINGS, read_settings
 from robosim.support.text_in import check_object
@@ -48,8 +48,6 @@ PUBLISHED_RATES = {"snr": (0.97, 0.88, 0.77), "los": (0.98, 0.96, 0.82), "los-or
 PUBLISHED_TIMES = ((1.55, 2.0), (2.3, 3.6), (2.2, 3.4))
 #: A robot stays in one place as long as it goes no farther than this from it [m].
 STAY_M = 1.0
-#: No robot that fits into a building is wider.
-_WIDEST_M = 10.0
 _SUITE = "suite.yaml"
 
 
@@ -309,11 +307,6 @@ def _scenes(results: Path) -> tuple[BuildingConfig, tuple[float, float]]:
     """How plans became buildings, and radius and height of the robot [m]."""
     settings = read_settings(results, "evaluate")
     with naming(results / SETTINGS, "the settings of an evaluation"):
-        building = check_object(settings["episode"]["building"])
-        robot = check_object(settings["episode"]["simulator"]["robot"], ("radius_m",))
-        radius_m = robot["radius_m"]
-        if not (is_number(radius_m) and 0 < radius_m < _WIDEST_M):
-            raise ValueError(f"the robot's radius is {radius_m!r}")
-        mast_m = robot.get("mast_m", RobotConfig.mast_m)
-        made = RobotConfig(radius_m=radius_m, mast_m=mast_m, track_m=radius_m)
-        return BuildingConfig(**building), made.hull_m
+        episode = check_object(settings["episode"], ("building", "simulator"))
+        robot = from_dict(RobotConfig, check_object(episode["simulator"], ("robot",))["robot"], "robot")
+        return from_dict(BuildingConfig, episode["building"], "building"), robot.hull_m

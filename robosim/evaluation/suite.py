@@ -10,12 +10,14 @@ The file is YAML or JSON; plans lie relative to it, or are shipped ones by name:
     plans: {flat: flat, house: maps/house.yaml}
     tasks:
     - {plan: house, start: [1.0, 2.0, 90.0], target: [7.5, -3.0]}
+
+`reader` may name who reads the plans: one of `robosim.parts.READER`, or `module:Name`, which runs code and is rejected
+outside of `robosim.support.parts.code_allowed` (the option `--allow-code`).
 """
 
 import json
 import os
 import re
-import reprlib
 import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -27,14 +29,16 @@ import numpy as np
 import yaml
 
 from robosim.building.reach import Reach
-from robosim.evaluation.rows import is_number
 from robosim.parts import READER
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FARTHEST_M
 from robosim.support.assets import shipped_plans
+from robosim.support.checks import SEED, check_choice, check_number, check_numbers, check_some
 from robosim.support.files import whole_file
+from robosim.support.from_dict import from_dict
+from robosim.support.parts import check_code_allowed
 from robosim.support.reading import FileError, expanded, read_bytes, reading, shown
-from robosim.support.text_in import MOST_JSON, MOST_YAML, check_object, parse_json, parse_yaml
+from robosim.support.text_in import MOST_JSON, MOST_YAML, parse_json, parse_yaml
 from robosim.task.tasks import make_task
 
 #: Endings of suite files.
@@ -43,8 +47,6 @@ SUFFIXES = (".yaml", ".yml", ".json")
 _PLACE_DECIMALS, _YAW_DECIMALS = 4, 2
 _WHAT = "a suite of searches"
 _REMEDY = "It has `seed`, `plans` and `tasks`, in YAML or JSON; `robosim evaluate --suite-out` writes one."
-_SHORT = reprlib.Repr()
-_SHORT.maxstring, _SHORT.maxlevel = 80, 3
 #: The key of a list of tasks in YAML or JSON.
 _TASKS = re.compile(rb"""^\{?[ \t]*["']?tasks["']?[ \t]*:|[,{]\s*["']tasks["']\s*:""", re.MULTILINE)
 
@@ -89,9 +91,10 @@ class Suite:
             ValueError: If one does; the message names the suite's file and the task.
             MapError: If a plan cannot be read.
         """
-        plans = {name: read_plan(file, reader=self.reader) for name, file in self.plans.items()}
+        name = None
         for task in self.tasks:
-            plan = plans[task.plan]
+            if task.plan != name:  # one plan in memory at a time
+                name, plan = task.plan, read_plan(self.plans[task.plan], reader=self.reader)
             for what, place in (("start", task.start[:2]), ("target", task.target)):
                 cell = plan.to_cells(np.array(place))
                 if not ((cell >= 0) & (cell <= plan.shape[::-1])).all():
@@ -155,44 +158,62 @@ def read_suite(path: str | Path) -> Suite:
     """Read a suite from a YAML or JSON file.
 
     Raises:
-        FileError: If it is no suite; the message names file, entry and fix.
+        FileError: If it is no suite; the message names file, entry and fix. If it names code outside of
+            `robosim.support.parts.code_allowed`.
     """
     path = expanded(path)
     is_json = path.suffix.lower() == ".json"
     with reading(path, _WHAT, _REMEDY, most_bytes=MOST_JSON if is_json else MOST_YAML) as file:
-        content = check_object((parse_json if is_json else parse_yaml)(file.read()))
-        return _suite(content, path)
+        return _suite((parse_json if is_json else parse_yaml)(file.read()), path)
 
 
-def _suite(content: Mapping[str, Any], path: Path) -> Suite:
-    if not isinstance(content.get("tasks"), list):
-        raise FileError("no list of tasks. A suite has `seed`, `plans` and `tasks`.")
-    listed, seed = content.get("plans"), content.get("seed", 0)
-    if not isinstance(listed, dict) or not listed:
-        raise FileError(f"`plans` is {_short(listed)}, expected file by name, as in {{flat: flat}}.")
-    if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
-        raise FileError(f"`seed` is {_short(seed)}, expected a whole number of 0 or more.")
-    reader = str(content.get("reader", "auto"))
-    if reader != "auto":
-        READER.check("`reader`", reader)
-    for name in map(str, listed):
-        if not is_plan_name(name):
-            raise FileError(f"plan {_short(name)} names files too; use letters, digits, - and _.")
-    plans = {str(name): _plan_file(path.parent, str(file)) for name, file in listed.items()}
+@dataclass(frozen=True, kw_only=True)
+class _Task:
+    """Keys of a task."""
+
+    plan: str
+    start: tuple[float, float, float]
+    target: tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _File:
+    """Keys of a file."""
+
+    plans: Mapping[str, str]
+    tasks: tuple[_Task, ...]
+    seed: int = 0
+    reader: str = "auto"
+
+    def __post_init__(self) -> None:
+        check_numbers(self, seed=SEED)
+        check_code_allowed("reader", self.reader)
+        if self.reader != "auto":
+            READER.check("reader", self.reader)
+        check_some("the list of tasks", self.tasks, "plan, start and target of each")
+        for name in self.plans:
+            if not is_plan_name(name):
+                raise ValueError(f"plan {shown(name)} names files too; use letters, digits, - and _.")
+        for number, task in enumerate(self.tasks):
+            check_choice(f"plan of tasks[{number}]", task.plan, self.plans)
+            for value in (*task.start, *task.target):
+                check_number(f"a number of tasks[{number}]", value, -FARTHEST_M, FARTHEST_M)
+
+
+def _suite(content: Any, path: Path) -> Suite:
+    said = from_dict(_File, content)
+    plans = {name: _plan_file(path.parent, file) for name, file in said.plans.items()}
     for name, file in plans.items():
         if not file.is_file():
-            raise FileError(f"plan {_short(name)} is {shown(file)}, where there is no file.")
+            raise FileError(f"plan {shown(name)} is {shown(file)}, where there is no file.")
     counts: Counter[str] = Counter()
     tasks = []
-    for index, entry in enumerate(content["tasks"]):
-        task = _task(index, entry, plans, counts)
-        tasks.append(task)
+    for task in said.tasks:
+        tasks.append(SuiteTask(number=counts[task.plan], **vars(task)))
         counts[task.plan] += 1
-    if not tasks:
-        raise FileError("the list of tasks is empty.")
     order = {name: place for place, name in enumerate(plans)}
     ordered = tuple(sorted(tasks, key=lambda t: (order[t.plan], t.number)))
-    return Suite(plans=plans, tasks=ordered, seed=seed, reader=reader, file=path)
+    return Suite(plans=plans, tasks=ordered, seed=said.seed, reader=said.reader, file=path)
 
 
 def is_plan_name(name: str) -> bool:
@@ -232,32 +253,3 @@ def _plan_file(folder: Path, file: str) -> Path:
     if file in shipped_plans() and not (folder / file).is_file():
         return shipped_plans()[file]
     return Path(os.path.normpath(folder / expanded(file)))
-
-
-def _task(index: int, entry: Any, plans: Mapping[str, Path], counts: Mapping[str, int]) -> SuiteTask:
-    where = f"task {index + 1}"
-    if not isinstance(entry, dict):
-        raise FileError(f"{where} is {_short(entry)}, expected plan, start and target.")
-    plan = entry.get("plan")
-    if not isinstance(plan, str) or plan not in plans:
-        raise FileError(f"{where}: plan is {_short(plan)}, expected one of {', '.join(plans)}.")
-    start = _numbers(f"{where}: start", entry.get("start"), 3, "[x, y, yaw] in metres and degrees")
-    target = _numbers(f"{where}: target", entry.get("target"), 2, "[x, y] in metres")
-    return SuiteTask(
-        plan=plan,
-        number=counts[plan],
-        start=(start[0], start[1], start[2]),
-        target=(target[0], target[1]),
-    )
-
-
-def _numbers(what: str, value: Any, count: int, expected: str) -> list[float]:
-    good = isinstance(value, list) and len(value) == count
-    if not good or not all(is_number(v) and abs(v) <= FARTHEST_M for v in value):
-        raise FileError(f"{what} is {_short(value)}, expected {expected}.")
-    return [float(v) for v in value]
-
-
-def _short(value: Any) -> str:
-    """A value for a message, of which a damaged file may hold a great deal."""
-    return _SHORT.repr(value)

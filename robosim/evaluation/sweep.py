@@ -15,6 +15,7 @@ from rich.text import Text
 
 from robosim.evaluation.episodes import Job, run_job
 from robosim.support.files import write_whole
+from robosim.support.parts import place_in_part
 from robosim.support.progress import told_units
 from robosim.support.workers import Workers
 
@@ -69,4 +70,6 @@ def _safely(job: Job) -> tuple[Job, bytes, Failure | None]:
         return job, run_job(job), None
     except Exception as error:
         line = (str(error).splitlines() or [""])[0]
-        return job, b"", Failure(job, f"{type(error).__name__}: {line}", traceback.format_exc())
+        place = place_in_part(error)
+        words = f"{type(error).__name__}: {line}{place and f' ({place})'}"
+        return job, b"", Failure(job, words, traceback.format_exc())

@@ -33,7 +33,7 @@ from robosim.plans.formats.plan_image import read_image_plan, write_png
 from robosim.plans.formats.ros_map import read_ros, write_ros
 from robosim.plans.storeys import is_storeys
 from robosim.support.assets import shipped_plans
-from robosim.support.parts import Part
+from robosim.support.parts import Part, told
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
 from robosim.support.text_in import MOST_JSON
 
@@ -148,7 +148,10 @@ def read_plan(
     try:
         if resolution_m is not None:
             check_resolution(resolution_m)
-        return read(path, said)
+        plan = read(path, said)
+        if not isinstance(plan, FloorPlan):
+            raise MapError(f"reader {told(reader)} gave a {type(plan).__name__}, expected a FloorPlan")
+        return plan
     except MapError as error:
         # What is wrong with the plan as such is said by its name; the user knows it by its file.
         if shown(path) in str(error):

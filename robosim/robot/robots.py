@@ -29,9 +29,9 @@ from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
 from robosim.support.checks import RADIUS_M, check_numbers
 from robosim.support.files import write_json
-from robosim.support.parts import restored
+from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading
-from robosim.support.text_in import check_object, parse_json, parse_yaml
+from robosim.support.text_in import parse_json, parse_yaml
 from slam.mapping.odometry import OdometryConfig
 
 #: Time constant of a wheel that takes up its speed [s]. A stiffer servo overshoots at steps of 5 ms.
@@ -140,8 +140,7 @@ def read_robot(path: Path) -> RobotConfig:
     """
     with reading(path, "a robot", "Give fields of RobotConfig, such as radius_m: 0.25") as file:
         parse = parse_json if path.suffix == ".json" else parse_yaml
-        robot: RobotConfig = restored(RobotConfig, check_object(parse(file.read())))
-        return robot
+        return from_dict(RobotConfig, parse(file.read()))
 
 
 def write_robot(path: Path, robot: RobotConfig) -> None:

@@ -8,23 +8,36 @@ checks and messages are made. Whatever a configuration holds for a part may be
 - in Python, an object: the part itself, or a class or function that makes one.
 
 A class or function is called with what that kind is made from, and has to give what is asked of a part of that kind.
+
+`module:Name` counts where a person types it. Data files (maps, furnishings, storeys, layers of walls) name registered
+parts only: their readers use `Kind.name_in_data`. Suites and configurations may name code, which is imported within
+`code_allowed()` only, the option `--allow-code`.
 """
 
 import dataclasses
-import importlib
+import importlib.util
 import os
+import re
 import sys
-from collections.abc import Mapping
+import traceback
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin
 
 import tyro
 
-from robosim.support.checks import check_choice, shown
+from robosim.support.checks import shown
+from robosim.support.reading import PACKAGES, FileError
 
 #: A part in a configuration: a name, `module:Name`, or an object.
 Part = Any
+_CODE = re.compile(r"[^\W\d][\w.]*:[^\W\d][\w.]*")
+#: Whether suites and configurations may name code.
+_allowed = False
+#: Files and folders of the modules that persons named.
+_persons = set[Path]()
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -46,7 +59,7 @@ class Kind:
 
     def is_name(self, part: Part) -> bool:
         """Whether a part is told by a name, right or wrong, and not by `module:Name` or a file."""
-        return isinstance(part, str) and ":" not in part and not self._is_file(part)
+        return isinstance(part, str) and not names_code(part) and not self._is_file(part)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -65,8 +78,8 @@ class Kind:
         """
         if not isinstance(part, str):
             self._check_object(field, part)
-        elif ":" in part:
-            self._check_object(field, _imported(field, part))
+        elif names_code(part):
+            self._check_object(field, imported(field, part))
         elif part in self.shipped:
             return
         elif not self._is_file(part):
@@ -78,6 +91,29 @@ class Kind:
                 f"{field} is {shown(part)}, but there is no such file. Known without a file: "
                 f"{', '.join(self.shipped)}."
             )
+
+    def name_in_data(self, field: str, value: Any, folder: Path) -> str:
+        """A part that a data file names: a registered one, or a file with its folder. Nothing is imported.
+
+        Args:
+            field: What the message calls the value.
+            value: What the file says.
+            folder: What paths are relative to.
+
+        Raises:
+            ValueError: If there is none of that name, or it is `module:Name`.
+        """
+        if not isinstance(value, str):
+            raise ValueError(f"{field} is {shown(value)}, expected a name. Known: {', '.join(self.shipped)}.")
+        if names_code(value):
+            files = "".join(f" or a {suffix} file" for suffix in self.suffixes[:1])
+            raise ValueError(
+                f"{field} is {shown(value)}, which names code, and data files run none. Name a registered part"
+                f"{files}: {', '.join(self.shipped)}."
+            )
+        part = str(folder / value) if self._is_file(value) else value
+        self.check(field, part)
+        return part
 
     @property
     def choices(self) -> str:
@@ -104,9 +140,9 @@ class Kind:
         if isinstance(part, str):
             place = self.shipped.get(part, part)
             if self._is_file(place):
-                target, before = _imported(field, self.from_file), (Path(place), *made_from)
+                target, before = imported(field, self.from_file), (Path(place), *made_from)
             else:
-                target = _imported(field, place)
+                target = imported(field, place)
         if self._is_one(target):
             return target
         if not callable(target):
@@ -119,7 +155,7 @@ class Kind:
             if isinstance(part, str) and part in self.shipped:
                 raise
             raise ValueError(
-                f"{field} is {told(part)}, but making it from {self.made_from} fails: {error!r}."
+                f"{field} is {told(part)}, but making it from {self.made_from} fails: {error!r}{_in_file(error)}."
             ) from error
         if missing := self._missing(made):
             raise ValueError(
@@ -147,7 +183,7 @@ class Kind:
         )
 
     def _is_file(self, part: str) -> bool:
-        return Path(part).suffix in self.suffixes
+        return Path(part).suffix in self.suffixes and not names_code(part)
 
     def _missing(self, made: Any) -> list[str]:
         return [name for name in self.has if not hasattr(made, name)]
@@ -173,21 +209,59 @@ def told(part: Part) -> str:
     return f"{known.__module__}:{known.__qualname__}"
 
 
-def _imported(field: str, name: str) -> Any:
-    """What `module:Name` stands for."""
-    module, _, path = name.partition(":")
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        sys.path.insert(0, here)  # a console script looks beside itself only
+def names_code(part: Part) -> bool:
+    """Whether a part is `module:Name`."""
+    return isinstance(part, str) and _CODE.fullmatch(part) is not None
+
+
+@contextmanager
+def code_allowed(allowed: bool = True) -> Iterator[None]:
+    """Within the block, code that suites and configurations name is imported."""
+    global _allowed
+    before, _allowed = _allowed, allowed
     try:
-        found = importlib.import_module(module)
+        yield
+    finally:
+        _allowed = before
+
+
+def check_code_allowed(field: str, part: Part) -> None:
+    """See that a suite or configuration names no code, or may.
+
+    Raises:
+        FileError: If it names code and may not.
+    """
+    if names_code(part) and not _allowed:
+        raise FileError(
+            f"{field} is {shown(part)}, which names code to be run. Give --allow-code if you trust the file "
+            "(in Python: robosim.support.parts.code_allowed)."
+        )
+
+
+def imported(field: str, name: str) -> Any:
+    """What `module:Name` stands for.
+
+    Args:
+        field: What the message calls the value.
+        name: Typed by a person, or of this project; of a file after `check_code_allowed` only.
+
+    Raises:
+        ValueError: If there is none.
+    """
+    module, _, path = name.partition(":")
+    ours = module.partition(".")[0] in PACKAGES
+    try:
+        with nullcontext() if ours else _here_first(module):
+            found = importlib.import_module(module)
     except ModuleNotFoundError as error:
         raise ValueError(
-            f"{field} is {shown(name)}, but there is no module {error.name!r} in {here}, nor where Python looks. "
-            "Start in the folder where it lies, or install it."
+            f"{field} is {shown(name)}, but there is no module {error.name!r} in {os.getcwd()}, nor where Python "
+            "looks. Start in the folder where it lies, or install it."
         ) from error
     except Exception as error:  # whatever somebody's module raises
-        raise ValueError(f"{field} is {shown(name)}, but importing {module!r} fails: {error!r}.") from error
+        raise ValueError(
+            f"{field} is {shown(name)}, but importing {module!r} fails: {error!r}{_in_file(error)}."
+        ) from error
     for attribute in path.split("."):
         if not hasattr(found, attribute):
             near = get_close_matches(attribute, dir(found), n=1)
@@ -195,6 +269,37 @@ def _imported(field: str, name: str) -> Any:
             raise ValueError(f"{field} is {shown(name)}, but {module!r} has no {attribute!r}.{hint}")
         found = getattr(found, attribute)
     return found
+
+
+@contextmanager
+def _here_first(module: str) -> Iterator[None]:
+    """The current folder comes first while a person's module is imported, and last from then on."""
+    here = os.getcwd()
+    sys.path.insert(0, here)
+    try:
+        with suppress(ValueError):  # modules without a file, such as __main__
+            spec = importlib.util.find_spec(module.partition(".")[0])
+            places = () if spec is None else (spec.origin, *(spec.submodule_search_locations or ()))
+            _persons.update(Path(place) for place in places if place)
+        yield
+    finally:
+        sys.path.remove(here)
+        if here not in sys.path and "" not in sys.path:
+            sys.path.append(here)
+
+
+def place_in_part(error: BaseException) -> str:
+    """Where in a person's own part an error was raised: "FILE, line N, in FUNCTION"; empty if not there."""
+    for frame in reversed(traceback.extract_tb(error.__traceback__)):
+        file = Path(frame.filename)
+        if not _persons.isdisjoint((file, *file.parents)):
+            return f"{file}, line {frame.lineno}, in {frame.name}"
+    return getattr(error, "place_in_part", "")  # of an error in another process
+
+
+def _in_file(error: Exception) -> str:
+    place = place_in_part(error)
+    return place and f" ({place})"
 
 
 def is_part(field: "dataclasses.Field[Any]") -> bool:
@@ -223,37 +328,3 @@ def _described(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return described(value)
     return [_described(item) for item in value] if isinstance(value, (tuple, list)) else value
-
-
-def restored(kind: type, values: Mapping[str, Any]) -> Any:
-    """A configuration from what `described` told of it; what is not told is as by default.
-
-    Raises:
-        ValueError: If a field is unknown, or a value none that the field may have.
-    """
-    hints = get_type_hints(kind)
-    known = [field.name for field in dataclasses.fields(kind)]
-    for name in values:
-        check_choice(f"a setting of {kind.__name__}", name, known)
-    return kind(**{name: _restored(hints[name], value) for name, value in values.items()})
-
-
-def _restored(hint: Any, value: Any) -> Any:
-    if hint is Any and isinstance(value, dict) and "part" in value:
-        found = _imported("part", str(value["part"]))
-        rest = {name: one for name, one in value.items() if name != "part"}
-        return restored(found, rest) if rest else found
-    if isinstance(value, dict):
-        # A field that may be None has its class among its arguments.
-        for one in (hint, *get_args(hint)):
-            if dataclasses.is_dataclass(one):
-                return restored(one, value)  # type: ignore[arg-type]
-    if isinstance(value, list):
-        for kind in (hint, *get_args(hint)):
-            if get_origin(kind) is tuple:
-                inner = get_args(kind)
-                several = inner[:1] * len(value) if inner[-1] is ... else inner
-                if len(several) != len(value):
-                    raise ValueError(f"{value} has {len(value)} values, expected {len(several)}.")
-                return tuple(_restored(one, each) for one, each in zip(several, value, strict=True))
-    return value

@@ -24,6 +24,7 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from robosim.support.garbage import look_for_garbage
+from robosim.support.parts import place_in_part
 
 #: Libraries that would start threads of their own in each process.
 _ONE_THREAD = {
@@ -178,11 +179,15 @@ def _serve(pipe: Connection, parent: int) -> None:
 def _told(error: Exception) -> bytes:
     """An error as it can be sent, with where it was raised."""
     error.add_note("".join(traceback.format_tb(error.__traceback__)).rstrip())
+    place = place_in_part(error)
     try:
+        error.place_in_part = place  # type: ignore[attr-defined]
         content = pickle.dumps((False, error))
         pickle.loads(content)
     except Exception:  # some cannot be made again from what they hold
-        content = pickle.dumps((False, RuntimeError(f"{type(error).__name__}: {error}")))
+        plain = RuntimeError(f"{type(error).__name__}: {error}")
+        plain.place_in_part = place  # type: ignore[attr-defined]
+        content = pickle.dumps((False, plain))
     return content
 
 

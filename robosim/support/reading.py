@@ -22,6 +22,8 @@ _PATH, _REASON, _MESSAGE = 400, 300, 2000
 _COPY = "Copy or export it again."
 #: Libraries whose warnings of a damaged file would stand beside our one line.
 _TALKATIVE = ("trimesh", "PIL")
+#: Of this project.
+PACKAGES = ("robosim", "slam", "wireless")
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a named pipe"),
@@ -81,7 +83,7 @@ def naming(
             error.file = error.file or path
             raise
         except Exception as error:
-            if _ours(error) and name in str(error):
+            if is_ours(error) and name in str(error):
                 raise _named(kind(one_line(str(error), _MESSAGE)), path) from error
             message = f"{name}: not readable as {what} ({reason_of(error)}). {remedy}"
             raise _named(kind(message), path) from error
@@ -179,9 +181,9 @@ def _named(error: FileError, path: Path) -> FileError:
     return error
 
 
-def _ours(error: Exception) -> bool:
+def is_ours(error: BaseException) -> bool:
     """Whether an error is of a class of this project, whose messages say what is wrong in our words."""
-    return type(error).__module__.partition(".")[0] in ("robosim", "slam", "wireless")
+    return type(error).__module__.partition(".")[0] in PACKAGES
 
 
 @contextmanager

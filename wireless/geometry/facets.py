@@ -2,9 +2,9 @@
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other
 share one image. What lies in one plane is decided in `wireless.geometry.tolerance`. Where sheets of several materials
-lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along lines: where triangle sides lie on each other, in whole or in part,
-the faces around each piece of line are sorted by angle, faces that the piece merely lies on included. A gap
-of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
+lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along
+lines: where triangle sides lie on each other, in whole or in part, the faces around each piece of line are sorted
+by angle, faces that the piece merely lies on included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
 T-junctions nor walls that stand on a larger floor make edges that are none.
 
 Left out: triangles that cross each other between their sides.
@@ -200,10 +200,9 @@ def _pieces_of_lines(
     triangle, facet = triangle[wide], facet[wide]
     start, stop = triangle.reshape(-1, 3), np.roll(triangle, -1, axis=1).reshape(-1, 3)
     tip = np.roll(triangle, -2, axis=1).reshape(-1, 3)
+    both = np.hstack([start, stop]), np.hstack([stop, start])
     sides, line = np.unique(
-        np.where((start < stop).any(axis=1)[:, None], np.hstack([start, stop]), np.hstack([stop, start])),
-        axis=0,
-        return_inverse=True,
+        np.where(np.any(start < stop, axis=1)[:, None], *both), axis=0, return_inverse=True
     )
     fits = fit_lines(sides.reshape(-1, 2, 3), tolerance_m)
     line, along, base = fits.group[line.ravel()], _one_way(fits.axis), fits.point

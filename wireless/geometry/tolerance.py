@@ -22,7 +22,7 @@ from wireless.support.compiled import compiled
 
 #: What double precision cannot tell apart in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
-#: Tolerance of a mesh in steps of its coordinates: a corner is off by up to 0.87, and planes of small triangles by more.
+#: Tolerance of a mesh in steps of its coordinates: a corner is off by up to 0.87, planes of small triangles by more.
 _STEPS = 4
 #: Coarsest and finest step [m] that coordinates are looked at for, as powers of two: 32-bit numbers up to 32 km.
 _COARSEST, _FINEST = -9, -22

@@ -10,14 +10,15 @@
       origin: middle            # of the mesh: the middle of its lowest level, or "own"
       at: [3.1, 1.5]
       z_m: 0.0                  # its lowest point above the floor
-      material: plywood         # radio material: a name, or a file of layers relative to this file
+      material: plywood         # radio material: a registered name, or a file of layers relative to this file
       colour: [120, 90, 60]
       name: chair by the window
 
 Only `piece` or `mesh`, and `at`, are needed.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, make_dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -33,7 +34,8 @@ from robosim.plans.formats.plan_image import write_whole
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import PIECES, make_piece
 from robosim.support.checks import check_choice, check_number
-from robosim.support.parts import told
+from robosim.support.from_dict import from_dict
+from robosim.support.parts import names_code, told
 from robosim.support.reading import FileError, reading
 from robosim.support.text_in import check_object, parse_yaml
 
@@ -44,10 +46,29 @@ Origin = Literal["middle", "own"]
 _MOST_ENTRIES, _MOST_TRIANGLES = 10_000, 2_000_000
 _WHAT = "a list of what is placed in a building"
 _REMEDY = "Give entries such as '- {piece: table, at: [2, 1.5]}' or '- {mesh: chair.stl, at: [3, 1.5]}'."
-#: Keys of any entry, and those of a mesh.
-_OF_ANY = ("at", "z_m", "yaw_deg", "name", "material", "colour")
-_OF_MESH = ("mesh", "unit_m", "up", "origin")
-_YAW_DEG, _UNIT_M = (-36_000, 36_000, "degrees"), (1e-9, 1e6, "m, such as 0.001 for millimetres")
+_UNIT_M = 1e-9, 1e6, "m, such as 0.001 for millimetres"
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Entry:
+    """Keys of any entry."""
+
+    at: tuple[float, float]
+    z_m: float = 0.0
+    yaw_deg: float = 0.0
+    name: str | None = None
+    material: str | None = None
+    colour: tuple[int, int, int] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class _MeshEntry(_Entry):
+    """Keys of a mesh."""
+
+    mesh: str
+    unit_m: float = 1.0
+    up: Up = "auto"
+    origin: Origin = "middle"
 
 
 def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
@@ -143,7 +164,12 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
             write_whole(beside, _obj(one.mesh))
             said = {"mesh": beside.name, "up": "z", "origin": "own"}
         material = told(one.material)
-        if not MATERIAL.is_name(material) and ":" not in material:
+        if names_code(material):
+            raise MapError(
+                f"{path}: material of {one.name} is {material}, which a file cannot name. Write its layers into a "
+                ".yaml file, and name that."
+            )
+        if not MATERIAL.is_name(material):
             material = str(Path(material).resolve())
         entries.append(
             {
@@ -182,60 +208,27 @@ def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
     """One entry; raises ValueError in a few words."""
     if ("piece" in keys) == ("mesh" in keys):
         raise ValueError("expected one of piece and mesh")
-    place = _place(keys, folder)
     if "piece" in keys:
         check_choice("piece", keys["piece"], PIECES)
-        known = ("piece", *_OF_ANY, *PIECES[keys["piece"]].__dataclass_fields__)  # type: ignore[attr-defined]
-        _check_keys(keys, known)
-        sizes = {key: value for key, value in keys.items() if key not in ("piece", *_OF_ANY)}
-        for key, value in sizes.items():
-            check_number(key, value, 0, 100)
-        return make_piece(keys["piece"], **place, **sizes)
-    _check_keys(keys, (*_OF_MESH, *_OF_ANY))
-    if not isinstance(keys["mesh"], str) or "\0" in keys["mesh"]:
-        raise ValueError(f"mesh is {str(keys['mesh'])[:80]!r}, expected the name of a file")
-    options = {key: keys[key] for key in _OF_MESH[1:] if key in keys}
-    check_choice("up", options.get("up", "auto"), get_args(Up))
-    check_choice("origin", options.get("origin", "middle"), get_args(Origin))
-    if "unit_m" in options:
-        check_number("unit_m", options["unit_m"], *_UNIT_M)
-    return furnishing_from_file(folder / keys["mesh"], **place, **options)
+        kind: Any = PIECES[keys["piece"]]
+        known: Any = make_dataclass(
+            "_PieceEntry", [("piece", str)], bases=(_Entry, kind), frozen=True, kw_only=True
+        )
+        entry = from_dict(known, keys)
+        sizes = {size.name: getattr(entry, size.name) for size in fields(kind) if size.name in keys}
+        return make_piece(keys["piece"], **_place(entry, folder), **sizes)
+    one = from_dict(_MeshEntry, keys)
+    return furnishing_from_file(
+        folder / one.mesh, unit_m=one.unit_m, up=one.up, origin=one.origin, **_place(one, folder)
+    )
 
 
-def _check_keys(keys: Mapping[str, Any], known: Sequence[str]) -> None:
-    for key in keys:
-        check_choice("a key", key, known)
-
-
-def _place(keys: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def _place(entry: _Entry, folder: Path) -> dict[str, Any]:
     """What all entries may say."""
-    at = keys["at"]
-    if not isinstance(at, list) or len(at) != 2:
-        raise ValueError(f"at is {str(at)[:80]}, expected [x, y] in metres")
-    for name, value in zip("xy", at, strict=True):
-        check_number(f"{name} of at", value, -1e7, 1e7, "m")
-    place: dict[str, Any] = {"at": (float(at[0]), float(at[1]))}
-    if "yaw_deg" in keys:
-        check_number("yaw_deg", keys["yaw_deg"], *_YAW_DEG)
-        place["yaw_rad"] = float(np.radians(keys["yaw_deg"]))
-    if "z_m" in keys:
-        check_number("z_m", keys["z_m"], -100, 100, "m above the floor")
-        place["z_m"] = float(keys["z_m"])
-    if "colour" in keys:
-        colour = keys["colour"]
-        if not isinstance(colour, list) or len(colour) != 3:
-            raise ValueError(f"colour is {str(colour)[:80]}, expected [red, green, blue], 0 to 255")
-        for value in colour:
-            check_number("colour", value, 0, 255, whole=True)
-        place["colour"] = tuple(colour)
-    for key in ("name", "material"):
-        if key in keys and not isinstance(keys[key], str):
-            raise ValueError(f"{key} is {str(keys[key])[:80]!r}, expected text")
-    if "name" in keys:
-        place["name"] = keys["name"]
-    if "material" in keys:
-        material = keys["material"]
-        if not MATERIAL.is_name(material) and ":" not in material:
-            material = str(folder / material)
-        place["material"] = material
+    place: dict[str, Any] = {"at": entry.at, "z_m": entry.z_m, "yaw_rad": float(np.radians(entry.yaw_deg))}
+    for key in ("name", "colour"):
+        if getattr(entry, key) is not None:
+            place[key] = getattr(entry, key)
+    if entry.material is not None:
+        place["material"] = MATERIAL.name_in_data("material", entry.material, folder)
     return place

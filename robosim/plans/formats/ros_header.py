@@ -153,12 +153,8 @@ def _materials(keys: _Keys) -> dict[tuple[int, int, int], str]:
     for colour, material in given.items():
         if not (isinstance(colour, str) and re.fullmatch("#[0-9a-fA-F]{6}", colour)):
             raise keys.fail("materials", f"{expected}; {str(colour)[:80]!r} is no colour")
-        if not isinstance(material, str):
-            raise keys.fail("materials", f"{expected}; that of {colour} is no name")
-        if not MATERIAL.is_name(material) and ":" not in material:
-            material = str(keys.path.parent / material)
         try:
-            MATERIAL.check("it", material)
+            material = MATERIAL.name_in_data("it", material, keys.path.parent)
         except ValueError as error:
             raise keys.fail("materials", f"a radio material for {colour}: {error}") from error
         red, green, blue = bytes.fromhex(colour[1:])

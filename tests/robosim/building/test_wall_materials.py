@@ -103,7 +103,7 @@ def test_written_and_read_again_it_is_the_same(tmp_path):
     ("colours", "words"),
     [
         ("'#00f': glazing", "'#00f' is no colour"),
-        ("'#0000ff': [glazing]", "that of #0000ff is no name"),
+        ("'#0000ff': [glazing]", r"#0000ff: it is \['glazing'\], expected a name"),
         ("'#0000ff': glasing", "Did you mean 'glazing'"),
         ("'#0000ff': none.yaml", "there is no such file"),
     ],
@@ -129,13 +129,14 @@ def test_grey_pictures_and_missing_colours_are_told(tmp_path, caplog):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("layers: 3", "layers is no list"),
+        ("layers: 3", "layers is 3, expected a list"),
         ("layers: []", "layers of 'wall' are 0"),
         ("layers: [{material: glas, thickness_m: 0.01}]", "Did you mean 'glass'"),
         ("layers: [{material: glass}]", "thickness_m"),
         ("layers: [{material: glass, thickness_m: thin}]", "wall.yaml"),
-        ("thickness: 3", "'layers' is missing"),
-        ("layers: []\ncolour: red", "'colour' is no key"),
+        ("thickness: 3", "a key is 'thickness'. Known: name, layers"),
+        ("name: thick", "'layers' is missing"),
+        ("layers: []\ncolour: red", "a key is 'colour'. Known: name, layers"),
         (OWN + "scattering: rough", "scattering is 'rough', expected a number"),
         (OWN + "scattering: 1.5", "scattering of 'wall' is 1.5, expected 0 to 1"),
         (OWN + "lobe: 2.5", "lobe is 2.5, expected a whole number"),

@@ -86,13 +86,25 @@ def test_a_suite_that_was_written_reads_the_same(suite, tmp_path, name):
     ("content", "message"),
     [
         ("tasks: []\nplans: {flat: flat}", "the list of tasks is empty"),
-        ("tasks: 3", "no list of tasks"),
-        ("tasks: [{plan: flat}]", "`plans` is None"),
-        ("plans: {flat: flat}\ntasks: [{plan: flt}]", "task 1: plan is 'flt', expected one of flat"),
-        ("plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2]}]", "task 1: start is \\[1, 2\\]"),
-        ("plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2, 3], target: 4}]", "task 1: target is 4"),
-        ("plans: {a/b: flat}\ntasks: [{plan: a/b}]", "'a/b' names files"),
-        ("seed: -1\nplans: {flat: flat}\ntasks: []", "`seed` is -1"),
+        ("tasks: 3\nplans: {flat: flat}", "tasks is 3, expected a list"),
+        ("tasks: [{plan: flat}]", "the key 'plans' is missing"),
+        (
+            "plans: {flat: flat}\ntasks: [{plan: flt, start: [1, 2, 3], target: [4, 5]}]",
+            r"plan of tasks\[0\] is 'flt'. Did you mean",
+        ),
+        (
+            "plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2], target: [4, 5]}]",
+            r"tasks\[0\].start is \[1, 2\]",
+        ),
+        (
+            "plans: {flat: flat}\ntasks: [{plan: flat, start: [1, 2, 3], target: 4}]",
+            r"tasks\[0\].target is 4",
+        ),
+        (
+            "plans: {a/b: flat}\ntasks: [{plan: a/b, start: [1, 2, 3], target: [4, 5]}]",
+            "plan a/b names files",
+        ),
+        ("seed: -1\nplans: {flat: flat}\ntasks: []", "seed is -1"),
         ("tasks: [", "not readable as a suite of searches"),
     ],
 )

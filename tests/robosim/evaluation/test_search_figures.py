@@ -100,7 +100,7 @@ def test_all_figures_are_drawn_and_shown(results, tmp_path):
         assert f'src="{name}.png"' in shown
         with Image.open(tmp_path / "figures" / f"{name}.png") as picture:
             assert min(picture.size) > 300
-    assert notes == ["12 episodes of 4 tasks in 1 plans."]
+    assert notes == ["12 episodes of 4 tasks in 1 plan."]
 
 
 def test_without_an_example_the_others_are_drawn_and_it_is_said(results, tmp_path):

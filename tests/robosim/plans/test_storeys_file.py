@@ -43,17 +43,17 @@ def test_file_says_all_of_its_storeys(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("height: 2.6", "height: tall", "storey 0: height is 'tall', expected a number of metres"),
+        ("height: 2.6", "height: tall", "storeys\\[0\\].height is 'tall', expected a number"),
         ("height: 2.6", "height: 260", "storey 0: height is 260, expected 0.1 to 100 m"),
         ("slab: 0.25", "slab: 0", "storey 0: slab is 0, expected 0.01 to 10 m"),
-        ("slab: 0.25", "slap: 0.25", "'slap' is unknown.*Did you mean 'slab'"),
+        ("slab: 0.25", "slap: 0.25", "a key of storeys\\[0\\] is 'slap'. Did you mean 'slab'"),
         ("material: wood", "material: wod", "storey 0: .*'wod'"),
-        ("[1, 1], [2, 1], [2, 2.5]", "[1, 1], [2, 1]", "storey 0: openings is .*three points or more"),
-        ("[0.5, -1]", "[0.5]", "storey 1: offset is .*expected an x and a y"),
+        ("[1, 1], [2, 1], [2, 2.5]", "[1, 1], [2, 1]", "storey 0: openings has .*three points or more"),
+        ("[0.5, -1]", "[0.5]", "storeys\\[1\\].offset is .*expected a list of 2 values"),
         ("plan: flat", "plan: flet", "Did you mean 'flat'"),
-        ("plan: flat", "plans: flat", "storey 1 is .*and a plan"),
-        ("storeys:", "storeys: 3\nother:", "expected name, storeys"),
-        ("storeys:", "floors:", "'storeys' is missing"),
+        ("plan: flat", "plans: flat", "a key of storeys\\[1\\] is 'plans'. Did you mean 'plan'"),
+        ("storeys:", "storeys: 3\nother:", "Known: storeys, name"),
+        ("storeys:", "floors:", "a key is 'floors'. Known: storeys, name"),
     ],
 )
 def test_senseless_values_are_told_with_file_and_fix(tmp_path, old, new, told):
