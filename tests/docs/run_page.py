@@ -92,6 +92,6 @@ def _run(line: str, short: bool) -> str:
 
 
 def _lines(text: str) -> list[str]:
-    """Lines without bars of progress, numbers as one sign."""
-    kept = [line for line in text.splitlines() if not re.search("[━╸╺]", line)]
-    return [_NUMBER.sub("#", " ".join(line.split())) for line in kept if line.strip()]
+    """Lines without bars of progress and without what is to be installed here, numbers as one sign."""
+    kept = [line for line in text.splitlines() if line.strip() and not re.search("[━╸╺]", line)]
+    return [_NUMBER.sub("#", re.sub(r"pip install \w+; ", "", " ".join(line.split()))) for line in kept]
