@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, make_dataclass, replace
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any
 
 import tyro
 from tyro.conf import OmitArgPrefixes, Suppress
@@ -80,27 +80,20 @@ def started(command: Callable[..., None], words: Sequence[str]) -> Callable[...,
 
 def _without_groups(config: Any, groups: list[tuple[str, Any, Any]]) -> tuple[Any, Any]:
     """A configuration whose groups of options are hidden, and its type; appends a line for each group to `groups`."""
-    hints = get_type_hints(type(config), include_extras=True)
-    changed: dict[str, tuple[Any, Any]] = {}
-    for one in fields(config):
-        value = getattr(config, one.name)
-        if one.name == "simulator":
-            value, kind = _without_groups(value, groups)
-            changed[one.name] = value, Annotated[kind, tyro.conf.arg(name="")]
-        elif is_dataclass(value):
-            changed[one.name] = value, Annotated[hints[one.name], Suppress]
-            about = (value.__doc__ or "").splitlines()[0]
-            option = tyro.conf.arg(
-                name=f"{one.name}.*",
-                metavar="...",
-                help=about,
-                help_behavior_hint=f"({counted(_count(value), 'option')})",
-            )
-            groups.append((one.name, Annotated[str, option], ""))
-    new = [(name, kind, value) for name, (value, kind) in changed.items()]
-    brief = make_dataclass(type(config).__name__, new, bases=(type(config),), frozen=True, kw_only=True)
     values = {one.name: getattr(config, one.name) for one in fields(config)}
-    return brief(**(values | {name: value for name, (value, _) in changed.items()})), brief
+    kinds: dict[str, Any] = {}
+    for name, value in values.items():
+        if name == "simulator":
+            values[name], kind = _without_groups(value, groups)
+            kinds[name] = Annotated[kind, tyro.conf.arg(name="")]
+        elif is_dataclass(value):
+            kinds[name] = Annotated[type(value), Suppress]
+            about, hint = (value.__doc__ or "").splitlines()[0], f"({counted(_count(value), 'option')})"
+            option = tyro.conf.arg(name=f"{name}.*", metavar="...", help=about, help_behavior_hint=hint)
+            groups.append((name, Annotated[str, option], ""))
+    hidden = [(name, kind, values[name]) for name, kind in kinds.items()]
+    brief = make_dataclass(type(config).__name__, hidden, bases=(type(config),), frozen=True, kw_only=True)
+    return brief(**values), brief
 
 
 def _count(config: Any) -> int:

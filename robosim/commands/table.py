@@ -61,8 +61,6 @@ GROUPS = {
     "figures": "Draw figures",
     "train": "Train what is learnt",
 }
-
-
 #: Words that ask for the help of a command, and for all options in it.
 HELP, HELP_ALL = {"-h", "--help"}, "--help-all"
 
@@ -135,13 +133,7 @@ def listed(group: str = "") -> dict[str, Callable[..., None]]:
 def declared(
     call: Callable[..., None], command: Callable[..., None], changes: Mapping[str, Mapping[str, Any]]
 ) -> Callable[..., None]:
-    """A function that calls in a command's place, with its name and help.
-
-    Args:
-        call: The function.
-        command: The command.
-        changes: What its parameters have of their own, default or annotation, by name; new ones come last.
-    """
+    """A function that calls in a command's place, with its help; `changes` are defaults and annotations of its own."""
     parameters = dict(inspect.signature(command).parameters)
     for name, change in changes.items():
         one = parameters.get(name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY))

@@ -38,8 +38,8 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
     shortest = f" (shortest {log.task.shortest_m:.1f} m)" if log.seeks_target else ""
     axes.set_title(
         f"{building.plan.name}: {log.ended} after {counted(log.steps, 'step')}, {result['path_length_m']:.1f} m"
-        f"{shortest}, {100 * result['coverage']:.0f} % seen, "
-        f"pose error {100 * result['position_error_rms_m']:.0f} cm RMS",
+        f"{shortest}, {100 * result['coverage']:.0f} % seen, pose error "
+        f"{100 * result['position_error_rms_m']:.0f} cm RMS",
         fontsize=9,
         parse_math=False,  # names may have dollars in them
     )
@@ -61,11 +61,11 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
     shade[[part + 1 for part in order]] = [min(place, len(named)) for place in range(len(order))]
     ny, nx = places.parts.shape
     corner = places.plan.to_map(np.stack(np.meshgrid(np.arange(nx + 1.0), np.arange(ny + 1.0)), axis=-1))
+    colours = ListedColormap([*_PARTS[: len(named)], _OTHERS])
     axes.pcolormesh(
-        corner[..., 0],
-        corner[..., 1],
+        *np.moveaxis(corner, -1, 0),
         shade[places.parts],
-        cmap=ListedColormap([*_PARTS[: len(named)], _OTHERS]),
+        cmap=colours,
         vmin=0,
         vmax=len(named),
         rasterized=True,

@@ -72,9 +72,9 @@ def weighted(
     """
     found = {}
     for term, weight in weights.items():
-        if not callable(weight):
+        if callable(weight):
+            found[term] = float(weight(observation, info))
+            check_number(f"reward term {term}", found[term], -1e6, 1e6)
+        else:
             found[term] = float(weight * terms[term])
-            continue
-        found[term] = float(weight(observation, info))
-        check_number(f"reward term {term}", found[term], -1e6, 1e6)
     return found

@@ -31,14 +31,13 @@ def sb3_vec_env(
         plan: Where plans come from: see `robosim.environments.sources`.
         seed: Robot i has seed + i.
         max_episode_steps: Steps after which a search is truncated.
-        threads: Threads of PyTorch in this process; one is the fastest for networks this small, several times faster
-            than one per core on most machines. None leaves them as they are.
+        threads: Threads of PyTorch in this process; for networks this small one is several times faster than one per
+            core. None leaves them as they are.
         search: Other arguments of `TargetSearch`.
 
     Raises:
         ImportError: If Stable-Baselines3 is not installed.
-        ValueError: If a number is out of bounds, or an argument of the search is wrong.
-        MapError: If there is no such plan.
+        ValueError: If an argument is out of bounds; MapError if there is no such plan.
     """
     check_number("num_envs", num_envs, 1, 65536, "robots", whole=True)
     check_number("max_episode_steps", max_episode_steps, 1, 10**9, "steps", whole=True)

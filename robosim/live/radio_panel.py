@@ -192,10 +192,9 @@ class RadioPanel:
         self._unread.content = ""
         self._say("reading the plan ...", bad=False)
         plan, warned = plan_of(*file)
-        name, _, resolution_m = file
-        scale = f"{resolution_m:g} m per pixel (set it under 'Your own plan', and open {name} again), "
+        scale = f"{file[2]:g} m per pixel (set it under 'Your own plan', and open {file[0]} again), "
         model = LinkModel(plan, self._building, self._settings)
-        self.show_plan(model, scale if name.lower().endswith(SCALED) else "")
+        self.show_plan(model, scale if file[0].lower().endswith(SCALED) else "")
         self._say(warned)
         self._unread.content = self._said
 

@@ -4,7 +4,8 @@ A facet is all of a plane that has one material: triangles side by side, doubled
 share one image. What lies in one plane is decided in `wireless.geometry.tolerance`. Where sheets of several materials
 lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along
 lines: where triangle sides lie on each other, in whole or in part, the faces around each piece of line are sorted
-by angle, faces that the piece merely lies on included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
+by angle, faces that the piece merely lies on included. A gap of more than 180 degrees between them is the outside
+of a wedge. So neither cracks between vertices nor
 T-junctions nor walls that stand on a larger floor make edges that are none.
 
 Left out: triangles that cross each other between their sides.
