@@ -1,7 +1,7 @@
 """Triangles of a mesh file, whatever its format.
 
-Polygons of OBJ, OFF and PLY are cut into triangles by `robosim.plans.formats.polygons`. The rest is read by trimesh,
-which believes what a file declares. glTF can declare far more than it holds: accessors over the same
+Polygons of OBJ, OFF, PLY and STL are cut into triangles by `robosim.plans.formats.polygons`. The rest is read by
+trimesh, which believes what a file declares. glTF can declare far more than it holds: accessors over the same
 bytes again and again, or over none; nodes that repeat a mesh, in chains; buffers in other files of any kind. All of
 that is counted first. Numbers that no building has are refused.
 
@@ -23,7 +23,7 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.plans.floorplan import FARTHEST_M, MapError
-from robosim.plans.formats.polygons import read_obj, read_off, read_ply, triangulate
+from robosim.plans.formats.polygons import read_obj, read_off, read_ply, read_stl, triangulate
 from robosim.support.reading import read_bytes, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
@@ -37,8 +37,6 @@ _MOST_TRIANGLES = 1_000_000
 _MOST_PARTS, _MOST_ENTRIES, _MOST_DEEP = 10_000, 100_000, 100
 _BYTES_OF = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _NUMBERS_OF = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-#: Bytes of a binary STL file before its triangles, and of each.
-_STL_HEAD, _STL_TRIANGLE = 84, 50
 _DRACO = "KHR_draco_mesh_compression"
 #: Extensions that change nothing of the triangles, or that are read.
 _READ_EXTENSIONS = re.compile(
@@ -47,7 +45,7 @@ _READ_EXTENSIONS = re.compile(
 #: Values that stand for 1 in normalised integers, by type; mode of triangle fans.
 _LARGEST, _FAN = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}, 6
 #: Formats whose polygons are read here; the others have triangles only.
-_POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply}
+_POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
 
 
 def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles:
@@ -82,8 +80,6 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
 def _of_scene(content: bytes, path: Path) -> Triangles:
     """Triangles of a file that trimesh reads, its scene graph applied."""
     suffix, resolver = path.suffix.lower(), None
-    if suffix == ".stl":
-        _check_stl(content)
     if suffix in (".gltf", ".glb"):
         tree, lengths = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
         if _scale_normalised(tree):
@@ -122,15 +118,6 @@ class _Beside(Mapping[str, bytes]):
             )
         self._left -= len(content)
         return content
-
-
-def _check_stl(content: bytes) -> None:
-    """Refuse a binary file that was cut off, of which trimesh makes a text without triangles."""
-    if len(content) < _STL_HEAD or content[:5].lower() == b"solid":
-        return
-    (count,) = struct.unpack_from("<L", content, _STL_HEAD - 4)
-    if (held := (len(content) - _STL_HEAD) // _STL_TRIANGLE) < count:
-        raise ValueError(f"it says {count} triangles, but only {held} are in it: the file was cut off")
 
 
 def _json_of_glb(content: bytes) -> bytes:

@@ -1,4 +1,4 @@
-"""Polygons of OBJ, OFF and PLY files, and the triangles that they are made of.
+"""Polygons of OBJ, OFF, PLY and STL files, and the triangles that they are made of.
 
 A polygon may be concave, and may have more corners than its neighbours. Convex ones are fanned; others are cut into
 ears in the plane that Newell's normal fits best (M. Held, FIST, Algorithmica 30, 2001; by the library earcut), so that
@@ -34,6 +34,10 @@ class Polygons(NamedTuple):
 
 #: Prefixes of OFF by what stands behind a vertex; "4" and "n" have other dimensions.
 _OFF = re.compile(rb"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b")
+#: Bytes of a binary STL file before its triangles, and each of them; lines of vertices of one in text.
+_STL_HEAD = 84
+_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corner", "<f4", (3, 3)), ("attribute", "<u2")])
+_STL_VERTEX = re.compile(rb"(?:^|[\r\n])[ \t]*(vertex[ \t][^\r\n]*)", re.IGNORECASE)
 _PLY_KINDS = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
 _PLY_NAMES = (
     "char uchar short ushort int uint float double int8 uint8 int16 uint16 int32 uint32 float32 float64"
@@ -44,7 +48,7 @@ _PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": "
 _LONGEST_HEADER, _MOST_PROPERTIES = 100_000, 100
 #: Lines of an OBJ file that are vertices and faces, and what stands beside a vertex in a face or behind it all.
 _OBJ_SHAPES = re.compile(rb"^[ \t]*([vf][ \t][^\n]*)", re.MULTILINE)
-_OBJ_BESIDE = re.compile(rb"/[^\s]*|#[^\n]*")
+_OBJ_BESIDE, _OBJ_COMMENT = re.compile(rb"/[^\s]*"), re.compile(rb"#[^\n]*")
 _LONGEST_LINE = 20_000
 
 
@@ -54,7 +58,8 @@ def read_obj(content: bytes) -> Polygons:
     Raises:
         ValueError: In a few words, if numbers are damaged or faces name no vertex.
     """
-    text = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n").replace(b"\\\n", b" ")
+    text = content.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = _OBJ_COMMENT.sub(b"", text).replace(b"\\\n", b" ")  # a comment is not continued
     lines = _OBJ_SHAPES.findall(text)
     if max(map(len, lines), default=0) > _LONGEST_LINE:
         raise ValueError(f"a face has more corners than fit in {_LONGEST_LINE} bytes")
@@ -115,6 +120,25 @@ def read_ply(content: bytes) -> Polygons:
     if not lists:
         return Polygons(vertices, np.empty(0, np.int64), np.empty(0, np.int64))
     return _checked(vertices, *(part.astype(np.int64) for part in lists[0]))
+
+
+def read_stl(content: bytes) -> Polygons:
+    """Triangles of an STL file, text or binary; see `read_obj`. A binary one may have anything behind its triangles."""
+    held = (len(content) - _STL_HEAD) // _STL_TRIANGLE.itemsize
+    said = int.from_bytes(content[_STL_HEAD - 4 : _STL_HEAD], "little") if held >= 0 else -1
+    if content.lstrip()[:5].lower() == b"solid" and _STL_HEAD + said * _STL_TRIANGLE.itemsize != len(content):
+        vertices = _rows([line.split()[1:] for line in _STL_VERTEX.findall(content)])
+        if len(vertices) % 3:
+            raise ValueError(f"{len(vertices)} vertices are no whole triangles: the file was cut off")
+    elif said > held:
+        raise ValueError(
+            f"it says {max(said, 0)} triangles, but only {max(held, 0)} are in it: the file was cut off"
+        )
+    else:
+        vertices = (
+            np.frombuffer(content, _STL_TRIANGLE, said, _STL_HEAD)["corner"].reshape(-1, 3).astype(float)
+        )
+    return Polygons(vertices, np.arange(len(vertices)), np.full(len(vertices) // 3, 3))
 
 
 def _ply_header(text: str) -> tuple[str, list[tuple[str, int, list[tuple[str, str, str]]]]]:

@@ -318,3 +318,46 @@ def test_gltf_that_is_not_supported_is_named(tmp_path, tree, words):
     """Fans and instances came out as nothing and as one, compression as 'list index out of range'."""
     with pytest.raises(ValueError, match=words):
         load_triangles(json.dumps(tree).encode(), tmp_path / "a.gltf")
+
+
+def stl(binary=True, tail=b"", name="body", newline="\n", end=True):
+    """The body as STL."""
+    found = triangulate(
+        Polygons(np.array(VERTICES), np.concatenate(faces()), np.array(list(map(len, faces()))))
+    )
+    if binary:
+        rows = b"".join(struct.pack("<12fH", 0, 0, 0, *one.ravel(), 0) for one in found)
+        return name.encode().ljust(80) + struct.pack("<L", len(found)) + rows + tail
+    lines = [f"solid {name}"]
+    for one in found:
+        lines += [
+            "facet normal 0 0 0",
+            "outer loop",
+            *(f"  vertex {x} {y} {z}" for x, y, z in one),
+            "endloop",
+            "endfacet",
+        ]
+    return newline.join([*lines, *(["endsolid"] if end else [])]).encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        stl(),
+        stl(name="solid made by a program that begins so"),
+        stl(tail=b"colours of some program"),
+        stl(binary=False),
+        stl(binary=False, newline="\r\n"),
+        stl(binary=False, newline="\r"),
+        stl(binary=False, name="one vertex of many", end=False),
+        stl(binary=False).upper(),
+    ],
+)
+def test_dialects_of_stl(tmp_path, content):
+    """Ends of lines by CR alone lost the last digit of each coordinate in trimesh, a name with 'vertex' all."""
+    assert_is_the_body(content, tmp_path / "a.stl")
+
+
+def test_a_comment_of_obj_is_not_continued(tmp_path):
+    """A comment that ends in a backslash does not swallow the vertex in the next line."""
+    assert_is_the_body("# made on C:\\\n" + obj(), tmp_path / "a.obj")
