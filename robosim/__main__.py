@@ -17,7 +17,9 @@ def main() -> None:
         if not hasattr(robosim, "_MODULES"):  # another project's files have replaced this one's
             from robosim.support.installation import namesake
 
-            sys.exit(f"robosim: {namesake()}")
+            sys.exit(
+                f"robosim: {namesake() or 'another project replaced files of it. Install robosim-wireless again'}"
+            )
         from robosim.cli import main as command
 
         if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:

@@ -64,9 +64,8 @@ def namesake() -> str | None:
         return None
     from multiprocessing import parent_process
 
-    ours = any(
-        point.value == "robosim.__main__:main" for point in other.entry_points
-    )  # under its former name
+    # This program under its former name has the same command.
+    ours = any(point.value == "robosim.__main__:main" for point in other.entry_points)
     if ours or parent_process() is not None:
         return None
     found = f"robosim {other.version} is installed, another project"

@@ -187,3 +187,9 @@ def test_what_came_to_nothing_leaves_no_folder(command, words, plan_file, tmp_pa
         message = fails(*command.format(folder, folder, plan=plan_file).split(), *out)
         assert words.format(folder) in message
         assert sorted(path.name for path in tmp_path.rglob("*")) == ["damaged.yaml", "given"]
+
+
+def test_a_command_without_a_word_asks_for_what_is_missing(fails):
+    """`robosim episode` alone: the plan is required."""
+    message = fails("episode")
+    assert "Missing from robosim episode" in message and "Floor plan" in message
