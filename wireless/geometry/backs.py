@@ -44,7 +44,8 @@ class Backs:
         )
         centre = space.triangle[first].mean(axis=1)
         (front, on), (back, also) = (
-            self._sides.inside(centre + off * plane[:, :3], self._surface) for off in (_OFF_M + 2 * near_m, -_OFF_M - 2 * near_m)
+            self._sides.inside(centre + off * plane[:, :3], self._surface)
+            for off in (_OFF_M + 2 * near_m, -_OFF_M - 2 * near_m)
         )
         self._known &= (front != back) & ~on & ~also
         self._front = front

@@ -1,11 +1,11 @@
 """Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other
-share one image. What lies in one plane is decided in `wireless.geometry.tolerance`. Where sheets of several materials
-lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along lines: where triangle sides lie on each other, in whole or in part,
-the faces around each piece of line are sorted by angle, faces that the piece merely lies on included. A gap
-of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
-T-junctions nor walls that stand on a larger floor make edges that are none.
+share one image. What lies in one plane is decided in `wireless.geometry.tolerance`, and what is met where sheets of
+several materials lie on each other in `wireless.geometry.sheets`. Edges are found along lines: where triangle sides
+lie on each other, in whole or in part, the faces around each piece of line are sorted by angle, faces that the piece
+merely lies on included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks
+between vertices nor T-junctions nor walls that stand on a larger floor make edges that are none.
 
 Left out: triangles that cross each other between their sides.
 """

@@ -50,9 +50,7 @@ def uncovered(
             kept[own[hidden]] = False
             rest, which = shapely.get_parts(shapely.difference(flat[hidden], cover), return_index=True)
             wide = _is_wide(rest, tolerance_m)
-            cut, of = shapely.get_parts(
-                shapely.constrained_delaunay_triangles(rest[wide]), return_index=True
-            )
+            cut, of = shapely.get_parts(shapely.constrained_delaunay_triangles(rest[wide]), return_index=True)
             corners = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
             parts.append(base + corners @ axes)
             source.append(own[hidden][which[wide][of]])
