@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from wireless.geometry.facets import clusters, is_wide
-from wireless.geometry.tolerance import NEAR_M, fit_lines, is_exact, tolerance_of
+from wireless.geometry.tolerance import NEAR_M, exact_m, fit_lines, tolerance_of
 
 #: How far from vertical or level a face may lean, as the sine of the angle.
 LEAN = 1e-6
@@ -142,11 +142,12 @@ def walls_of(
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])
             wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
-    ends = np.array(walls)
+    ends, corners = np.array(walls), xy.reshape(-1, 2)
     if fitted is not None:
-        corners = xy.reshape(-1, 2)
-        ends = origin + _joined(ends - origin, corners, tolerance_of(_in_space(corners), snap_m))
-    return ends, np.array(wall_face)
+        ends = origin + corners[cKDTree(corners).query(ends - origin)[1]]
+    ends = _joined(ends, tolerance_of(_in_space(corners), snap_m), exact_m(triangles))
+    long = (ends[:, 0] != ends[:, 1]).any(axis=1)
+    return ends[long], np.array(wall_face)[long]
 
 
 def _is_turned(along: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
@@ -171,30 +172,37 @@ def _lines(
     """
     ends = _in_space(np.stack([start, start + way], axis=1))
     fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
-    if is_exact(fits, triangles):
+    if fits.off_m.max() <= exact_m(triangles):
         return None
     axis = fits.axis[:, :2] * np.where(_is_turned(fits.axis[:, :2]), -1, 1)[:, None]
     return fits.point[fits.group, :2], axis[fits.group]
 
 
 def _joined(
-    walls: Float[np.ndarray, "n 2 2"], corners: Float[np.ndarray, "m 2"], tolerance_m: float
+    walls: Float[np.ndarray, "n 2 2"], tolerance_m: float, least_m: float
 ) -> Float[np.ndarray, "n 2 2"]:
-    """Walls whose ends are at corners of the mesh again, and on the walls that they touch."""
-    ends = corners[cKDTree(corners).query(walls.reshape(-1, 2))[1]]
-    places, place = np.unique(ends, axis=0, return_inverse=True)
-    near = cKDTree(places).query_pairs(tolerance_m, output_type="ndarray")
-    links = coo_array((np.ones(len(near), bool), (near[:, 0], near[:, 1])), shape=(len(places), len(places)))
+    """Walls whose ends are where others end, or on others, if they were within the tolerance of that.
+
+    Nothing is moved by less than some least distance.
+    """
+    places, place = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+    i, j = cKDTree(places).query_pairs(tolerance_m, output_type="ndarray").T
+    far = np.linalg.norm(places[i] - places[j], axis=1) > least_m
+    links = coo_array((np.ones(far.sum(), bool), (i[far], j[far])), shape=(len(places), len(places)))
     part = connected_components(links, directed=False)[1]
     places = places[np.unique(part, return_index=True)[1]]
     wall = part[place.ravel()].reshape(-1, 2)
-    lines = shapely.STRtree(shapely.linestrings(places[wall]))
-    point, on = lines.query(shapely.points(places), predicate="dwithin", distance=tolerance_m)
-    inner = (wall[on] != point[:, None]).all(axis=1)
+    lines = shapely.linestrings(places[wall])
+    point, on = shapely.STRtree(lines).query(
+        shapely.points(places), predicate="dwithin", distance=tolerance_m
+    )
+    inner = (wall[on] != point[:, None]).all(axis=1) & (wall[on, 0] != wall[on, 1])
     point, on = point[inner], on[inner]
     start, way = places[wall[on, 0]], np.diff(places[wall[on]], axis=1)[:, 0]
-    share = np.einsum("ij,ij->i", places[point] - start, way) / np.einsum("ij,ij->i", way, way)
-    places[point] = start + share[:, None] * way
+    share = np.einsum("ij,ij->i", places[point] - start, way) / (way**2).sum(axis=1)
+    foot = start + share[:, None] * way
+    moved = np.linalg.norm(foot - places[point], axis=1) > least_m
+    places[point[moved]] = foot[moved]
     return places[wall]
 
 

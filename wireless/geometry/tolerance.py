@@ -79,9 +79,9 @@ def fit_lines(ends: Float[np.ndarray, "n 2 3"], tolerance_m: float) -> Fits:
     return _fits(ends, ends[:, 1] - ends[:, 0], tolerance_m)
 
 
-def is_exact(fits: Fits, vertex: Float[np.ndarray, "*n 3"]) -> bool:
-    """Whether all is in its plane or line but for what double precision rounds at the size of some coordinates."""
-    return bool(fits.off_m.max() <= NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
+def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
+    """What double precision rounds at the size of some coordinates, but at least `NEAR_M` [m]."""
+    return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
 def _fits(corner: Float[np.ndarray, "n k 3"], axis: Float[np.ndarray, "n 3"], tolerance_m: float) -> Fits:
