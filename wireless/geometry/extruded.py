@@ -13,10 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 import trimesh
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from wireless.geometry.facets import clusters, is_wide
-from wireless.geometry.tolerance import NEAR_M
+from wireless.geometry.tolerance import NEAR_M, exact_m, fit_lines, tolerance_of
 
 #: How far from vertical or level a face may lean, as the sine of the angle.
 LEAN = 1e-6
@@ -115,9 +118,12 @@ def walls_of(
     longest = np.argmax(np.linalg.norm(sides, axis=2), axis=1)
     along = sides[np.arange(len(xy)), longest]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
-    along *= np.where((along[:, 1] < -1e-9) | ((along[:, 1] < 1e-9) & (along[:, 0] < 0)), -1, 1)[:, None]
-    normal = np.column_stack([-along[:, 1], along[:, 0]])
+    along *= np.where(_is_turned(along), -1, 1)[:, None]
     place = xy[np.arange(len(xy)), longest]
+    fitted = _lines(place, sides[np.arange(len(xy)), longest], triangles, snap_m)
+    if fitted is not None:
+        place, along = fitted
+    normal = np.column_stack([-along[:, 1], along[:, 0]])
     group = clusters(np.arctan2(along[:, 1], along[:, 0]), 1e-7)
     group = clusters(np.einsum("ij,ij->i", normal, place), snap_m, group)
     group = clusters(material.astype(float), 0.5, group)
@@ -136,7 +142,68 @@ def walls_of(
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])
             wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
-    return np.array(walls), np.array(wall_face)
+    ends, corners = np.array(walls), xy.reshape(-1, 2)
+    if fitted is not None:
+        ends = origin + corners[cKDTree(corners).query(ends - origin)[1]]
+    ends = _joined(ends, tolerance_of(_in_space(corners), snap_m), exact_m(triangles))
+    long = (ends[:, 0] != ends[:, 1]).any(axis=1)
+    return ends[long], np.array(wall_face)[long]
+
+
+def _is_turned(along: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
+    """Which unit vectors point backwards, or straight to the left."""
+    return (along[:, 1] < -1e-9) | ((along[:, 1] < 1e-9) & (along[:, 0] < 0))
+
+
+def _in_space(points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
+    """Points of the plane at height 0."""
+    return np.concatenate([points, np.zeros((*points.shape[:-1], 1))], axis=-1)
+
+
+def _lines(
+    start: Float[np.ndarray, "n 2"],
+    way: Float[np.ndarray, "n 2"],
+    triangles: Float[np.ndarray, "n 3 3"],
+    snap_m: float,
+) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]] | None:
+    """A point and the direction of the line fitted to each of some segments and those in line with it.
+
+    None if they are in line exactly.
+    """
+    ends = _in_space(np.stack([start, start + way], axis=1))
+    fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
+    if fits.off_m.max() <= exact_m(triangles):
+        return None
+    axis = fits.axis[:, :2] * np.where(_is_turned(fits.axis[:, :2]), -1, 1)[:, None]
+    return fits.point[fits.group, :2], axis[fits.group]
+
+
+def _joined(
+    walls: Float[np.ndarray, "n 2 2"], tolerance_m: float, least_m: float
+) -> Float[np.ndarray, "n 2 2"]:
+    """Walls whose ends are where others end, or on others, if they were within the tolerance of that.
+
+    Nothing is moved by less than some least distance.
+    """
+    places, place = np.unique(walls.reshape(-1, 2), axis=0, return_inverse=True)
+    i, j = cKDTree(places).query_pairs(tolerance_m, output_type="ndarray").T
+    far = np.linalg.norm(places[i] - places[j], axis=1) > least_m
+    links = coo_array((np.ones(far.sum(), bool), (i[far], j[far])), shape=(len(places), len(places)))
+    part = connected_components(links, directed=False)[1]
+    places = places[np.unique(part, return_index=True)[1]]
+    wall = part[place.ravel()].reshape(-1, 2)
+    lines = shapely.linestrings(places[wall])
+    point, on = shapely.STRtree(lines).query(
+        shapely.points(places), predicate="dwithin", distance=tolerance_m
+    )
+    inner = (wall[on] != point[:, None]).all(axis=1) & (wall[on, 0] != wall[on, 1])
+    point, on = point[inner], on[inner]
+    start, way = places[wall[on, 0]], np.diff(places[wall[on]], axis=1)[:, 0]
+    share = np.einsum("ij,ij->i", places[point] - start, way) / (way**2).sum(axis=1)
+    foot = start + share[:, None] * way
+    moved = np.linalg.norm(foot - places[point], axis=1) > least_m
+    places[point[moved]] = foot[moved]
+    return places[wall]
 
 
 def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float) -> bool:

@@ -1,12 +1,11 @@
 """Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
 
 A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other
-share one image. What lies in one plane is decided in `wireless.geometry.tolerance`. Where sheets of several materials
-lie in one plane on top of each other, there is one surface, made of the first of them. Edges are found along
-lines: where triangle sides lie on each other, in whole or in part, the faces around each piece of line are sorted
-by angle, faces that the piece merely lies on included. A gap of more than 180 degrees between them is the outside
-of a wedge. So neither cracks between vertices nor
-T-junctions nor walls that stand on a larger floor make edges that are none.
+share one image. What lies in one plane is decided in `wireless.geometry.tolerance`, and what is met where sheets of
+several materials lie on each other in `wireless.geometry.sheets`. Edges are found along lines: where triangle sides
+lie on each other, in whole or in part, the faces around each piece of line are sorted by angle, faces that the piece
+merely lies on included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks
+between vertices nor T-junctions nor walls that stand on a larger floor make edges that are none.
 
 Left out: triangles that cross each other between their sides.
 """
@@ -28,6 +27,8 @@ FLAT_RAD = 1e-4
 LEVEL = 1e-6
 #: How closely unit vectors agree that are one.
 ALIKE = 1e-7
+#: Sides that lean off a line by less [rad] are along it: short ones do, whose ends were rounded.
+ALONG = 1e-3
 
 
 class _Pieces(NamedTuple):
@@ -249,7 +250,7 @@ def _edges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends, wedge vectors, open angles and facets of all edges; pieces in a row that agree become one."""
     n = len(pieces.ends)
-    start, holding = _holding(tree, pieces.ends.mean(axis=1), tolerance_m)
+    start, holding = _holding(tree, pieces.ends.mean(axis=1), pieces.along, tolerance_m)
     held = np.unique(np.column_stack([np.repeat(np.arange(n), np.diff(start)), facet[holding]]), axis=0)
     side = np.cross(pieces.along[held[:, 0]], facet_normal[held[:, 1]])
     size = np.linalg.norm(side, axis=1)
@@ -289,9 +290,9 @@ def _edges(
 
 @compiled
 def _holding(
-    tree: Tree, points: Float[np.ndarray, "n 3"], near_m: float
+    tree: Tree, points: Float[np.ndarray, "n 3"], along: Float[np.ndarray, "n 3"], near_m: float
 ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
-    """Triangles that points lie in, off their sides: where those of each point begin, and the triangles."""
+    """Triangles that points lie in, off sides along their lines: where those of each begin, and the triangles."""
     start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
     stack = np.empty(64, np.int64)
     for n in range(len(points)):
@@ -312,11 +313,14 @@ def _holding(
                 for i in range(3):
                     off += tree.normal[t, i] * p[i]
                 for k in range(3):
-                    into = 0.0
+                    into, across = near_m, 0.0
                     for i in range(3):
                         into += tree.inward[t, k, i] * (p[i] - tree.triangle[t, k, i])
+                        across += tree.inward[t, k, i] * along[n, i]
+                    if abs(across) < ALONG:
+                        into -= 2 * near_m
                     least = min(least, into)
-                if abs(off) >= near_m or least <= near_m:
+                if abs(off) >= near_m or least <= 0:
                     continue
                 if count == len(found):
                     found = np.concatenate((found, found))

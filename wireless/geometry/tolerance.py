@@ -22,7 +22,7 @@ from wireless.support.compiled import compiled
 
 #: What double precision cannot tell apart in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
-#: Tolerance of a mesh in steps of its coordinates: a corner is off by up to 0.87, planes of small triangles by more.
+#: Tolerance in steps of coordinates: rounding moves corners by up to 0.87, and planes of small triangles by more.
 _STEPS = 4
 #: Coarsest and finest step [m] that coordinates are looked at for, as powers of two: 32-bit numbers up to 32 km.
 _COARSEST, _FINEST = -9, -22
@@ -77,6 +77,11 @@ def fit_planes(triangle: Float[np.ndarray, "n 3 3"], tolerance_m: float) -> Fits
 def fit_lines(ends: Float[np.ndarray, "n 2 3"], tolerance_m: float) -> Fits:
     """Lines of segments, longest first; segments without length belong to none."""
     return _fits(ends, ends[:, 1] - ends[:, 0], tolerance_m)
+
+
+def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
+    """What double precision rounds at the size of some coordinates, but at least `NEAR_M` [m]."""
+    return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
 def _fits(corner: Float[np.ndarray, "n k 3"], axis: Float[np.ndarray, "n 3"], tolerance_m: float) -> Fits:
