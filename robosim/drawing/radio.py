@@ -28,7 +28,7 @@ from robosim.radio.receivers import ReceiverGrid
 from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
-from wireless.support.axes import ray_colours
+from wireless.support.ray_colours import ray_colours
 from wireless.support.counting import counted
 
 WALL = "0.25"
