@@ -26,10 +26,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from jaxtyping import Bool, Complex, Float, Int, UInt8
 
-from wireless.support.axes import axes_in_metres, ray_colours
+from wireless.support.axes import axes_in_metres
 from wireless.support.columns import FAR, check_within, lists, numbers, parquet_table
 from wireless.support.counting import counted
 from wireless.support.listing import MOST_ROWS, Listing
+from wireless.support.ray_colours import ray_colours
 from wireless.support.reading import reading
 
 if TYPE_CHECKING:

@@ -128,7 +128,17 @@ def read_config(path: Path) -> EpisodeConfig:
         config = settings.get("episode") if isinstance(settings, dict) else content.get("config")
         # An evaluation's settings hold digests of weights, too: see `robosim.evaluation.manifest`.
         given = {key: value for key, value in check_object(config).items() if not key.endswith(" content")}
+        _keep_passage(given)
         return from_dict(EpisodeConfig, given)
+
+
+def _keep_passage(values: dict[str, Any]) -> None:
+    """Files of 0.2 counted each face of a wall; they keep their meaning."""
+    found: Any = values
+    for key in ("simulator", "radio", "tracer"):
+        found = found.get(key) if isinstance(found, dict) else None
+    if isinstance(found, dict) and "max_transmissions" in found:
+        found.setdefault("wall_passage", "face")
 
 
 def words_of(config: EpisodeConfig) -> str:

@@ -28,8 +28,8 @@ from robosim.radio.receivers import ReceiverGrid
 from robosim.support.colours import FURNISHING, STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
-from wireless.support.axes import ray_colours
 from wireless.support.counting import counted
+from wireless.support.ray_colours import ray_colours
 
 WALL = "0.25"
 TX_COLOUR, RX_COLOUR = "#CC0000", "#009E73"

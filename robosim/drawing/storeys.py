@@ -14,8 +14,8 @@ from robosim.building.storeys import Storeys
 from robosim.drawing.radio import RX_COLOUR, TX_COLOUR, WALL, conditions
 from robosim.support.figures import save_figure
 from wireless.paths import Paths
-from wireless.support.axes import ray_colours
 from wireless.support.counting import counted
+from wireless.support.ray_colours import ray_colours
 
 #: Storeys are drawn so much farther apart than they are, as plans are wider than high.
 STRETCH = 2.0

@@ -13,7 +13,7 @@ from jaxtyping import Float, UInt8
 from robosim.recording.rerun_recording import RAY_COLOURS
 from robosim.support.colours import STATE_COLOURS, Colour, css
 from wireless.paths import LinkCategory
-from wireless.support.axes import RAY_MAP, RAY_SHARE
+from wireless.support.ray_colours import RAY_MAP, RAY_SHARE
 
 TX_COLOUR: Colour = (213, 94, 0)
 ROBOT_COLOUR: Colour = (0, 158, 115)

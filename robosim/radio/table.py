@@ -29,6 +29,7 @@ from robosim.building.building import Building
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
 from robosim.radio.receivers import regular_grid
 from robosim.robot.collision import wall_segments
+from robosim.support.checks import check_number
 from robosim.support.files import whole_file
 from robosim.support.reading import FileError, reading
 from wireless.paths import Interaction, Paths
@@ -38,6 +39,8 @@ from wireless.tracing.tracer import Tracer
 
 #: Usual distance of nodes [m]; the grid of the reference's tables.
 STEP_M = 0.15
+#: Distances that nodes may have [m].
+STEP_RANGE_M = 0.01, 100.0
 #: Paths whose sources are nearer than this are one [m].
 _SAME_SOURCE_M = 0.01
 #: Files are no larger [bytes].
@@ -156,7 +159,13 @@ class RadioTable:
             step = (table.schema.metadata or {}).get(b"step_m")
             if step is None:
                 raise FileError("its metadata lack step_m")
-            return cls(building=building, paths=Paths.from_table(table), step_m=float(step))
+            step_m = float(step)
+            check_number("step_m", step_m, *STEP_RANGE_M, "m between nodes")
+            paths, plan = Paths.from_table(table), building.plan
+            cell = plan.to_cells(paths.rx_position[:, :2])
+            if not ((cell >= 0) & (cell <= plan.shape[::-1])).all():
+                raise FileError("its nodes lie outside of the plan, expected a table of this building")
+            return cls(building=building, paths=paths, step_m=step_m)
 
     @cached_property
     def _last(self) -> dict[bytes, tuple[Int[np.ndarray, "4"], Float[np.ndarray, "4"]] | None]:

@@ -4,7 +4,6 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.colors import ListedColormap
 
 
 def axes_in_metres(axes: "Axes | None") -> "Axes":
@@ -16,16 +15,3 @@ def axes_in_metres(axes: "Axes | None") -> "Axes":
     axes.set_aspect("equal")
     axes.set(xlabel="x [m]", ylabel="y [m]")
     return axes
-
-
-#: Map of colours for the power of rays, and the part of it that is used: its brightest end hardly shows on white.
-RAY_MAP, RAY_SHARE = "plasma", (0.0, 0.85)
-
-
-def ray_colours() -> "ListedColormap":
-    """Colours of the power of rays, the brighter the stronger."""
-    import matplotlib
-    import numpy as np
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(matplotlib.colormaps[RAY_MAP](np.linspace(*RAY_SHARE, 256)))

@@ -140,7 +140,13 @@ def test_the_legend_has_the_colours_of_what_is_drawn():
     image = picture.draw(_snapshot(arrivals=heard, true_state=LinkState.LOS, coverage=0.1))
     names = [entry.text for entry in picture._entries(_snapshot(arrivals=heard))]
     assert len(names) <= (image.shape[0] - 8) // LINE_PX, "every entry fits"
-    for colour in (WALL_BLUE, TRUE_GREEN, ESTIMATE_ORANGE, PATH_PURPLE, *STATE_COLOURS.values()):
+    for colour in (
+        WALL_BLUE,
+        TRUE_GREEN,
+        ESTIMATE_ORANGE,
+        PATH_PURPLE,
+        *(STATE_COLOURS[state] for state in LinkState),
+    ):
         assert _pixels(image[:, -LEGEND:], colour) > 10
 
 

@@ -1,6 +1,9 @@
 """Tables of radio paths: exact where paths are images, near the tracer elsewhere, the same from a file."""
 
+from dataclasses import replace
+
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from scipy.constants import speed_of_light
 
@@ -180,3 +183,21 @@ def test_what_is_believed_of_a_link_is_what_its_nodes_say(rooms):
     probability = link.believed(CLASSIFIER.make("generated"))
     assert probability.sum() == pytest.approx(1.0)
     assert probability.argmax() == 1
+
+
+@pytest.mark.parametrize("step", ["nan", "-1.0", "1e-9", "1e9", "x"])
+def test_the_step_of_a_file_is_checked(rooms, tmp_path, step):
+    """A step of 1e-9 m asked for an index of 1e18 places."""
+    table = RadioTable.trace(rooms, Tracer(rooms, frequency_hz=28e9), TX, 0.5).paths.to_table()
+    table = table.replace_schema_metadata({**(table.schema.metadata or {}), "step_m": step})
+    pq.write_table(table, tmp_path / "table.parquet")
+    with pytest.raises(FileError, match=r"table\.parquet"):
+        RadioTable.read(tmp_path / "table.parquet", rooms)
+
+
+def test_a_table_of_another_building_is_rejected(rooms, tmp_path):
+    table = RadioTable.trace(rooms, Tracer(rooms, frequency_hz=28e9), TX, 0.5)
+    far = replace(table.paths, rx_position=table.paths.rx_position + 1000.0)
+    replace(table, paths=far).write(tmp_path / "table.parquet")
+    with pytest.raises(FileError, match="outside of the plan"):
+        RadioTable.read(tmp_path / "table.parquet", rooms)
