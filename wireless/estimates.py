@@ -53,7 +53,7 @@ class PathEstimates:
     def _summary(self) -> str:
         """How many paths of what."""
         without = (self.count == 0).sum()
-        paths = counted(self.count.sum(), "estimated path")
+        paths = counted(int(self.count.sum()), "estimated path")
         return f"{paths} of {counted(len(self), 'link')}, {without} of them without any"
 
     def _listing(self) -> Listing:

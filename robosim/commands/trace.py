@@ -107,7 +107,8 @@ def trace(
         )
     tell(result, folder)
     timing, states = result["timing"], result["states"]
-    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in states.items() if n)
+    shown = {name: n for name, n in states.items() if n or name != "obstructed_los"}
+    shares = ", ".join(f"{name} {100 * n / result['links']:.1f} %" for name, n in shown.items())
     told = f": {shares}; {timing['traced']} traced in {timing['seconds']:.1f} s ({timing['links_per_s']:.0f} links/s)"
     console.print(Text.assemble((counted(result["links"], "link"), "bold"), told))
     drawn = ", *.png" if plots else ""
