@@ -286,7 +286,7 @@ def _bend(
     count: Int[np.ndarray, " r"],
 ) -> None:
     """Enter all ways over an edge into the lists of their links."""
-    keep, orders, plane, near_m = rank.shape[1], setting.edge_reflections, room.plane, space.surfaces.near_m
+    keep, orders, plane, touch_m = rank.shape[1], setting.edge_reflections, room.plane, space.surfaces.near_m
     occluding = setting.max_through == 0
     side = setting.side_reflections
     near, n_near = all_views(space, tx, side, occluding)
@@ -305,7 +305,7 @@ def _bend(
                     continue
                 gap = space.surfaces.edge_gap_rad[edge]
                 far_z, far_m, phi = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, edge, image)
-                if far_m < NOWHERE_M or not is_open(gap, far_m, phi, near_m):
+                if far_m < NOWHERE_M or not is_open(gap, far_m, phi, touch_m):
                     continue
                 end = 0.0
                 for i in range(3):
@@ -319,7 +319,7 @@ def _bend(
                     z = (near_z * far_m + far_z * near_m) / (near_m + far_m)
                     if before + after > orders:  # views come by order
                         break
-                    if z < -near_m or z > end + near_m:
+                    if z < -touch_m or z > end + touch_m:
                         continue
                     if count[r] == keep:
                         most_power = edge_bound(phi, sight[j, 2], gap, setting.wavenumber, near_m, far_m)

@@ -127,7 +127,8 @@ class TracerConfig:
     rays: int = 100_000
     """Rays that each transmitter shoots in a search by rays, 10 to 10,000,000; edges bend some more for each."""
     snap_m: float = 1e-6
-    """Ends of walls closer than this are one [m]."""
+    """Ends of walls closer than this are one, and corners closer than this to a plane lie in it [m]; farther where
+    coordinates were rounded to 32 bits (`wireless.geometry.tolerance`)."""
 
     def __post_init__(self) -> None:
         if self.scene not in ("auto", "plan", "storeys", "space"):
@@ -342,9 +343,11 @@ class Tracer:
     ) -> Paths:
         """Paths of all links between transmitters and receivers.
 
-        A point on a wall (within 1e-9 m) is on both sides of it, and has no reflection at it. A path shorter than the
-        wavelength over 2 pi (1.7 mm at 28 GHz), where there is no far field yet, is as strong as at that length: no
-        more arrives than was sent. A receiver where the transmitter is gets echoes only, as no direction leads there.
+        A point on a wall (within 1e-9 m, or what rounding moved its corners by) is on both sides of it, and has no
+        reflection at it. Where faces of several materials lie on each other, the first material is met. A path shorter
+        than the wavelength over 2 pi (1.7 mm at 28 GHz), where there is no far field yet, is as strong as at that
+        length: no more arrives than was sent. A receiver where the transmitter is gets echoes only, as no direction
+        leads there.
 
         Args:
             tx: Positions of transmitters [m].
