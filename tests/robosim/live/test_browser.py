@@ -128,22 +128,15 @@ def test_a_plan_is_dropped_in_and_a_bad_one_is_told(explored, window, tmp_path):
 
 
 def test_what_a_reader_warns_of_is_told_in_the_page(explored, window, tmp_path):
-    """Walls without a floor may stand or lie: which axis was taken to point up is told, with the file's name."""
-    sides = [
-        ((6, 0.1, 2.5), (3, 0)),
-        ((6, 0.1, 2.5), (3, 4)),
-        ((0.1, 4, 2.5), (0, 2)),
-        ((0.1, 4, 2.5), (6, 2)),
-    ]
-    boxes = [trimesh.creation.box(size).apply_translation([*at, 1.25]) for size, at in sides]
-    trimesh.util.concatenate(boxes).export(tmp_path / "walls.stl")
+    """A box with its faces outwards is read as a room inside out, which is a warning."""
+    trimesh.creation.box((4, 3, 2.5)).export(tmp_path / "box.stl")
     tab = window(explored.url)
     tab.get_by_text("Your own plan").click()
     with tab.expect_file_chooser() as chosen:
         tab.get_by_role("button", name="Open a picture, a mesh, .json or .npy").click()
-    chosen.value.set_files(tmp_path / "walls.stl")
-    tab.get_by_text("walls.stl: the y axis is taken to point up").last.wait_for()
-    assert explored.radio.model.plan.name == "walls"
+    chosen.value.set_files(tmp_path / "box.stl")
+    tab.get_by_text("inside out; its surface is turned over").last.wait_for()
+    assert explored.radio.model.plan.name == "box"
 
 
 def test_a_search_runs_in_the_page_though_a_window_is_closed(explored, quick, window):
