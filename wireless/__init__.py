@@ -59,7 +59,7 @@ _MODULES = {
     "Paths": "paths",
     "LinkState": "paths",
     "Interaction": "paths",
-    "SceneError": "tracing.tracer",
+    "SceneError": "tracing.mesh_check",
     "MATERIALS": "em.materials",
     "Layer": "em.materials",
     "Material": "em.materials",
@@ -121,8 +121,8 @@ if TYPE_CHECKING:
     from wireless.sounding.sounder import Sounder as Sounder
     from wireless.sounding.sounder import SoundingConfig as SoundingConfig
     from wireless.support.reading import DataError as DataError
+    from wireless.tracing.mesh_check import SceneError as SceneError
     from wireless.tracing.tracer import Scene as Scene
-    from wireless.tracing.tracer import SceneError as SceneError
     from wireless.tracing.tracer import Tracer as Tracer
     from wireless.tracing.tracer import TracerConfig as TracerConfig
 

@@ -228,9 +228,9 @@ def _merged(corners: Float[np.ndarray, "n 2"], on_grid: list[int]) -> Float[np.n
         gap, i = heappop(short)
         if not kept[i] or gap != gaps[i]:
             continue
-        gone = i if on_grid[i] <= on_grid[before[i]] else before[i]
-        kept[gone], count = False, count - 1
-        left, right = before[gone], after[gone]
+        removed = i if on_grid[i] <= on_grid[before[i]] else before[i]
+        kept[removed], count = False, count - 1
+        left, right = before[removed], after[removed]
         after[left], before[right] = right, left
         gaps[right] = float(np.abs(corners[right] - corners[left]).max())
         if gaps[right] < _SHORT:
@@ -275,17 +275,17 @@ def _segments(
     # Each open stretch of the ring has a number.
     stretch, lows, highs = np.zeros(2 * n, np.int64), [0], [2 * n]
     while len(queue) > 0:
-        negative, way, i = heappop(queue)
+        negative, axis, i = heappop(queue)
         at = stretch[i]
         if at < 0:
             continue
-        length = _length(ends[way], bends[way], i, highs[at])
+        length = _length(ends[axis], bends[axis], i, highs[at])
         if length != -negative:  # another wall has taken its end since
             if length > 0:
-                heappush(queue, (-length, way, i))
+                heappush(queue, (-length, axis, i))
             continue
         end = i + length
-        spans[found, 0], spans[found, 1], spans[found, 2] = i, end, way
+        spans[found, 0], spans[found, 1], spans[found, 2] = i, end, axis
         found += 1
         stretch[i:end] = -1
         if found == 1:  # the rest of the ring goes from the end of the first one to its beginning
@@ -313,11 +313,11 @@ def _longest_first(
     """Priority queue of slanted walls from the edges [low, stop) on: negative length, axis, first edge."""
     queue = [(0, 0, 0)]
     queue.pop()
-    for way in range(2):
+    for axis in range(2):
         for i in range(low, stop):
-            length = _length(ends[way], bends[way], i, high)
+            length = _length(ends[axis], bends[axis], i, high)
             if length > 0:
-                queue.append((-length, way, i))
+                queue.append((-length, axis, i))
     heapify(queue)
     return queue
 

@@ -194,40 +194,42 @@ def share_walls(setting: Setting, m: int, scratch: Scratch) -> bool:
     meets, one of an odd number of faces has no opposite: all share the ratios of half as many walls, rounded up.
     Within a wall nothing is reflected or diffracted, as its ratios contain that.
     """
-    faces, whole, within, first, before = 0, 0, False, -1, 0
+    faces, first, within = 0, -1, False
     for j in range(m):
         scratch.share[j], scratch.listed[j] = 1.0, True
         if scratch.kind[j] != TRANSMISSION:
             within = within or faces % 2 == 1
-        elif not setting.half[scratch.primitive[j]]:
-            whole += 1
-        else:
+        elif setting.half[scratch.primitive[j]]:
             faces += 1
             if faces % 2 == 1:
                 first = j
-                continue
-            apart, other = 0.0, 0.0
-            for i in range(3):
-                step = scratch.point[j + 1, i] - scratch.point[first + 1, i]
-                apart += step * scratch.normal[first, i]
-                other += step * scratch.normal[j, i]
-            if min(abs(apart), abs(other)) <= THICKEST_WALL_M:
+            elif _thickness_m(scratch, first, j) <= THICKEST_WALL_M:
                 scratch.share[first], scratch.share[j], scratch.listed[j] = 0.5, 0.5, False
-            else:
-                before += 1
-    walls = whole + before + (faces + 1) // 2
     if faces % 2 == 1:
-        walls, odd = whole + (faces + 1) // 2, 0
+        number = 0
         for j in range(m):
             if scratch.kind[j] == TRANSMISSION and setting.half[scratch.primitive[j]]:
-                odd += 1
-                scratch.share[j], scratch.listed[j] = (faces + 1) / (2 * faces), odd % 2 == 1
+                number += 1
+                scratch.share[j], scratch.listed[j] = (faces + 1) / (2 * faces), number % 2 == 1
     elif within:
         return False
-    listed = 0
+    walls, listed = 0, 0
     for j in range(m):
-        listed += scratch.listed[j]
+        if scratch.listed[j]:
+            listed += 1
+            walls += scratch.kind[j] == TRANSMISSION
     return walls <= setting.max_walls and listed <= setting.max_interactions
+
+
+@compiled
+def _thickness_m(scratch: Scratch, i: int, j: int) -> float:
+    """How far apart the faces met at two interactions are, along the normal of either, whichever is less."""
+    one, other = 0.0, 0.0
+    for k in range(3):
+        step = scratch.point[j + 1, k] - scratch.point[i + 1, k]
+        one += step * scratch.normal[i, k]
+        other += step * scratch.normal[j, k]
+    return min(abs(one), abs(other))
 
 
 @compiled

@@ -31,6 +31,8 @@ from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
 from wireless.tracing.blocks import Rows
+from wireless.tracing.mesh_check import SceneError as SceneError
+from wireless.tracing.mesh_check import check_mesh
 from wireless.tracing.scattered import Scattering
 from wireless.tracing.scenes import PlanScene, SpaceScene
 from wireless.tracing.stack_scene import NoStackError, StackScene
@@ -56,10 +58,6 @@ NO_SPACE = (
 )
 #: Weights of theta to theta, phi to phi and the crossed gains in a path's power.
 POLARISATIONS = {"vertical": (1.0, 0.0, 0.0), "horizontal": (0.0, 1.0, 0.0), "both": (0.5, 0.5, 0.5)}
-
-
-class SceneError(ValueError):
-    """A mesh that cannot be traced."""
 
 
 @runtime_checkable
@@ -252,7 +250,7 @@ class Tracer:
                 )
             mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
         materials = ("drywall",) if materials is None else materials
-        _check_mesh(mesh, self.config.snap_m)
+        check_mesh(mesh, self.config.snap_m)
         n_faces = len(mesh.faces)
         of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
         if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
@@ -496,27 +494,3 @@ def _report_passage(frequency_hz: float) -> None:
         frequency_hz / 1e9,
         WALLS_PASSED,
     )
-
-
-def _check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
-    """Raise SceneError for a mesh that is none, or in no metres."""
-    vertex, face = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
-    if not len(face) or not np.isfinite(vertex).all():
-        raise SceneError(f"The mesh has {len(face)} faces and must have some, with finite vertices.")
-    wrong = np.flatnonzero(((face < 0) | (face >= len(vertex))).any(axis=1))
-    if len(wrong):
-        raise SceneError(
-            f"Face {wrong[0]} of the mesh has the vertices {face[wrong[0]].tolist()}, expected numbers from 0 to "
-            f"{len(vertex) - 1}, as there are {len(vertex)} vertices."
-        )
-    with np.errstate(over="ignore"):
-        span = np.ptp(vertex, axis=0).max()
-    if span >= REACH_M:
-        raise SceneError(f"The mesh is {span:g} m long, expected under {REACH_M:g} m. Is it in millimetres?")
-    side = np.diff(vertex[face[:, [0, 1, 2, 0]]], axis=1)
-    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
-    if not np.any(area > snap_m * np.linalg.norm(side, axis=2).max(axis=1)):
-        raise SceneError(
-            f"None of the {len(face)} triangles of the mesh is wider than {snap_m:g} m: it has no walls. "
-            "Is it in metres?"
-        )

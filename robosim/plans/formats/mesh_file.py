@@ -205,12 +205,8 @@ def _with_json(content: bytes, tree: dict[str, Any], suffix: str) -> bytes:
         return text
     rest = content[20 + struct.unpack_from("<L", content, 12)[0] :]
     text += b" " * (-len(text) % 4)
-    return (
-        struct.pack("<4s2L", b"glTF", 2, 20 + len(text) + len(rest))
-        + struct.pack("<L4s", len(text), b"JSON")
-        + text
-        + rest
-    )
+    head = struct.pack("<4s3L4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    return head + text + rest
 
 
 def _check_nodes(nodes: list[dict[str, Any]], meshes: list[dict[str, Any]]) -> None:

@@ -122,7 +122,8 @@ def _check_size(triangles: Triangles) -> None:
         MapError: If it is longer than any building, or taller than its storeys can be.
     """
     x, y, z = np.ptp(triangles.reshape(-1, 3), axis=0)
-    if max(x, y) > LARGEST_M or z > _TALLEST_M * max(1, len(find_storeys(triangles, *SLICE_M))):
+    tall = z > _TALLEST_M and z > _TALLEST_M * len(find_storeys(triangles, *SLICE_M))
+    if tall or max(x, y) > LARGEST_M:
         raise MapError(
             f"a building {x:.4g} m long, {y:.4g} m wide and {z:.4g} m high? Pass its unit of length: unit_m=0.001 "
             "(--unit 0.001) for mm, 0.0254 for inches, or 1 if it is in metres all the same."
@@ -203,15 +204,15 @@ def plan_from_triangles(
                 "no floor found: no level surface with free air above covers much of the mesh. If it "
                 f"has walls alone, pass the height that they stand at: ground_m={lowest:.2f} (--ground {lowest:.2f})."
             )
-        storey = choose_storey(storeys, floor_height_m)
-        triangles = _facing_up(triangles, storey.height_m)
+        height_m = choose_storey(storeys, floor_height_m).height_m
+        triangles = _facing_up(triangles, height_m)
     else:
-        storey = Storey(height_m=ground_m, area_m2=0.0, walls_m=0.0)
+        height_m = ground_m
         triangles = np.concatenate([triangles, _ground(triangles, ground_m)])
-    plan = _slice(triangles, storey.height_m, low, high, resolution_m)
+    plan = _slice(triangles, height_m, low, high, resolution_m)
     if not plan[0].any():
         raise MapError(
-            f"nothing is free between {low:g} and {high:g} m above the floor at {storey.height_m:.2f} m. "
+            f"nothing is free between {low:g} and {high:g} m above the floor at {height_m:.2f} m. "
             "Choose another slice or another floor height."
         )
     free, occupied, origin = plan

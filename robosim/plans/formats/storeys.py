@@ -75,7 +75,7 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         _within(np.append(0.0, np.cumsum(area)), heights, heights, _SPREAD_M)
         for area in (air, np.maximum(facing, 0), np.maximum(-facing, 0))
     )
-    middle = shapely.MultiPoint(triangles[:, :, :2].reshape(-1, 2)).convex_hull.area
+    whole = shapely.MultiPoint(triangles[:, :, :2].reshape(-1, 2)).convex_hull.area
     storeys: list[Storey] = []
     left = air > 0
     while left.any():
@@ -85,7 +85,7 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         near = np.abs(heights - heights[best]) <= _SPREAD_M
         left &= np.abs(heights - heights[best]) >= _STOREY_M
         own = shapely.MultiPoint(triangles[level[near], :, :2].reshape(-1, 2)).convex_hull.area
-        if around[best] < max(_LEAST_OF_OWN * own, _LEAST_OF_ALL * middle):
+        if around[best] < max(_LEAST_OF_OWN * own, _LEAST_OF_ALL * whole):
             continue
         height = _weighted_median(heights, air, heights[best])
         walls_m = walls.length_m(height + low_m, height + high_m)
