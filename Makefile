@@ -10,6 +10,7 @@
 #   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
 #   make docs      the documentation, in docs/_build/html; some three minutes the first time, as every example is run.
 #                  PyTorch is not needed
+#   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
 #   make linkcheck whether the pages that it links to are there; needs the network
 #   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
 #   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
@@ -27,7 +28,7 @@ INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test coverage docs linkcheck faults fuzz install python system system-all fresh clean
+.PHONY: demo test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
@@ -56,6 +57,9 @@ coverage: $(VENV)/.test-installed
 # A quarter of an hour; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.
 fuzz: $(VENV)/.test-installed
 	$(BIN)/python -m tests.fuzz.run $(FUZZ)
+
+bench: $(VENV)/.test-installed
+	$(BIN)/python -m tests.benchmarks $(BENCH)
 
 faults: $(VENV)/.test-installed
 	$(BIN)/pytest tests/faults -n 2 --long --moments $(MOMENTS) -p no:cacheprovider -rA

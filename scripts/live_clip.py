@@ -1,6 +1,6 @@
 """Records the clip of the README from the page itself: a transmitter dragged through a flat, and a search that arrives.
 
-    python scripts/live_clip.py --out assets/live.webp
+    python -m scripts.live_clip --out assets/live.webp
 
 Playwright drives Debian's Chromium over the real page of `robosim live`; each frame is a picture of the window, taken
 once all that was asked for is drawn, so that the clip does not depend on how fast this machine draws. Needs
@@ -21,13 +21,13 @@ from PIL import Image
 from playwright.sync_api import Page as Tab
 from playwright.sync_api import sync_playwright
 
-from robosim.bench.live import ALL_PIXELS, BROWSERS, SOFTWARE, pixel_of
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
 from robosim.live.link_model import LinkSettings
 from robosim.live.page import Page
 from robosim.plans.files import read_plan
 from robosim.support.files import whole_file
+from tests.benchmarks.live import ALL_PIXELS, BROWSERS, SOFTWARE, pixel_of
 
 PLAN, SEED, POLICY = "flat", 4, "fused"
 WIDTH, HEIGHT = 1040, 585

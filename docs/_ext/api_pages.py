@@ -7,7 +7,7 @@ from made_pages import write_pages
 from sphinx.application import Sphinx
 
 #: Rooms that are not for use from Python.
-_INNER = {"support", "commands", "bench", "figures", "rendering"}
+_INNER = {"support", "commands", "rendering"}
 _INNER_MODULES = {"robosim.cli", "robosim.__main__", "robosim.doctor", "robosim.remedies"}
 #: What each package is for, in the order in which they are listed.
 _PACKAGES = {

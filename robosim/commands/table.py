@@ -27,27 +27,6 @@ COMMANDS = {
     "calibrate-materials": "calibrate_materials:calibrate_materials",
     "slam": "slam:slam",
     "doctor": "machine:doctor",
-    "bench render": "bench:render",
-    "bench physics": "bench:physics",
-    "bench navigation": "bench_maps:navigation",
-    "bench exploration": "bench_maps:exploration",
-    "bench episode": "bench:episode",
-    "bench slam": "bench_maps:slam",
-    "bench belief": "bench:belief",
-    "bench endurance": "bench_maps:endurance",
-    "bench wireless": "bench_radio:wireless",
-    "bench storeys": "bench_radio:storeys",
-    "bench estimation": "bench_radio:estimation",
-    "bench labels": "bench_radio:labels",
-    "bench edges": "bench_radio:edges",
-    "bench scattering": "bench_radio:scattering",
-    "bench positioning": "bench_radio:positioning",
-    "bench live": "bench_live:live",
-    "bench environment": "bench:environment",
-    "figures plans": "figures:plans",
-    "figures arrays": "figures:arrays",
-    "figures wireless": "figures:wireless",
-    "figures search": "figures:search",
     "train link-state": "train:link_state",
     "train mapper": "train:mapper",
     "train pose": "train:pose",
@@ -57,8 +36,6 @@ COMMANDS = {
 }
 #: Commands of two words by their first.
 GROUPS = {
-    "bench": "Measure speed against error",
-    "figures": "Draw figures",
     "train": "Train what is learnt",
 }
 #: Words that ask for the help of a command, and for all options in it.

@@ -5,6 +5,5 @@
 - `sweep`: all of them on any number of workers, going on where a run was stopped;
 - `scores`: difficulty, arrival rates, relative arrival times, with their intervals;
 - `charts`, `report`: pictures and a page of them;
-- `search_figures`: the published figures of the search, from its episodes;
 - `evaluate`: the whole, behind `robosim evaluate`.
 """

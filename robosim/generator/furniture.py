@@ -2,7 +2,8 @@
 
 A piece is a handful of convex polygons in plan, drawn anew each time: sizes vary within what shops sell,
 chairs are not pushed back neatly. How many there are of each depends on the room's kind and size; the
-numbers were set so that furnished plans resemble scanned homes (`planstats`), not taken from a survey.
+numbers were set so that furnished plans resemble scanned homes (`python -m tests.benchmarks plans`), not taken
+from a survey.
 """
 
 from collections.abc import Callable

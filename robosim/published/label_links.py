@@ -33,7 +33,8 @@ from wireless.tracing.tracer import Tracer, TracerConfig
 #: thicknesses from 8 to 20 mm and gaps to 130 mm it fits best. It lets 8 dB more through than a layer of 0.1 m.
 PLASTERBOARD_M, GAP_M = 0.013, 0.089
 #: Faces of edges reflect at half the angle between the rays: of all laws tried on 2,000 lone diffractions the one that
-#: spreads least about the published strengths (`robosim bench edges`), though full-wave solutions say otherwise.
+#: spreads least about the published strengths (`python -m tests.benchmarks edges`), though full-wave solutions
+#: differ.
 #: An edge with two reflections, one before and one after, was found from the labels: where nothing else arrives at a
 #: fully traced receiver, 78 % of the links that have such a path are higher order, but 26 % and 41 % of those with both
 #: reflections after or before (nine buildings). With a wall passed besides it is 44 %: three interactions are the most.

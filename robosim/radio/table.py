@@ -6,7 +6,7 @@ diffracted comes from the mirror image of the last edge. So direction and length
 (method of images). What varies from node to node is interpolated in dB: the gain beyond spreading. A path is there if
 nodes that have it make up at least half of the bilinear weight; only nodes with nothing between them and the place
 count. So an error is left in gains, where they bend between two nodes, and along edges of shadows, which may be off by
-half a step. `robosim bench environment` measures both.
+half a step. `python -m tests.benchmarks environment` measures both.
 
 A table is kept as the Parquet file of its paths (`wireless.paths`), with the grid in its metadata.
 Left out: phases are those of a node, not of the place; measurements draw phases anew.

@@ -4,7 +4,7 @@ For learning, where a measurement and its estimation would take most of the time
 receiver can tell apart, in angle and in delay, are one; what is outside of the window of delays, or too weak beside the
 strongest, is not found; five are kept; directions, delays and strengths err by Gaussian noise, directions more where
 another path is beside. The numbers are those of the shipped receiver with `sage`, on 800 links in flat and office: it
-tells the same number of paths in 90 % of them; `robosim bench environment` compares the two.
+tells the same number of paths in 90 % of them; `python -m tests.benchmarks environment` compares the two.
 
 Left out: paths that are not there, and directions that are far off, as one in a hundred measured ones is.
 """

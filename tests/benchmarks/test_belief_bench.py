@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.bench.belief import RADII_M, calibration_error, judged, perfect_error, read_search, run
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.support.reading import FileError
+from tests.benchmarks.belief import RADII_M, calibration_error, judged, perfect_error, read_search, run
 
 
 def test_who_claims_what_happens_has_no_calibration_error():

@@ -1,13 +1,13 @@
-"""`robosim bench edges`: what it finds where the law is known, and what the published data tell."""
+"""`python -m tests.benchmarks edges`: what it finds where the law is known, and what the published data tell."""
 
 import numpy as np
 import pytest
 from scipy.constants import speed_of_light
 
-from robosim.bench import edges
-from robosim.published.edge_cases import STEP_DB, Cases, find_cases, offset_db
-from robosim.published.edge_laws import Wedges, laws, published_faces
 from robosim.published.label_links import GAP_M, PLASTERBOARD_M
+from tests.benchmarks import edges
+from tests.benchmarks.edge_cases import STEP_DB, Cases, find_cases, offset_db
+from tests.benchmarks.edge_laws import Wedges, laws, published_faces
 from wireless.em.fields import diffract
 from wireless.em.materials import wall_row
 from wireless.estimation.public import PublicReceiver

@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 from rich.console import Console
 
-from robosim.bench import episode
-from robosim.bench.episode import DEFAULT, compare, run, table, variations
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import write_ros
+from tests.benchmarks import episode
+from tests.benchmarks.episode import DEFAULT, compare, run, table, variations
 from tests.plans import two_rooms
 
 

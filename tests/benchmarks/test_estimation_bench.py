@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.bench import estimation
-from robosim.evaluation.arrivals import arrival_error_rad, trace_links
 from robosim.plans.floorplan import FloorPlan
+from tests.benchmarks import estimation
+from tests.benchmarks.arrivals import arrival_error_rad, trace_links
 from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates
 from wireless.sounding.sounder import Rays, Sounder

@@ -6,8 +6,16 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.bench import exploration
-from robosim.bench.exploration import DECISIONS, ExplorationSettings, area_under, gain_over, held, run, table
+from tests.benchmarks import exploration
+from tests.benchmarks.exploration import (
+    DECISIONS,
+    ExplorationSettings,
+    area_under,
+    gain_over,
+    held,
+    run,
+    table,
+)
 
 
 def test_the_area_under_a_ramp_that_ends_half_way_is_three_quarters():

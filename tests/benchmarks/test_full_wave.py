@@ -7,7 +7,7 @@ Ends 6 wavelengths from the edge, faces of 18 and more, three places of the sour
 import numpy as np
 import pytest
 
-from robosim.published.edge_laws import Faces, Wedges, laws
+from tests.benchmarks.edge_laws import Faces, Wedges, laws
 from tests.wireless.em.full_wave import diffracted, traced
 from wireless.em.fresnel import reflection
 

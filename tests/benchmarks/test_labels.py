@@ -1,4 +1,4 @@
-"""`robosim bench labels`: what it counts, against a building whose labels are known, and that it goes on."""
+"""`labels`: what it counts, against a building whose labels are known, and that it goes on."""
 
 import io
 import json
@@ -10,11 +10,11 @@ import shapely
 import trimesh
 from rich.console import Console
 
-from robosim.bench import labels
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.published import label_links
 from robosim.published.label_links import received_azimuth
 from robosim.published.label_walls import published_walls
+from tests.benchmarks import labels
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav import link_states, read_measurements
 from wireless.paths import LinkState

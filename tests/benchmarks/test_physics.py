@@ -2,8 +2,8 @@
 
 import json
 
-from robosim.bench import physics
 from robosim.building.building import make_building
+from tests.benchmarks import physics
 from tests.plans import room
 
 

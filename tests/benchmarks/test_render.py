@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.bench import race as race_module
-from robosim.bench import render
-from robosim.bench.peers import PEERS
-from robosim.bench.race import Heat, Result, race
-from robosim.bench.true_depth import DepthJudge
 from robosim.building.building import Building, make_building
 from robosim.camera.model import CameraConfig
 from robosim.camera.rendering.gl_binding import default_system
 from robosim.camera.rendering.gl_libraries import OpenGLError
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.floorplan import FloorPlan
+from tests.benchmarks import race as race_module
+from tests.benchmarks import render
+from tests.benchmarks.peers import PEERS
+from tests.benchmarks.race import Heat, Result, race
+from tests.benchmarks.true_depth import DepthJudge
 
 SMALL = {"sizes": (48,), "warm_up": 3, "turns": 3, "turn_s": 0.02, "n_poses": 2}
 

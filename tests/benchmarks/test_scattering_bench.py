@@ -1,4 +1,4 @@
-"""`robosim bench scattering` runs, and what rough walls of a measured hall would have to be is found again."""
+"""`scattering` runs, and what rough walls of a measured hall would have to be is found again."""
 
 import io
 import json
@@ -8,11 +8,11 @@ import numpy as np
 from rich.console import Console
 from scipy.constants import speed_of_light
 
-from robosim.bench import scattering
 from robosim.published.material_fit import tracer_of
 from robosim.published.measured_match import MatchConfig, trace_hall
 from robosim.published.measured_paths import MeasuredHall
 from robosim.published.scattering_fit import ROUGH, fit_scattering
+from tests.benchmarks import scattering
 from tests.plans import two_rooms
 from wireless.paths import Interaction
 

@@ -8,9 +8,9 @@ import pytest
 import shapely
 from rich.console import Console
 
-from robosim.bench import sight, space, wireless
 from robosim.building.building import make_building
 from robosim.plans.floorplan import FloorPlan
+from tests.benchmarks import sight, space, wireless
 
 
 @pytest.fixture(scope="module")

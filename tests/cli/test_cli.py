@@ -84,21 +84,11 @@ def test_a_mesh_in_another_unit_with_another_axis_up(tmp_path, capsys):
     [
         ("generate --count 0", "count is 0"),
         ("generate --seed -1", "seed is -1"),
-        ("figures plans flat --count 0", "count is 0"),
-        ("bench navigation flat --workers 0", "workers is 0"),
-        ("bench estimation flat --links 0", "links is 0"),
-        ("bench estimation flat --workers 0", "workers is 0"),
         ("episode flat --seed -1", "seed is -1"),
     ],
 )
 def test_senseless_numbers_are_named(command, word, tmp_path, fails):
     assert word in fails(*command.split(), "--out", tmp_path)
-
-
-def test_arrays_of_any_element_are_drawn(tmp_path, capsys):
-    main(f"figures arrays --element 3gpp --out {tmp_path}".split())
-    assert f"Wrote {tmp_path}/arrays.png" in capsys.readouterr().out.replace("\n", "")
-    assert (tmp_path / "arrays.png").read_bytes()[:4] == b"\x89PNG"
 
 
 def test_out_may_not_be_a_file(plan_file, fails):
@@ -120,22 +110,6 @@ def test_plans_are_generated(tmp_path, capsys):
     plans = [read_plan(path) for path in sorted(tmp_path.glob("*.yaml"))]
     assert len(plans) == 2
     assert "Wrote 2 plans" in capsys.readouterr().out
-
-
-def test_navigation_is_the_same_with_any_number_of_workers(plan_file, tmp_path, capsys):
-    """One and two workers write the same table but for the times."""
-    import json
-
-    kept, options = [], "--goals oracle --mapper classical --explorer gain"
-    for workers in (1, 2):
-        out = tmp_path / f"w{workers}"
-        main(f"bench navigation {plan_file} {options} --workers {workers} --out {out}".split())
-        episodes = json.loads((out / "navigation.json").read_text())["episodes"]
-        kept.append(
-            [{k: v for k, v in row.items() if k not in ("seconds", "decisions_per_s")} for row in episodes]
-        )
-    assert kept[0] == kept[1]
-    assert "1 of 1 arrived" in re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

@@ -74,10 +74,9 @@ def test_a_robot_counts_for_the_help(capsys):
     assert "(default: 0.18)" in help_of("episode --robot locobot --help-all", capsys)
 
 
-def test_figures_of_a_command_in_another_format(tmp_path, capsys):
-    told = answer(f"figures arrays --figures svg --out {tmp_path}", capsys)
-    assert told["files"] == ["arrays.png"]
-    assert {"arrays.png", "arrays.svg"} <= {path.name for path in tmp_path.iterdir()}
+def test_figures_of_a_command_in_another_format(plan_file, tmp_path, capsys):
+    answer(f"plan {plan_file} --figures svg --out {tmp_path}", capsys)
+    assert {"reach.png", "reach.svg"} <= {path.name for path in tmp_path.iterdir()}
     assert matplotlib.rcParams["savefig.format"] == "png"
 
 
@@ -158,14 +157,6 @@ def test_the_machine_as_json(works, monkeypatch, capsys):
     assert told["findings"][0]["detail"] == "draws on [red]OSMesa"
 
 
-@pytest.mark.usefixtures("in_process")
-def test_a_measurement_as_json(plan_file, tmp_path, capsys):
-    """The same as in the file that it writes."""
-    options = "--goals oracle --mapper classical --explorer nearest --workers 1"
-    told = answer(f"bench navigation {plan_file} {options} --out {tmp_path}", capsys)
-    assert {**json.loads((tmp_path / "navigation.json").read_text()), "out": str(tmp_path)} == told
-
-
 def test_an_episode_as_json(plan_file, tmp_path, capsys):
     """The same as in result.json."""
     options = "--goal oracle --physics kinematic --camera embree --image.height 32 --max-steps 3 --no-video"
@@ -239,8 +230,8 @@ def completion(tmp_path_factory) -> Path:
     ("typed", "offered"),
     [
         ("robosim ep", {"episode"}),
-        ("robosim bench w", {"wireless"}),
-        ("robosim bench wireless --re", {"--receivers"}),
+        ("robosim train link", {"link-state"}),
+        ("robosim train mapper --smo", {"--smoke"}),
         ("robosim episode flat --goal lo", {"los", "los-or-first"}),
     ],
 )

@@ -1,11 +1,10 @@
-"""`robosim collect`, `train mapper`, `train pose` and `bench slam`, each option at least once."""
+"""`robosim collect`, `train mapper` and `train pose`, each option at least once."""
 
 import json
 
 import pytest
 
 from robosim.cli import main
-from robosim.support.assets import shipped_network
 
 
 def test_from_frames_to_an_episode(tmp_path, capsys):
@@ -48,22 +47,3 @@ def test_train_pose(tmp_path, capsys):
     main(f"train pose --smoke --data {frames} --steps 2 --threads 1 --out {tmp_path / 'b'}".split())
     with pytest.raises(SystemExit):
         main(["train", "pose", "--out", str(tmp_path / "other")])
-
-
-def test_bench_slam(tmp_path, capsys):
-    """Each table is printed; another network stands in the table of speed under the name of its folder."""
-    weights = shipped_network("mapper")
-    options = (
-        "--mapper neural --steps 3 --seed 2 --noise 0.5 --depth-noise 0.5 --workers 1 --physics kinematic"
-    )
-    main(f"bench slam cottage {options} --sizes 64 --others {weights} --out {tmp_path}".split())
-    told = capsys.readouterr().out
-    for word in ("classical map", "scan matching", "seen after", "planner", "Speed against error"):
-        assert word in " ".join(told.split())
-    result = json.loads((tmp_path / "slam.json").read_text())
-    assert result["settings"]["steps"] == 3
-    assert [(row["mapper"], row["size"]) for row in result["speed"]] == [
-        ("classical", 64),
-        ("neural", 64),
-        ("weights", 128),
-    ]

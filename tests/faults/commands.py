@@ -77,28 +77,6 @@ COMMANDS = {
     "train steering": Command(
         "train steering --rounds 2 --homes 1 --held-out 1 --smoke --workers 2", workers=True
     ),
-    "bench navigation": Command(
-        "bench navigation {plan} --goals oracle --mapper classical --explorer gain --workers 2",
-        workers=True,
-    ),
-    "bench exploration": Command(
-        "bench exploration {plan} --explorers nearest --physics kinematic --mapper classical --workers 2",
-        workers=True,
-    ),
-    "bench slam": Command("bench slam {plan} --steps 6 --sizes 64 --workers 2", workers=True),
-    "bench belief": Command(
-        "bench belief {plan} --targets 2 --max-steps 4 --workers 2",
-        workers=True,
-        differ=("*.png", "searches/*.npz"),
-    ),
-    "bench labels": Command("bench labels {labels} {maps} --workers 2", workers=True, needs=(SHARED,)),
-    "bench episode": Command("bench episode {plan} --goal oracle --targets 1 --max-steps 3", goes_on=True),
-    "bench endurance": Command("bench endurance {plan} --mapper classical --steps 20", goes_on=False),
-    "bench render": Command("bench render --plan {plan} --sizes 32", goes_on=False),
-    "bench physics": Command("bench physics --plans {plan}", goes_on=False),
-    "bench wireless": Command("bench wireless {plan} --receivers 6 --workers 1", goes_on=False),
-    "bench scattering": Command("bench scattering {plan} --links 10", goes_on=False),
-    "bench estimation": Command("bench estimation {plan} --links 40 --workers 1", goes_on=False),
 }
 
 

@@ -75,7 +75,7 @@ TARGET, POLICIES = (5.0, 2.0), ("oracle", "snr", "los-or-first")
 def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
-        ros_maps, storeys, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements, training,
+        ros_maps, storeys, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots,
         furnishings,
     ):  # fmt: skip
@@ -327,22 +327,6 @@ def measurements(folder: Path) -> None:
         state = np.array([1, 0, 3], np.uint8)
         content = estimated_csv(_estimates(), _paths().rx_position, state, cell, (4, 6))
         write_whole(home / f"pair_Tx_{tx}_beam_search.csv", content)
-
-
-def training(folder: Path) -> None:
-    """A run of `robosim train link-state`: its result and a table of epochs."""
-    home = _into(folder, "training")
-    confusion = np.diag([4, 3, 2, 1]).tolist()
-    write_json(
-        home / "result.json",
-        {
-            "recipe": {"inputs": ["aoa", "aod", "snr"]},
-            "validation": {"fold0": {"confusion": confusion}, "mean_accuracy": 0.5},
-        },
-    )
-    (home / "jobs").mkdir()
-    rows = "".join(f"{e},{1 / e},{1 - 0.5 / e},{0.5 / e}\n" for e in range(1, 4))
-    (home / "jobs" / "fold0-0.csv").write_text(f"epoch,loss,accuracy,watched_loss\n{rows}")
 
 
 MAPPER_RECIPE = MapperRecipe(network=NetworkConfig(widths=(4, 8)), steps=4, batch=2, every=2)

@@ -7,12 +7,10 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-import matplotlib.pyplot as plt
 import numpy as np
 import torch
 from rich.console import Console
 
-from robosim.bench.belief import read_search
 from robosim.building.material_file import read_material
 from robosim.building.storeys import make_storeys
 from robosim.cli import main
@@ -22,7 +20,6 @@ from robosim.evaluation.episode_file import read_episode, read_head
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
-from robosim.figures.training import confusion_of, read_card, read_epochs
 from robosim.live.own_plan import MOST_BYTES, plan_of
 from robosim.live.results import read_recording, read_searches, recording_of
 from robosim.logs.files import read_log
@@ -50,6 +47,7 @@ from slam.control.controller import ControlConfig
 from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
+from tests.benchmarks.belief import read_search
 from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
@@ -195,12 +193,6 @@ def _paths(folder: Path, file: Path) -> None:
     paths.link_state(), paths.digits
 
 
-def _run(folder: Path, file: Path) -> None:
-    card = read_card(folder / "result.json")
-    confusion_of(card)
-    read_epochs(folder)
-
-
 def _mapper_checkpoint(folder: Path, file: Path) -> None:
     teach_mapper(Checkpoint(file))
 
@@ -245,11 +237,6 @@ def _evaluate_finished(folder: Path, file: Path) -> None:
     ):
         suite, out = str(folder / "suite.yaml"), str(folder)
         main(["evaluate", suite, "--policies", "snr", "los-or-first", "--workers", "1", "--out", out])
-
-
-def _search(folder: Path, file: Path) -> None:
-    with patch("robosim.evaluation.search_figures.save_figure", lambda figure, path: plt.close(figure)):
-        main(["figures", "search", str(folder), "--out", str(folder / "out")])
 
 
 def _train_mapper(folder: Path, file: Path) -> None:
@@ -372,7 +359,6 @@ TARGETS: dict[str, Target] = {
     "measurements": Target("measurements", "pair/*", lambda folder, file: read_links(folder), 2),
     "real measurements": Target("real-measurements", "*/*", lambda folder, file: read_links(folder), 0.5),
     "transmitters": Target("measurements", "pair/*_tx_pos.csv", lambda folder, file: read_tx_positions(file), 0.3),
-    "training run": Target("training", "**/*.*", _run),
     "checkpoint of a mapper": Target("checkpoints", "mapper.pt", _mapper_checkpoint, 0.7),
     "checkpoint of an explorer": Target("checkpoints", "explorer.pt", _explorer_checkpoint, 0.7),
     "checkpoint of a classifier": Target("checkpoints", "link-state.pt", _link_checkpoint, 0.7),
@@ -394,7 +380,6 @@ TARGETS: dict[str, Target] = {
     "robosim replay": Target("decisions", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
-    "robosim figures search": Target("evaluation", "**/*.*", _search, 0.4, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),
     "robosim train link-state": Target("dataset", "**/*.*", _train_link_state, 0.5, True),
     "robosim train link-state, published": Target("measurements", "pair/*", _train_link_state, 0.5, True),

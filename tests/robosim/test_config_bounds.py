@@ -13,15 +13,11 @@ import pytest
 import robosim
 import slam
 import wireless
-from robosim.bench.exploration import ExplorationSettings
-from robosim.bench.slam_plan import SlamSettings
-from robosim.bench.slam_speed import SpeedSettings
 from robosim.commands.radio import RadioOptions
 from robosim.commands.terminal import PlanOptions
 from robosim.datasets.link_units import LinkSetConfig
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import configured
-from robosim.figures.wireless import FiguresConfig
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator
 from robosim.plans.formats.mesh_slice import UpAxis
@@ -40,7 +36,6 @@ EXEMPT = {
 }
 #: What must be given to make one of them.
 NEEDED = {
-    "ExplorationSettings": {"mapper": "classical"},
     "GridFrame": {"origin_xy": (0.0, 0.0)},
     "Layer": {"thickness_m": 0.01, "relative_permittivity": 2.0},
     "Material": {"name": "wall", "layers": (Layer(thickness_m=0.01, material="wood"),)},
@@ -171,13 +166,6 @@ def test_every_number_of_a_configuration_has_bounds(kind, name, what):
         (partial(LinkSetConfig, tx="gbn"), "Did you mean 'gnb'?"),
         (partial(GeneratorConfig, style="hone"), "style is 'hone'. Did you mean 'home'?"),
         (partial(NoiseModel, variant="publshed"), "Did you mean 'published'?"),
-        (partial(FiguresConfig, classifier="pubic"), "classifier is 'pubic'. Did you mean 'public'?"),
-        (partial(ExplorationSettings, mapper="neural", physics="kinmatic"), "Did you mean 'kinematic'?"),
-        (partial(SlamSettings, mapper="nueral"), "Did you mean 'neural'?"),
-        (
-            partial(SpeedSettings, mappers=("no.safetensors",)),
-            "others is 'no.safetensors', but there is no such file",
-        ),
         (
             partial(ExplorerConfig, rating="clever"),
             "rating is 'clever'. Known: nearest, cheapest, gain, learned.",

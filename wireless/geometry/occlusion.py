@@ -8,7 +8,7 @@ for this, which is what loses short ways and leaks far from the origin.
 
 Embree answers 6 to 7 times as many segments per second (8 against 1.2 million a core), and is wrong on 1 in 4000
 to 6000 with ends moved by 0.1 mm, on 1 in 7 without, and on 1 in 7 in either case 10 km from the origin; the
-tree is on none (`robosim bench wireless`). Sight takes 1 to 18 % of the time of tracing in space, so that a
+tree is on none (`tests/benchmarks`). Sight takes 1 to 18 % of the time of tracing in space, so that a
 faster engine in front of it would save no more; views of floor plans decide 60 million pairs without asking.
 """
 

@@ -8,13 +8,13 @@ import shapely
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from robosim.bench.true_depth import DepthJudge, plain_depth
 from robosim.building.building import Building, make_building
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import RGBD, CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
+from tests.benchmarks.true_depth import DepthJudge, plain_depth
 
 ENGINES = ("pyrender", "embree")
 ROOM = (4.0, 3.0, 2.5)

@@ -16,16 +16,16 @@ from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
 from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
 from robosim.generator.layout import Layout, lay_out
-from robosim.generator.planstats import (
+from robosim.generator.rooms import find_rooms, largest_piece
+from robosim.plans.files import find_plans, read_plan
+from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
+from tests.benchmarks.plan_statistics import (
     PlanStatistics,
     compare_plans,
     ks_distance,
     perimeter_m,
     plan_statistics,
 )
-from robosim.generator.rooms import find_rooms, largest_piece
-from robosim.plans.files import find_plans, read_plan
-from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 
 NAVIGABLE = GeneratorConfig(navigable=True)
 EMPTY = GeneratorConfig(furniture=0)

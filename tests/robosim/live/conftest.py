@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from robosim.bench.live import ALL_PIXELS
 from robosim.building.building import BuildingConfig
 from robosim.camera.model import CameraConfig
 from robosim.episode import EpisodeConfig
@@ -21,6 +20,7 @@ from robosim.live.link_model import LinkSettings
 from robosim.plans.files import write_ros
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
+from tests.benchmarks.live import ALL_PIXELS
 from tests.plans import two_rooms
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

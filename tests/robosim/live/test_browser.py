@@ -9,13 +9,13 @@ import pytest
 import trimesh
 from PIL import Image
 
-from robosim.bench.live import pixel_of
 from robosim.building.building import BuildingConfig
 from robosim.live.client import COVERED
 from robosim.live.lean import TOLD
 from robosim.live.link_model import LinkSettings
 from robosim.live.results import read_searches
 from robosim.live.search_panel import BY_HAND_NAME
+from tests.benchmarks.live import pixel_of
 from tests.plans import room
 
 LONG_S = 300.0

@@ -1,1 +1,0 @@
-"""Measurements of speed against error, run by ``robosim bench``."""

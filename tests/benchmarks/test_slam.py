@@ -1,0 +1,146 @@
+"""The bench of mapping: its errors are those of evo, its scores those of the walks, and it goes on where it was."""
+
+import json
+
+import numpy as np
+import pytest
+from evo.core import metrics
+from evo.core.trajectory import PosePath3D
+from rich.console import Console
+
+from robosim.building.building import BuildingConfig, make_building
+from robosim.building.reach import reach
+from robosim.camera.model import CameraConfig
+from robosim.plans.files import read_plan
+from robosim.robot.odometry import NoiseModel
+from robosim.simulator import Simulator, SimulatorConfig
+from robosim.task.tasks import make_task
+from slam.actions import Action
+from slam.poses import compose
+from tests.benchmarks.pose_tracks import (
+    OpenCVOdometry,
+    RawOdometry,
+    Track,
+    UnbiasedOdometry,
+    trajectory_errors,
+)
+from tests.benchmarks.slam import run
+from tests.benchmarks.slam_plan import (
+    LEARNED,
+    LEFT_OUT,
+    MATCHED,
+    ODOMETRY,
+    OPENCV,
+    TELLERS,
+    UNBIASED,
+    SlamSettings,
+)
+from tests.benchmarks.slam_speed import SpeedSettings
+
+QUIET = Console(quiet=True)
+
+
+def _as_evo(poses: np.ndarray) -> PosePath3D:
+    half = poses[:, 2] / 2
+    zero = np.zeros(len(poses))
+    quaternions = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
+    return PosePath3D(np.column_stack([poses[:, :2], zero]), quaternions)
+
+
+def test_ate_and_rpe_are_those_of_evo():
+    """Two random walks of 60 poses that drift apart: ATE, RPE of displacements and of turns agree to 1e-9."""
+    rng = np.random.default_rng(0)
+    true, told = [np.zeros(3)], [np.zeros(3)]
+    for _ in range(60):
+        step = rng.normal([0.2, 0, 0], [0.1, 0.02, 0.3])
+        true.append(compose(true[-1], step))
+        told.append(compose(told[-1], step + rng.normal(0, [0.02, 0.02, 0.02])))
+    got = trajectory_errors(np.array(true), np.array(told))
+    pair = (_as_evo(np.array(true)), _as_evo(np.array(told)))
+    for metric, name in (
+        (metrics.APE(metrics.PoseRelation.translation_part), "ate_m"),
+        (metrics.RPE(metrics.PoseRelation.translation_part, 1, metrics.Unit.frames), "rpe_m"),
+        (metrics.RPE(metrics.PoseRelation.rotation_angle_deg, 1, metrics.Unit.frames), "rpe_deg"),
+    ):
+        metric.process_data(pair)
+        assert got[name] == pytest.approx(metric.get_statistic(metrics.StatisticsType.rmse), abs=1e-9)
+
+
+@pytest.fixture(scope="module")
+def drive():
+    """Frames of a robot that drives without noise, with the true poses."""
+    building = make_building(read_plan("flat"), config=BuildingConfig(tolerance_m=0))  # steps are seen well
+    places = reach(building, 0.1)
+    task = make_task(places, np.random.default_rng(3))
+    simulator = Simulator(building, SimulatorConfig(physics="kinematic", noise=NoiseModel(level=0.0)))
+    try:
+        frames = [(simulator.reset(task, np.random.default_rng(0)), None, task.start)]
+        for action in [Action.LEFT] * 12 + [Action.FORWARD] * 4 + [Action.RIGHT] * 8 + [Action.FORWARD] * 4:
+            frames.append((simulator.step(action)[0], action, simulator.pose))
+    finally:
+        simulator.close()
+    return frames
+
+
+def test_odometry_without_noise_is_the_truth(drive):
+    """28 actions: raw odometry ends at the true pose to 1e-9; taking a bias off that is not there errs by just that."""
+    true = np.array([pose for _, _, pose in drive])
+    raw, less = (
+        Track(source, true[0]) for source in (RawOdometry(), UnbiasedOdometry(NoiseModel(level=1.0)))
+    )
+    for view, action, _ in drive:
+        raw.update(view, action)
+        less.update(view, action)
+    np.testing.assert_allclose(np.array(raw.poses)[:, :2], true[:, :2], atol=1e-9)
+    step = trajectory_errors(true[:13], np.array(less.poses)[:13])["rpe_m"]
+    assert step == pytest.approx(np.hypot(*NoiseModel(level=1.0).sensor_bias(Action.LEFT)[:2]), rel=0.02)
+
+
+@pytest.mark.skipif(not OpenCVOdometry.available(), reason="this OpenCV has no RGB-D odometry")
+def test_opencv_sees_motion_in_pictures(drive):
+    """Without noise it follows 28 motions with 2 cm and 1 degree each, where it is not lost; axes the right way."""
+    true = np.array([pose for _, _, pose in drive])
+    source = OpenCVOdometry(CameraConfig(), NoiseModel(level=0.0))
+    track = Track(source, true[0])
+    for view, action, _ in drive:
+        track.update(view, action)
+    errors = trajectory_errors(true, np.array(track.poses))
+    assert errors["rpe_m"] < 0.02
+    assert errors["rpe_deg"] < 1.0
+    assert source.lost < 14
+
+
+def test_the_bench_scores_everything_and_goes_on(tmp_path):
+    """Eight decisions of a shipped plan, two sizes: scores of each teller and pose, pictures; then read from files."""
+    settings, speed = SlamSettings(steps=8), SpeedSettings(sizes=(64, 128), frames=8)
+    tables = run(["cottage"], settings, speed=speed, workers=1, out=tmp_path, console=QUIET)
+    assert len(tables.renderables) == 6
+    told = json.loads((tmp_path / "slam.json").read_text())
+    for teller in TELLERS:
+        assert 0 < told["maps"][teller]["iou_seen"] <= 1
+    always = {ODOMETRY, UNBIASED, LEARNED, MATCHED, *LEFT_OUT}
+    assert always <= set(told["poses"]) <= {*always, OPENCV}
+    assert told["poses"][MATCHED]["then_m"] < 0.05
+    assert 0 < told["walks"]["learned"]["seen_after_250"] <= 1
+    assert {(row["mapper"], row["size"]) for row in told["speed"]} == {
+        (mapper, size) for mapper in ("classical", "neural") for size in (64, 128)
+    }
+    for name in ("reliability", "coverage", "worst", "median", "best", "speed"):
+        assert (tmp_path / f"{name}.png").stat().st_size > 1000
+    kept = tmp_path / "plans" / "cottage.json"
+    changed = json.loads(kept.read_text())
+    changed["walks"]["learned"]["collisions"] = 77
+    kept.write_text(json.dumps(changed))
+    run(["cottage"], settings, speed=None, workers=1, out=tmp_path, console=QUIET)
+    assert json.loads((tmp_path / "slam.json").read_text())["walks"]["learned"]["collisions"] == 77
+
+
+def test_floors_are_turned_and_radios_heard(tmp_path):
+    """A hall as it is and askew, two transmitters: a row each, with the radio of one and of both beside the rest."""
+    settings = SlamSettings(steps=6, transmitters=2)
+    run(["ring"], settings, speed=None, workers=1, angles_deg=(0.0, 30.0), out=tmp_path, console=QUIET)
+    told = json.loads((tmp_path / "slam.json").read_text())
+    assert told["plans"] == ["ring", "ring@30"]
+    assert {"with radio, 1 transmitter", "with radio, 2 transmitters"} <= set(told["poses"])
+    for name in LEFT_OUT:
+        assert told["poses"][name]["worst_m"] >= told["poses"][name]["ate_m"] > 0
