@@ -349,7 +349,7 @@ def furnished(bare: Faces, furnishings: tuple[Furnishing, ...]) -> Furnished:
 def _check_place(bare: Building, one: Furnishing) -> None:
     """Raise MapError for a mesh that cannot be where it is to be placed."""
     low, high = one.bodies.vertices[:, 2].min(), one.bodies.vertices[:, 2].max()
-    at = f"{bare.plan.name}: {one.name} at ({one.at[0]:g}, {one.at[1]:g}) m"
+    at = f"{one.source or bare.plan.name}: {one.name} at ({one.at[0]:g}, {one.at[1]:g}) m"
     if low < -_THROUGH_M:
         raise MapError(
             f"{at} reaches {-low:.3g} m below the floor, expected z = 0 or more. Give it z_m: {-low:.4g}."

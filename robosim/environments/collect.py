@@ -1,10 +1,12 @@
-"""Searches as a data set to learn from: trajectories with all that is observed, in the format of Minari.
+"""Searches as a data set to learn from, in Minari's format: all observations, actions and rewards, in Arrow files.
 
-Minari is the data set format of Gymnasium's own foundation: what it opens has this environment's spaces, and gives the
-environment back from its id. (LeRobot's is made for cameras and joints of real arms.) Arrays are kept as they are, in
-Arrow files, one folder an episode. Episode i has seed + i, whatever was collected before; an interrupted run goes on.
+Episode i has seed + i, whatever was collected before; an interrupted run continues. `metadata.json` of a folder that
+exists is compared with what this command writes before Minari opens it, since Minari makes the environment that the
+file names where the file lacks spaces.
 """
 
+import os
+import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -19,12 +21,16 @@ from robosim.environments.target_search import TargetSearch
 from robosim.support.checks import SEED, STEPS, check_choice, check_numbers
 from robosim.support.installation import DISTRIBUTION, missing_extra, package_version
 from robosim.support.progress import tracked
+from robosim.support.reading import FileError, naming, one_line
 from robosim.support.run_folder import run_folder
+from robosim.support.text_in import read_json
 from slam.actions import PUBLISHED
 
 Driver = Literal["way", "random"]
 #: Folder of the data set within that of the run, as Minari names it.
 DATASET = "data"
+#: What it holds, and the remedy where it holds something else.
+_WHAT, _REMEDY = "searches of this command", "Choose another --out, or remove the folder to collect again."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,7 +42,7 @@ class CollectSearchesConfig:
     episodes: int = 100
     """Searches."""
     observe: tuple[Sense, ...] = ("depth", "odometry", "radio", "pose")
-    """What is kept of each step."""
+    """Senses whose values are stored at each step."""
     driver: Driver = "way"
     """way: follows the shortest drive on the true map. random: three of five actions forward."""
     stray: float = 0.1
@@ -77,6 +83,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
     """
     try:
         from minari.dataset.minari_storage import MinariStorage
+        from minari.serialization import serialize_space
     except ImportError as error:
         raise missing_extra("minari", "A data set of searches") from error
     # More searches of the same kind may be added.
@@ -90,23 +97,57 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
     )
     with run_folder(out, "collect-searches", settings) as folder:
         data = (folder / DATASET).absolute()  # Minari puts its folder before paths that are not
-        if (data / "metadata.json").is_file():
-            storage = MinariStorage.read(data)
+        metadata = data / "metadata.json"
+        if os.path.lexists(metadata):
+            spaces = {
+                "observation_space": serialize_space(env.observation_space),
+                "action_space": serialize_space(env.action_space),
+            }
+            _check_metadata(metadata, {"data_format": "arrow", "jpeg_encoding": False, **spaces})
+            with naming(metadata, _WHAT, _REMEDY):
+                storage = MinariStorage.read(data)
+                first = storage.total_episodes
         else:
-            storage = MinariStorage.new(
-                data,
-                observation_space=env.observation_space,
-                action_space=env.action_space,
-                env_spec=env.spec,
-                data_format="arrow",
-                jpeg_encoding=False,  # depth is a measurement, not a photograph
+            first, storage = (
+                0,
+                MinariStorage.new(
+                    data,
+                    observation_space=env.observation_space,
+                    action_space=env.action_space,
+                    env_spec=env.spec,
+                    data_format="arrow",
+                    jpeg_encoding=False,  # depth is a measurement, not a photograph
+                ),
             )
-            storage.update_metadata(_told(config))
-        with tracked(range(storage.total_episodes, config.episodes), "searches", console) as shown:
+            storage.update_metadata(_dataset_metadata(config))
+        with tracked(range(first, config.episodes), "searches", console) as shown:
             for number in shown:
+                shutil.rmtree(data / str(number), ignore_errors=True)  # of an interrupted run
                 storage.update_episodes([_episode(env, config, number)])
     env.close()
     return data
+
+
+def _check_metadata(path: Path, expected: dict[str, Any]) -> None:
+    """Compare what Minari acts on with what this command writes.
+
+    Raises:
+        FileError: For a file that says otherwise.
+    """
+    found = read_json(path, _WHAT, _REMEDY, keys=("total_episodes", "total_steps", *expected))
+    for key, value in expected.items():
+        if found[key] != value or type(found[key]) is not type(value):
+            raise FileError(
+                f"{path}: {key} is {one_line(repr(found[key]), 80)}, expected {one_line(repr(value), 80)}. {_REMEDY}"
+            )
+    there = len(list(path.parent.glob("[0-9]*/")))
+    for key, counts in (
+        ("total_steps", range(10**13)),
+        ("total_episodes", range(max(there - 1, 0), there + 1)),
+    ):
+        if type(found[key]) is not int or found[key] not in counts:
+            value = one_line(repr(found[key]), 80)
+            raise FileError(f"{path}: {key} is {value}, with {there} folders of searches. {_REMEDY}")
 
 
 def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number: int) -> Any:
@@ -154,8 +195,8 @@ def _driven(
     return int(way_action(search.place, info["pose"], info["target"]))
 
 
-def _told(config: CollectSearchesConfig) -> dict[str, Any]:
-    """What Minari wants to know of a data set."""
+def _dataset_metadata(config: CollectSearchesConfig) -> dict[str, Any]:
+    """Metadata of the data set besides its format and spaces."""
     return {
         "dataset_id": f"robosim/target-search/{config.driver}-v0",
         "minari_version": package_version("minari"),

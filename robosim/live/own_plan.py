@@ -1,4 +1,4 @@
-"""A floor plan or mesh that somebody has put onto the page: one file, which needs none beside it."""
+"""A floor plan or mesh that a user uploads to the page: one file that refers to no other."""
 
 import logging
 import tempfile
@@ -11,39 +11,41 @@ from pathlib import Path, PurePosixPath
 from robosim.plans.files import IMAGES, read_plan
 from robosim.plans.floorplan import FloorPlan, MapError
 
-#: Files that say all by themselves; a .yaml names another file, which is not here.
+#: Files that refer to no others; a .yaml names an image, which is not uploaded.
 MESHES, OTHERS = (".stl", ".obj", ".ply", ".glb", ".off"), (".npy", ".json")
 ENDINGS = (*IMAGES, *MESHES, *OTHERS)
-#: Those of them that do not say how large they are.
+#: Those of them without a scale.
 SCALED = (*IMAGES, ".npy")
-#: The largest that is taken [bytes]; what the page's connection carries at once.
+#: Largest file [bytes]: the page's connection carries so much at once.
 MOST_BYTES = 50_000_000
 
 
 def plan_of(name: str, content: bytes, resolution_m: float) -> tuple[FloorPlan, str]:
-    """The floor plan in a file's content, and what its reader warns of, such as the axis that it took to point up.
+    """The floor plan in a file's content, and its reader's warnings, such as an assumed up axis.
 
     Args:
-        name: What the file was called; its folder is left aside.
+        name: Name of the file; its folder is ignored.
         content: Its bytes.
         resolution_m: Metres per pixel, for images and arrays.
 
     Raises:
-        MapError: If it cannot be read; the message names the file and the fix.
+        MapError: If it has no printable name or cannot be read; the message names the file and the fix.
     """
-    plain = PurePosixPath(name.replace("\\", "/")).name
-    ending = PurePosixPath(plain).suffix.lower()
+    file = PurePosixPath(name.replace("\\", "/"))
+    plain, ending = file.name[:80], file.suffix.lower()
+    if not file.stem.strip(" .") or not file.name.isprintable():
+        raise MapError(f"the file's name is {plain!r}, expected printable text. Rename the file.")
     if ending not in ENDINGS:
         raise MapError(
-            f"{plain[:80]}: expected one file that says all by itself ({' '.join(ENDINGS)}). Give others on the "
+            f"{plain}: expected one file that refers to no other ({' '.join(ENDINGS)}). Give others on the "
             "command line: robosim live FILE."
         )
     if len(content) > MOST_BYTES:
         raise MapError(
-            f"{plain[:80]}: {len(content)} bytes, expected at most {MOST_BYTES}. Give it on the command line: "
+            f"{plain}: {len(content)} bytes, expected at most {MOST_BYTES}. Give it on the command line: "
             "robosim live FILE."
         )
-    # In a folder of its own, so that it can name no other file; under a name that we choose.
+    # In a folder of its own, under our own name, so that it can name no other file.
     with tempfile.TemporaryDirectory(prefix="robosim-live-") as folder:
         path = Path(folder) / f"plan{ending}"
         path.write_bytes(content)
@@ -51,25 +53,23 @@ def plan_of(name: str, content: bytes, resolution_m: float) -> tuple[FloorPlan, 
             with _warnings() as warnings:
                 plan = read_plan(path, resolution_m=resolution_m if ending in SCALED else None)
         except (ValueError, OSError) as error:
-            raise MapError(str(error).replace(str(path), plain[:80])) from None
-    return replace(plan, name=PurePosixPath(plain).stem[:80]), " ".join(warnings).replace(
-        str(path), plain[:80]
-    )
+            raise MapError(str(error).replace(str(path), plain)) from None
+    return replace(plan, name=file.stem[:80]), " ".join(warnings).replace(str(path), plain)
 
 
 @contextmanager
 def _warnings() -> Iterator[list[str]]:
-    """What readers of plans warn of in this thread meanwhile."""
-    told, thread = list[str](), threading.get_ident()
+    """Warnings of plan readers in this thread within the block."""
+    messages, thread = list[str](), threading.get_ident()
 
     class Listener(logging.Handler):
         def emit(self, record: logging.LogRecord) -> None:
             if record.thread == thread:
-                told.append(record.getMessage())
+                messages.append(record.getMessage())
 
     listener, readers = Listener(logging.WARNING), logging.getLogger("robosim.plans")
     readers.addHandler(listener)
     try:
-        yield told
+        yield messages
     finally:
         readers.removeHandler(listener)

@@ -1,9 +1,8 @@
-"""What is on disk of searches: the folder of one episode, or of an evaluation with many.
+"""Recorded searches: the folder of one episode, or of an evaluation with many.
 
-Only what lies in the folder that was given is read; no plan is needed, and nothing is simulated.
+Only files of the given folder are read; no plan is needed, and nothing is simulated.
 """
 
-import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,8 @@ from robosim.drawing.snapshot import Layer, Snapshot
 from robosim.evaluation.episode_file import Episode, read_episode, read_head
 from robosim.live.moments import Moment, Recording
 from robosim.recording.decision_log import DECISIONS, DecisionLog, read_decisions
+from robosim.support.reading import FileError, one_line
+from robosim.support.text_in import read_json
 from slam.grid import GridFrame
 from wireless.paths import LinkState
 
@@ -34,10 +35,10 @@ def is_evaluation(folder: Path) -> bool:
 
 
 def check_results(folder: Path) -> None:
-    """See that a folder holds something to look back on.
+    """Raise ValueError for a folder without a recorded search.
 
     Raises:
-        ValueError: If it does not.
+        ValueError: If it holds neither an episode nor an evaluation.
     """
     if not (is_episode(folder) or is_evaluation(folder)):
         raise ValueError(
@@ -68,23 +69,21 @@ def _moments(log: DecisionLog) -> Iterator[Moment]:
 
 
 def _result(folder: Path) -> Mapping[str, Any]:
-    """What stands in the episode's result; nothing if that is missing or damaged, for the log is enough."""
+    """The episode's `result.json`; empty if that is missing or damaged, since the log suffices."""
     try:
-        content = json.loads((Path(folder) / "result.json").read_bytes())
-    except (OSError, ValueError):
+        return read_json(Path(folder) / "result.json", "the result of an episode")
+    except FileError:
         return {}
-    return content if isinstance(content, dict) else {}
 
 
 def _title(folder: Path) -> str:
     result = _result(folder)
-    words = [str(result[name])[:40] for name in ("goal", "plan") if name in result]
+    words = [one_line(str(result[name]), 40) for name in ("goal", "plan") if name in result]
     return ", ".join(words) or Path(folder).resolve().name
 
 
 def _ended(folder: Path) -> str:
-    result = _result(folder)
-    return f"{result.get('ended', 'recorded')}"[:40]
+    return one_line(str(_result(folder).get("ended", "recorded")), 40)
 
 
 @dataclass(frozen=True, eq=False)

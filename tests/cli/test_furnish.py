@@ -47,4 +47,5 @@ def test_a_thing_in_a_wall_ends_a_command_with_one_sentence(tmp_path, capsys):
             ["plan", "cottage", "--furnishings", str(tmp_path / "room.yaml"), "--out", str(tmp_path / "plan")]
         )
     assert ended.value.code == 2
-    assert "table at (1, 1) m stands in a wall or outside of the building" in capsys.readouterr().err
+    expected = f"{tmp_path}/room.yaml: entry 1: table at (1, 1) m stands in a wall or outside of the building"
+    assert expected in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """Files that are read run no code: a module next to them, which would leave a mark, is neither imported nor called."""
 
 import json
+import shutil
 import sys
 
 import numpy as np
@@ -79,6 +80,48 @@ def test_no_file_runs_code(folder, fails, name, content, command):
     assert name in message
     assert not (folder / "sung").exists()
     assert "canary" not in sys.modules
+
+
+@pytest.fixture(scope="module")
+def collected(tmp_path_factory):
+    """A folder of one collected search, and the words that collect another into it."""
+    pytest.importorskip("minari")
+    folder = tmp_path_factory.mktemp("collected")
+    write_ros(two_rooms(0.8), folder / "pair.yaml")
+    words = ["collect-searches", "--plan", str(folder / "pair.yaml"), "--observe", "pose", "--targets", "1"]
+    words += ["--most-steps", "5", "--episodes"]
+    main([*words, "1", "--out", str(folder / "run")])
+    return folder / "run", [*words, "2"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"action_space": None}, "'action_space' is missing"),
+        ({"observation_space": "{}"}, "observation_space is '{}', expected '{"),
+        ({"data_format": "hdf5"}, "data_format is 'hdf5', expected 'arrow'"),
+        ({"jpeg_encoding": 0}, "jpeg_encoding is 0, expected False"),
+        ({"total_episodes": 10**9}, "total_episodes is 1000000000, with 1 folders of searches"),
+        ({"total_episodes": True}, "total_episodes is True"),
+        ({"total_steps": "5"}, "total_steps is '5'"),
+        ({"author": 5}, "not readable as searches"),
+    ],
+)
+def test_metadata_of_collected_searches_run_no_code(
+    collected, tmp_path, monkeypatch, fails, changes, message
+):
+    """Minari makes the environment that `env_spec` names if a space is missing; here that touches a file."""
+    source, words = collected
+    shutil.copytree(source, tmp_path / "run")
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "run" / "data" / "metadata.json"
+    values = json.loads(path.read_text())
+    spec = {**json.loads(values["env_spec"]), "entry_point": "os:system", "kwargs": {"command": "touch sung"}}
+    values = {**values, "env_spec": json.dumps(spec), **changes}
+    path.write_text(json.dumps({key: value for key, value in values.items() if value is not None}))
+    said = fails(*words, "--out", "run")
+    assert "metadata.json" in said and message in said and "Choose another --out" in said
+    assert not (tmp_path / "sung").exists()
 
 
 def test_code_of_a_suite_runs_where_it_is_allowed(folder, capsys):

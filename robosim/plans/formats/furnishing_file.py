@@ -18,7 +18,7 @@ Only `piece` or `mesh`, and `at`, are needed.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -36,7 +36,7 @@ from robosim.plans.furnishings.pieces import PIECES, make_piece
 from robosim.support.checks import check_choice, check_number
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import names_code, told
-from robosim.support.reading import FileError, reading
+from robosim.support.reading import FileError, reading, shown
 from robosim.support.text_in import check_object, parse_yaml
 
 Up = Literal["auto", "y", "z"]
@@ -85,7 +85,8 @@ def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
         found: list[Furnishing] = []
         for number, entry in enumerate(entries, 1):
             try:
-                found.append(_furnishing(check_object(entry, ("at",)), path.parent))
+                one = _furnishing(check_object(entry, ("at",)), path.parent)
+                found.append(replace(one, source=f"{shown(path)}: entry {number}"))
             except FileError:
                 raise
             except ValueError as error:
@@ -137,17 +138,16 @@ def furnishing_from_file(
         if origin == "middle":
             low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
             triangles = triangles - [*(low + high)[:2] / 2, low[2]]
-        said = {"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin}
-        return Furnishing(
-            mesh=_mesh_of(triangles),
-            at=at,
-            z_m=z_m,
-            yaw_rad=yaw_rad,
-            name=name or mesh.stem,
-            material=material,
-            colour=colour,
-            said=said,
-        )
+    return Furnishing(
+        mesh=_mesh_of(triangles),
+        at=at,
+        z_m=z_m,
+        yaw_rad=yaw_rad,
+        name=name or mesh.stem,
+        material=material,
+        colour=colour,
+        said={"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin},
+    )
 
 
 def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Path:

@@ -37,6 +37,8 @@ class Furnishing:
     """Its radio material."""
     colour: tuple[int, int, int] = (166, 124, 82)
     """Red, green and blue of it, 0 to 255."""
+    source: str = ""
+    """File and entry that place it, for messages; empty for one from memory."""
     said: Mapping[str, Any] = field(default_factory=dict)
     """What a file says in place of the mesh, such as {"piece": "table"}; empty for a mesh from memory."""
 

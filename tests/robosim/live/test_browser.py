@@ -353,7 +353,7 @@ def test_the_tab_is_named_after_the_plan_and_says_what_is_assumed(explored, quic
     later.get_by_text("Uploading undefined").first.wait_for(state="attached")
     assert later.get_by_text("Uploading undefined").filter(visible=True).count() == 0
     later.evaluate(DROP, ["notes.docx", list(b"hello")])
-    later.get_by_text("notes.docx: expected one file that says all by itself").first.wait_for()
+    later.get_by_text("notes.docx: expected one file that refers to no other").first.wait_for()
     press(later, "Search")
     later.get_by_text("What is searched").wait_for()
     assert later.get_by_text("notes.docx: expected one file").first.is_visible()

@@ -32,10 +32,13 @@ def test_a_mesh_is_a_plan():
 @pytest.mark.parametrize(
     ("name", "content", "words"),
     [
-        ("map.yaml", b"image: /etc/passwd", "map.yaml: expected one file that says all by itself"),
+        ("map.yaml", b"image: /etc/passwd", "map.yaml: expected one file that refers to no other"),
         ("../../plan", b"", "plan: expected one file"),
         ("damaged.png", b"no picture", "damaged.png"),
         ("damaged.stl", b"no mesh", "damaged.stl"),
+        ("two\nlines.png", b"", r"the file's name is 'two\nlines.png', expected printable text"),
+        ("", b"", "the file's name is '', expected printable text"),
+        ("folder/ .png", b"", "the file's name is ' .png'"),
         ("beside.gltf", b"{}", "beside.gltf: expected one file"),
     ],
 )

@@ -1,6 +1,7 @@
 """What is looked back on: the folder of an episode, and that of an evaluation."""
 
 import json
+import os
 import shutil
 
 import numpy as np
@@ -33,6 +34,20 @@ def test_the_result_beside_it_gives_the_title(recorded):
     recording = read_recording(recorded)
     assert recording.title == "explore, two rooms"
     assert recording.ended == json.loads((recorded / "result.json").read_text())["ended"]
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "damaged", "number"])
+def test_a_result_that_is_no_result_is_ignored(recorded, tmp_path, kind):
+    """The log suffices; a named pipe is not waited for, and a device without end is not read."""
+    shutil.copy(recorded / "decisions.npz", tmp_path)
+    result = tmp_path / "result.json"
+    if kind == "pipe":
+        os.mkfifo(result)
+    elif kind == "device":
+        result.symlink_to("/dev/zero")
+    else:
+        result.write_text({"damaged": '{"goal": ', "number": "3"}[kind])
+    assert read_recording(tmp_path).ended == "recorded"
 
 
 def test_a_damaged_log_is_one_line_with_its_name(recorded, tmp_path):

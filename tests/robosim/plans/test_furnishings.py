@@ -171,11 +171,20 @@ def test_plans_carry_what_is_placed_through_files(tmp_path):
         ("- {mesh: bad.stl, at: [1, 1]}", "bad.stl"),
         ("- {mesh: bad.stl, at: [1, 1], unit_m: 0}", "unit_m is 0, expected"),
         ("- {mesh: bad.stl, at: [1, 1], up: x}", "up is 'x'. Known: auto, y, z"),
+        (
+            "- {mesh: chair.stl, at: [1.0e+30, 1]}",
+            "things.yaml: not readable as a list of what is placed in a ",
+        ),
+        (
+            "- {mesh: chair.stl, at: [1.0e+30, 1]}",
+            "(entry 1: x of chair is 1e+30, expected -1e+07 to 1e+07 m",
+        ),
         ("- [1, 2]", "entry 1: a list, expected keys and values"),
     ],
 )
 def test_a_damaged_file_is_named_with_what_is_wrong(tmp_path, text, words):
     (tmp_path / "bad.stl").write_bytes(b"solid nothing\nendsolid\n")
+    make_piece("chair", at=(0.0, 0.0)).mesh.export(tmp_path / "chair.stl")
     (tmp_path / "things.yaml").write_text(text)
     with pytest.raises(FileError) as refused:
         read_furnishings(tmp_path / "things.yaml")
