@@ -1,47 +1,54 @@
-# Two commands are all the set-up there is, on a fresh Debian or Ubuntu machine:
+# Two commands set up a fresh Debian or Ubuntu machine:
 #
-#   make demo      a robot finds a transmitter in a building it does not know; a video, a map picture and the result are written
+#   make demo      a robot finds a transmitter in an unknown building; writes a video, a map picture and the result
 #   make test      all checks
 #
-# Both make a virtual environment in .venv, and install what is missing of the system's packages: a software renderer
-# (OSMesa; EGL where the distribution has no OSMesa; both for the tests, and Chromium) and python3-venv. That takes root
-# or sudo.
+# Both create a virtual environment in .venv and install missing system packages with root or sudo: python3-venv and a
+# software renderer (OSMesa, or EGL where the distribution has no OSMesa; both and Chromium for the tests).
 #
-#   make coverage  which lines the tests run, on the terminal and in out/coverage; longer than the tests alone
-#   make docs      the documentation, in docs/_build/html; some three minutes the first time, as every example is run.
-#                  PyTorch is not needed
+#   make quick     the gates, and the tests that are not marked slow
+#   make gates     ruff, mypy, import contracts, spelling
+#   make coverage  lines that the tests run, on the terminal and in out/coverage
+#   make docs      the documentation, in docs/_build/html; runs every example, needs no PyTorch
 #   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
-#   make linkcheck whether the pages that it links to are there; needs the network
-#   make faults    every command disturbed by signals, lost workers and full disks at random moments; hours
-#   make fresh     both of them in bare Debian systems, as a newcomer would run them; needs root and debootstrap
+#   make linkcheck checks the external links of the documentation; needs the network
+#   make faults    every command under signals, lost workers and full disks at random moments; hours
+#   make fuzz      damaged files for every reader; a quarter of an hour
+#   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv
-FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))
-PYTHON ?= $(shell for p in python3 python3.13 python3.12 python3.11; do \
+FITS := import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 15))
+PYTHON ?= $(shell for p in python3 python3.14 python3.13 python3.12 python3.11; do \
   $$p -c "$(FITS)" 2>/dev/null && echo $$p && break; done)
 OUT ?= out/demo
 FRESH ?= demo test
 MOMENTS ?= 20
 BIN := $(VENV)/bin
-# What was installed under the former name, robosim, goes first: it owns the same command.
+# Removes a distribution with the former name, robosim, which owns the same command.
 INSTALL := $(BIN)/python -m pip uninstall -qq --yes robosim && \
   $(BIN)/python -m pip install --quiet --use-pep517 --editable
 NEEDS := $(PYTHON) scripts/system_packages.py $(if $(wildcard $(BIN)/pip),,--venv)
 
-.PHONY: demo test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
+.PHONY: demo quick gates test coverage docs linkcheck faults fuzz bench install python system system-all fresh clean
 
 demo: install
 	$(BIN)/robosim episode office --goal fused --seed 2 --out $(OUT)
-	@echo "Look back on it in a browser: $(BIN)/robosim live $(OUT)"
+	@echo "Replay it in a browser: $(BIN)/robosim live $(OUT)"
 
-test: $(VENV)/.test-installed
+test: gates
+	$(BIN)/pytest -n auto --dist worksteal
+
+quick: gates
+	$(BIN)/pytest -n auto --dist worksteal -m "not slow"
+
+gates: $(VENV)/.test-installed
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	$(BIN)/pytest -n auto --dist worksteal
+	$(BIN)/codespell
 
-# Warnings are errors. The blocks of its pages run with `make test`.
+# Warnings are errors. `make test` runs the code blocks of the pages.
 docs: $(VENV)/.docs-installed
 	$(BIN)/sphinx-build -W --keep-going -b html docs docs/_build/html
 	@echo "docs/_build/html/index.html"
@@ -49,12 +56,12 @@ docs: $(VENV)/.docs-installed
 linkcheck: $(VENV)/.docs-installed
 	$(BIN)/sphinx-build -b linkcheck docs docs/_build/linkcheck
 
-# Lines of loops that numba compiles count as not run.
+# Lines of compiled loops count as not run.
 coverage: $(VENV)/.test-installed
 	$(BIN)/pytest -n auto --dist worksteal --cov --cov-report term --cov-report html:out/coverage
 
-# Damaged files for every reader: no traceback, no hang, no more than a gigabyte, each refusal one line with the name.
-# A quarter of an hour; `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter, and --help says the rest.
+# Requires: no traceback, no hang, at most a gigabyte, and one error line with the file's name.
+# `make fuzz FUZZ="--cases 500 --targets mesh"` is shorter; --help lists the options.
 fuzz: $(VENV)/.test-installed
 	$(BIN)/python -m tests.fuzz.run $(FUZZ)
 
@@ -67,7 +74,7 @@ faults: $(VENV)/.test-installed
 install: $(VENV)/.installed
 
 python:
-	@test -n "$(PYTHON)" || { echo "robosim needs Python 3.11 to 3.13 (apt-get install python3; on Ubuntu 22.04" \
+	@test -n "$(PYTHON)" || { echo "robosim needs Python 3.11 to 3.14 (apt-get install python3; on Ubuntu 22.04" \
 	  "python3.11). Install one, or pass PYTHON=/path/to/python."; exit 1; }
 
 system: python
@@ -76,7 +83,7 @@ system: python
 system-all: python
 	@$(NEEDS) --all
 
-# pip is what comes last into a new environment: one that was broken off is made anew.
+# pip is installed last into a new environment, so an environment without pip is incomplete and is recreated.
 $(BIN)/pip: | system
 	@rm -rf $(VENV)
 	@$(PYTHON) -m venv $(VENV)
@@ -93,10 +100,11 @@ $(VENV)/.docs-installed: pyproject.toml | system $(BIN)/pip
 	$(INSTALL) '.[docs]'
 	@touch $@ $(VENV)/.installed
 
-# Debian 12; 13; 12 with EGL, where OSMesa is added; without OSMesa; and as a user with sudo.
+# Debian 12; 13; forky with Python 3.14; 12 with EGL in addition to OSMesa; without OSMesa; and as a user with sudo.
 fresh:
 	scripts/fresh-root.sh bookworm make $(FRESH)
 	scripts/fresh-root.sh trixie make $(FRESH)
+	scripts/fresh-root.sh forky make $(FRESH)
 	PACKAGES="libegl1 libegl-mesa0 libgl1-mesa-dri" scripts/fresh-root.sh bookworm make $(FRESH)
 	WITHOUT=libosmesa6 scripts/fresh-root.sh bookworm make $(FRESH)
 	AS_USER=1 scripts/fresh-root.sh bookworm make demo

@@ -18,7 +18,7 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.g
 for _package in ("robosim", "wireless", "slam", "OpenGL"):
     logging.getLogger(_package).setLevel(logging.ERROR)
 
-# It makes its signature anew from its documentation, at which Sphinx fails.
+# SciPy computes this signature from the docstring, at which Sphinx fails.
 scipy.stats.ks_2samp.__signature__ = inspect.Signature()
 
 _project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
@@ -56,7 +56,7 @@ html_theme_options = {
     "light_css_variables": {"color-brand-primary": "#0072b2", "color-brand-content": "#0072b2"},
     "dark_css_variables": {"color-brand-primary": "#56b4e9", "color-brand-content": "#56b4e9"},
 }
-# Everything that a page needs lies beside it.
+# A page needs no files from other servers.
 html_show_sphinx = False
 html_copy_source = False
 

@@ -108,8 +108,8 @@ def _first_line(error: Exception) -> str:
 
 
 def _python() -> Finding:
-    fits = (3, 11) <= sys.version_info[:2] < (3, 14)
-    return Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11, 3.12 or 3.13")
+    fits = (3, 11) <= sys.version_info[:2] < (3, 15)
+    return Finding("python", fits, platform.python_version(), "" if fits else "use Python 3.11 to 3.14")
 
 
 def _system(system: GLSystem) -> Finding:

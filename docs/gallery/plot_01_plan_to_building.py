@@ -2,8 +2,8 @@
 From a floor plan to a building
 ===============================
 
-A floor plan is a grid of free, occupied and unknown cells. Its outline is extruded to walls; what stands free in a
-room is furniture. The same triangles are what the camera sees, what the robot bumps into and what radio waves meet.
+A floor plan is a grid of free, occupied and unknown cells. The program extrudes its outline to walls; islands of cells
+in a room become furniture. Camera, collisions and radio use the same triangles.
 """
 
 import matplotlib.pyplot as plt

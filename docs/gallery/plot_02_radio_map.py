@@ -2,8 +2,8 @@
 Radio map of a flat
 ===================
 
-Paths from one transmitter to receivers on a grid: the power of the strongest path, and the direction that it comes
-from. Behind a door, arrows point at the door and not at the transmitter: this is why following them leads there.
+Paths from one transmitter to receivers on a grid: the power of the strongest path as a heat map, and its angle of
+arrival. Behind a door, arrows point at the door instead of the transmitter, which is why following them leads there.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 Link states
 ===========
 
-Where the strongest path is a straight line (line of sight), where at least one path turns once (first-order NLOS),
-where all turn twice or more (higher-order NLOS), and where nothing arrives (outage). Without diffraction, on the left,
-most of what lies round a corner would hear nothing.
+Line of sight: the strongest path is a straight line. First-order NLOS: at least one path has one interaction.
+Higher-order NLOS: all paths have two or more. Outage: there is no path. Without diffraction, on the left, most places
+round a corner are in outage.
 """
 
 import matplotlib.pyplot as plt

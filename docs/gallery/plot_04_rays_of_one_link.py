@@ -2,8 +2,8 @@
 Rays of one link
 ================
 
-All paths between two points that do not see each other, from above. Circles are reflections, triangles
-diffractions; the delay profile below says when and how strongly each arrives.
+All paths between two points without line of sight, from above. Circles are reflections, triangles are diffractions.
+The delay profile shows when each path arrives, and with which power.
 """
 
 import matplotlib.pyplot as plt

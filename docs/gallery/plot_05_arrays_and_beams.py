@@ -2,9 +2,9 @@
 Arrays and beams
 ================
 
-The base station has three arrays of 4 x 4 patches and 48 beams, the robot three lines of 8 and 24 beams. Thin lines are
-beams, the thick ones the best that each array can do. With three arrays no direction is more than some decibels
-worse than the best.
+The base station has three arrays of 4 x 4 patches and 48 beams, the robot has three lines of 8 and 24 beams. Thin
+lines are beams, thick lines are the best directivity of each array. With three arrays, every direction is within a few
+decibels of the best one.
 """
 
 import matplotlib.pyplot as plt
@@ -22,7 +22,7 @@ for axes, name in zip(both, ("gnb", "ue"), strict=True):
         axes.plot(azimuth, beam, lw=0.5, color=("#0072B2", "#E69F00", "#009E73")[array])
     for array, colour in enumerate(("#0072B2", "#E69F00", "#009E73")):
         face = np.rad2deg(terminal.platform.face_rad[array])
-        axes.plot(azimuth, best[:, array], lw=2, color=colour, label=f"array that faces {face:.0f}°")
+        axes.plot(azimuth, best[:, array], lw=2, color=colour, label=f"array facing {face:.0f}°")
     worst = best.max(axis=1)
     axes.set_title(f"{name}: {terminal.n_beams} beams, best {worst.min():.1f} to {worst.max():.1f} dBi")
     axes.set(ylim=(-15, 20), yticks=(-10, 0, 10, 20))

@@ -1,9 +1,9 @@
 """
-What a receiver measures, and what it makes of it
-=================================================
+Sounding and path estimation
+============================
 
-The transmitter sends a known waveform on one beam after the other. On the left the true paths, on the right the power
-that arrives from each direction in each beam. Circles are true paths, crosses the five that the estimator finds.
+The transmitter sends a known waveform on one beam after the other. The left picture shows the true paths, the right
+picture the received power by direction and beam. Circles are true paths, crosses are the five estimated paths.
 """
 
 import matplotlib.pyplot as plt
@@ -27,7 +27,7 @@ draw_rays(left, scene.building, paths, 0, 0, sounder.config.tx_power_dbm)
 draw_directions(right, paths, sounder, tensor[0], found)
 for i in range(int(found.count[0])):
     print(
-        f"path {i + 1}: arrives from {np.rad2deg(found.aoa_rad[0, i]):6.1f}°, left to "
+        f"path {i + 1}: arrives from {np.rad2deg(found.aoa_rad[0, i]):6.1f}°, departs to "
         f"{np.rad2deg(found.aod_rad[0, i]):6.1f}°, {1e9 * found.delay_s[0, i]:5.1f} ns, {found.snr_db[0, i]:5.1f} dB"
     )
 plt.show()

@@ -2,9 +2,9 @@
 Diffraction round a corner
 ==========================
 
-A receiver walks round the outer corner of a building at 1.5 m from it, at 3 GHz. Geometrical optics alone jumps where
-the corner hides the transmitter. Diffraction by the uniform theory (UTD) makes the field continuous: -6 dB at the
-shadow boundary, as the Fresnel integral of a sharp edge has it, and less or more behind it as walls and wedge have it.
+A receiver circles the outer corner of a building at a distance of 1.5 m, at 3 GHz. With geometrical optics alone the
+field jumps where the corner hides the transmitter. The uniform theory of diffraction (UTD) makes it continuous: -6 dB
+at the shadow boundary, as in the Fresnel integral of a sharp edge.
 """
 
 import matplotlib.pyplot as plt
@@ -27,7 +27,7 @@ for bent, colour, label in ((True, "#0072B2", "with diffraction (UTD)"), (False,
     np.add.at(field, paths.rx, paths.gain[:, 0, 0])
     level = 20 * np.log10(np.maximum(np.abs(field) * 4 * np.pi * distance / wavelength, 1e-4))
     axes.plot(angle, level, color=colour, label=label)
-# The sharp edge: how many half wavelengths the way over the edge is longer, negative where there is sight.
+# Sharp edge: excess length over the edge in half wavelengths, negative in line of sight.
 v = np.sign(-40 - angle) * 2 * np.sqrt((5 + 1.5 - distance) / wavelength)
 sine, cosine = fresnel(v)
 edge = 20 * np.log10(np.hypot(0.5 - cosine, 0.5 - sine) / np.sqrt(2))

@@ -2,8 +2,8 @@
 How many reflections are enough?
 ================================
 
-Each further reflection takes longer and adds weaker paths. Against a trace with six reflections, and diffraction with
-two more: how much of a link's power is missed, and how many links one core traces in a second.
+Each additional reflection takes longer and adds weaker paths. The reference has six reflections, and diffraction with
+two. The curves show the power that a link misses, and the legend the links per second of one core.
 """
 
 import time
@@ -23,7 +23,7 @@ for name, (reflections, bent) in settings.items():
     walls = BuildingConfig(tolerance_m=0.05)
     scene = RadioScene(read_plan("flat"), RadioConfig(tracer=config, building=walls))
     rx, tx = receiver_grid(scene.building, 0.5, 1.5).position, scene.places(((7.0, 7.0),), "tx")
-    scene.tracer.trace(tx, rx[:2])  # compiled, and everything in place
+    scene.tracer.trace(tx, rx[:2])  # compiles, and prepares the transmitter
     start = time.perf_counter()
     paths = scene.tracer.trace(tx, rx, workers=1)
     rate[name] = len(rx) / (time.perf_counter() - start)

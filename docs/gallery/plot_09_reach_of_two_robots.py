@@ -1,9 +1,9 @@
 """
-Where two robots can go
-=======================
+Reach of two robots
+===================
 
-A small robot passes every door of this cottage, one of 0.36 m radius not. Blue is the area that the hull can cover,
-orange is floor that it cannot get to from the largest part.
+A small robot passes every door of this cottage, a robot with a radius of 0.36 m does not. Blue is the area that the
+hull can cover, orange is floor that it cannot reach from the largest part.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,7 @@
 Generated homes
 ===============
 
-Every seed makes another building, always the same one for the same seed. Networks are trained in such homes, and tested
-in homes that were scanned.
+Each seed generates one building. Networks are trained in generated homes and tested in scanned homes.
 """
 
 import matplotlib.pyplot as plt

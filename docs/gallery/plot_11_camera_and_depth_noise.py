@@ -1,6 +1,6 @@
 """
-What the robot's camera sees
-============================
+Camera pictures and depth noise
+===============================
 
 Colour, exact depth, and depth with the noise of a structured-light camera: quantised disparity, ragged edges, missing
 returns at grazing angles. The target is the box with markers.

@@ -1,9 +1,9 @@
 """
-The same search by two policies
-===============================
+The same search with two policies
+=================================
 
-The robot starts at the circle and does not know where the transmitter is. With its camera alone it has to look into the
-rooms; with its radio it follows directions of arrival. Both see the same building with the same noise.
+The robot starts at the circle and does not know the position of the transmitter. With its camera alone it must look
+into the rooms; with its radio it follows angles of arrival. Both searches have the same building and the same noise.
 """
 
 import matplotlib.pyplot as plt
@@ -22,10 +22,10 @@ figure, both = plt.subplots(1, 2, figsize=(9.5, 6.6), sharey=True, layout="const
 for axes, goal in zip(both, ("visual", "los-or-first"), strict=True):
     config = robosim.EpisodeConfig(goal=goal, mapper="classical", simulator=simulated)
     log, _ = robosim.run_episode(building, places, task, config)
-    way = np.array(log.poses)
+    trajectory = np.array(log.poses)
     building.plot(axes)
-    axes.scatter(*way[:, :2].T, c=np.arange(len(way)), cmap="viridis", s=8)
-    axes.plot(*way[0, :2], "o", color="white", mec="black", ms=9)
+    axes.scatter(*trajectory[:, :2].T, c=np.arange(len(trajectory)), cmap="viridis", s=8)
+    axes.plot(*trajectory[0, :2], "o", color="white", mec="black", ms=9)
     axes.plot(*task.target, "*", color="#D55E00", ms=16)
     score = log.result()
     driven = f"{score['path_length_m']:.1f} m driven, SPL {score['spl']:.2f}"

@@ -2,8 +2,8 @@
 A lidar and a camera
 ====================
 
-The same robot explores a flat for 40 decisions, once with a depth camera of 90°, once with a 2D lidar that looks all
-around, with the errors of a small one. Above what one scan sees, below the map after it.
+The same robot explores a flat for 40 decisions, once with a depth camera of 90°, once with a 2D lidar of 360° and the
+errors of a small one. The upper row shows one scan, the lower row the map.
 """
 
 import matplotlib.pyplot as plt
@@ -19,9 +19,9 @@ last = []
 
 figure, axes = plt.subplots(2, 2, figsize=(9, 9.5), layout="constrained")
 for column, (camera, lidar) in zip(axes.T, [("pyrender", "none"), ("none", "rplidar-a1")], strict=True):
-    senses = robosim.SimulatorConfig(physics="kinematic", noise=noise, camera=camera, lidar=lidar)
+    simulated = robosim.SimulatorConfig(physics="kinematic", noise=noise, camera=camera, lidar=lidar)
     config = robosim.EpisodeConfig(
-        goal="explore", explorer="gain", mapper="classical", max_steps=40, simulator=senses
+        goal="explore", explorer="gain", mapper="classical", max_steps=40, simulator=simulated
     )
     log, estimate = robosim.run_episode(
         building, places, task, config, lambda log, decision: last.append(decision)
@@ -38,8 +38,8 @@ for column, (camera, lidar) in zip(axes.T, [("pyrender", "none"), ("none", "rpli
     column[0].plot(*points, ".", color="#D55E00", ms=3)
     column[0].plot(x, y, "o", color="black")
     estimate.plot(column[1])
-    off_m = np.hypot(*(np.array(log.poses) - log.estimates)[:, :2].T)
+    error_m = np.hypot(*(np.array(log.poses) - log.estimates)[:, :2].T)
     name = "depth camera" if lidar == "none" else lidar
     column[0].set_title(f"{name}: {100 * log.coverage[-1]:.0f} % of the floor seen")
-    column[1].set_title(f"pose off by {100 * np.sqrt((off_m**2).mean()):.1f} cm")
+    column[1].set_title(f"position error {100 * np.sqrt((error_m**2).mean()):.1f} cm")
 plt.show()

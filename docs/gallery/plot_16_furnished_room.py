@@ -2,8 +2,8 @@
 Over and under a table
 ======================
 
-Pieces of true height in a room: the camera looks over the table and under it, a robot of 0.4 m drives below the top
-where one of 1.25 m cannot, and waves are mirrored by the top and bent at its edges.
+Furniture of true height in a room. The camera looks over the table and under it; a robot of 0.4 m drives below the
+top, where a robot of 1.25 m cannot; the top reflects waves, and its edges diffract them.
 """
 
 import matplotlib.pyplot as plt

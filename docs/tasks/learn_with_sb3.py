@@ -1,9 +1,9 @@
-"""Learn to drive to a transmitter, small: PPO of Stable-Baselines3, from radio and a lidar, in invented homes.
+"""Small example of learning to find a transmitter: PPO of Stable-Baselines3, radio and lidar, generated homes.
 
     python learn_with_sb3.py --steps 300000
 
-The policy has no memory: it can follow the strongest path and keep off walls, and no more. Targets begin near and move
-away as it arrives more often. In the end it is held against a robot that drives at random, in homes new to it.
+The policy has no memory, so it can follow the strongest path and avoid walls, but not more. Targets are near at first and
+farther away as the success rate grows. At the end the script compares the policy with random actions in unseen homes.
 """
 
 import argparse
@@ -26,14 +26,14 @@ SEARCH = {
 
 
 def arrivals(env: gymnasium.Env, act, searches: int) -> float:
-    """Share of searches that end at the target."""
+    """Share of searches that end with success."""
     arrived = 0
     for seed in range(searches):
         observation, _ = env.reset(seed=seed)
-        over = False
-        while not over:
-            observation, _, over, late, _ = env.step(act(observation))
-            arrived, over = arrived + over, over or late
+        done = False
+        while not done:
+            observation, _, terminated, truncated, _ = env.step(act(observation))
+            arrived, done = arrived + terminated, terminated or truncated
     return arrived / searches
 
 
@@ -46,11 +46,11 @@ def main(steps: int, robots: int = 8, searches: int = 20, homes: int = 10) -> di
     policy = PPO("MultiInputPolicy", train, n_steps=256, batch_size=512, gamma=0.98, seed=0)
     policy.learn(steps)
     train.training = False
-    judge = gymnasium.make("robosim/TargetSearch-v1", plan=unseen, **SEARCH)
+    test = gymnasium.make("robosim/TargetSearch-v1", plan=unseen, **SEARCH)
     rng = np.random.default_rng(0)
     return {
-        "learned": arrivals(judge, lambda o: int(policy.predict(train.normalize_obs(o))[0]), searches),
-        "at random": arrivals(judge, lambda o: int(rng.choice([0, 0, 0, 1, 2])), searches),
+        "learned": arrivals(test, lambda o: int(policy.predict(train.normalize_obs(o))[0]), searches),
+        "at random": arrivals(test, lambda o: int(rng.choice([0, 0, 0, 1, 2])), searches),
     }
 
 

@@ -12,7 +12,7 @@ half = reflection(cos_i, eps)
 layer = slab(cos_i, eps, 0.013, 28e9)
 cavity = cavity_wall(cos_i, eps, 0.013, 0.089, 28e9)
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.6, 3.2), sharey=True, layout="constrained")
-for axes, name, part in ((left, "reflected", 0), (right, "let through", 2)):
+for axes, name, part in ((left, "reflected", 0), (right, "transmitted", 2)):
     for values, colour, label in (
         (half, "#0072B2", "half-space"),
         (layer, "#E69F00", "one board, 13 mm"),

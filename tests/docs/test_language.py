@@ -1,0 +1,194 @@
+"""Code and documentation use standard terms: words that the project replaces do not occur.
+
+Documentation is checked in prose and in Python blocks, without inline code and printed output. Code is checked in
+identifiers (words between underscores and capitals), comments and strings. `NOT_YET` lists what is not checked yet.
+"""
+
+import io
+import re
+import tokenize
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: Words, as regular expressions, and what to write instead.
+WORDS = {
+    "tell|tells|told|telling|untold": "classify, report, print, show, document; unknown",
+    "ways?": "path, route, trajectory; method",
+    "anew": "again, from scratch",
+    "beside": "next to, in addition to, compared with",
+    "who(m|so)?ever": "name the actor",
+    "hear|hears|heard|hearing": "receive, received, measured, above threshold",
+    "gone": "arc length, step length, removed",
+    "kept": "cached, stored, unchanged",
+    "dwell|dwells|dwelled|dwelling": "stay; stuck detector",
+    "onlookers?": "observer, callback",
+    "dearer": "slower, more expensive",
+    "foreseen": "supported",
+    "elsewhere": "on other systems, in other places",
+    "balls?": "spheres",
+    "reckon|reckons|reckoned": "compute, estimate",
+    "nobody": "no one, none; name the actor",
+    "lest": "so that ... not",
+    "invented": "generated",
+    "refus(e|es|ed|ing|als?)": "reject, raise an error",
+    "wants": "needs, requires",
+    "aught|naught|thereof|therein|hitherto|henceforth": "plain words",
+}
+PHRASES = {
+    r"for good(?! reason)": "permanently",
+    r"no longer": "state what is current",
+    r"since then": "state what is current",
+    r"as it is now": "state what is current",
+    r"to the (last )?bit": "bit-identical",
+    r"numbers that are none": "NaN or infinite",
+    r"(take|takes|took|taken|taking) for": "treat as",
+    r"(hold|holds|held|holding)( \w+)? against": "compare with",
+    r"(look|looks|looked|looking) back (on|at)": "replay",
+    r"by all together": "with all sensors combined",
+    r"licence form": "registration form",
+    r"(search|searches|searched|searching) (a|the) (target|transmitter)": "search for",
+    r"(hands?|takes?|took|taken|taking) over": "fall back to, hand control to",
+    r"made homes|made floors": "generated",
+    r"let(s|ting)? through": "passes, transmits",
+    r"now and then": "occasionally",
+    r"(ask|asks|asked|asking) (for|of)": "needs, requires",
+}
+#: Names of values, which are nouns, and functions, which are verbs: no participles.
+IDENTIFIERS = {"moved", "asked", "told", "described", "restored", "speaking"}
+
+PATTERN = re.compile(rf"\b(?:{'|'.join(WORDS)}|{'|'.join(PHRASES)})\b", re.IGNORECASE)
+_WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
+
+#: Pages and packages that are not written in these terms yet.
+NOT_YET = (
+    "docs/results",
+    "docs/formats/episode.md",
+    "docs/formats/evaluation.md",
+    "docs/_ext",
+    "robosim",
+    "slam",
+    "wireless",
+    "tests",
+    "scripts",
+)
+_GENERATED = {"_build", "_static", "examples", "commands", "api"}
+
+
+def pages() -> list[Path]:
+    """Pages that are written by hand."""
+    found = [ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
+    found += [
+        path
+        for suffix in ("md", "rst")
+        for path in sorted((ROOT / "docs").rglob(f"*.{suffix}"))
+        if not _GENERATED & set(path.relative_to(ROOT).parts)
+    ]
+    return [path for path in found if not is_exempt(path)]
+
+
+def sources() -> list[Path]:
+    """Python files of packages, tests and examples."""
+    found = [
+        path
+        for folder in ("docs", "robosim", "scripts", "slam", "tests", "wireless")
+        for path in sorted((ROOT / folder).rglob("*.py"))
+        if not (folder == "docs" and _GENERATED & set(path.relative_to(ROOT).parts))
+    ]
+    return [path for path in found if not is_exempt(path) and path != Path(__file__)]
+
+
+def is_exempt(path: Path) -> bool:
+    """Whether a file is in NOT_YET."""
+    name = path.relative_to(ROOT).as_posix()
+    return any(name == one or name.startswith(f"{one}/") for one in NOT_YET)
+
+
+def prose(text: str) -> Iterator[tuple[int, str]]:
+    """Numbered lines of a page without inline code, references, tables of names, output and other blocks of code."""
+    language: str | None = None
+    in_names = False
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.startswith("#"):
+            in_names = line.strip("# ").lower().startswith("names")
+        fence = re.match(r"\s*(`{3,}|:{3,})(\{?[\w-]*)", line)
+        if fence and fence[1][0] == "`" and language is not None:
+            language = None
+        elif fence and fence[1][0] == "`" and fence[2][:1] != "{":
+            language = fence[2]
+        elif (language in (None, "console") or (language == "python" and is_code(line))) and not in_names:
+            yield number, re.sub(r"`[^`]*`|\]\([^)]*\)|\{cite\}|^:\w+:.*$", " ", line)
+
+
+def is_code(line: str) -> bool:
+    """Whether a line of a Python block is not printed output."""
+    return not re.match(r"\s*(tx  rx|\d+ paths?,|\d+ +\d+ )", line)
+
+
+def wrong_lines(path: Path) -> list[str]:
+    """Places of a file with a word to replace."""
+    text = path.read_text("utf-8")
+    name = path.relative_to(ROOT).as_posix()
+    if path.suffix != ".py":
+        found = [(number, match[0]) for number, line in prose(text) for match in PATTERN.finditer(line)]
+    else:
+        found = list(wrong_tokens(text))
+    return [f"{name}:{number}: '{word}', say: {instead(word)}" for number, word in found]
+
+
+def wrong_tokens(text: str) -> Iterator[tuple[int, str]]:
+    """Words to replace in identifiers, comments and strings."""
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        number = token.start[0]
+        if token.type == tokenize.NAME:
+            for word in words_of(token.string):
+                if _WORD.fullmatch(word) or token.string in IDENTIFIERS:
+                    yield number, token.string
+                    break
+        elif (
+            token.type in (tokenize.COMMENT, tokenize.STRING)
+            or "FSTRING_MIDDLE" in tokenize.tok_name[token.type]
+        ):
+            for match in PATTERN.finditer(token.string):
+                yield number + token.string[: match.start()].count("\n"), match[0]
+
+
+def words_of(name: str) -> list[str]:
+    """Words of an identifier."""
+    return [word for part in name.split("_") for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", part)]
+
+
+def instead(word: str) -> str:
+    """What to write for a word or an identifier."""
+    for pattern, better in (WORDS | PHRASES).items():
+        if re.fullmatch(pattern, word, re.IGNORECASE):
+            return better
+        if any(re.fullmatch(pattern, part, re.IGNORECASE) for part in words_of(word)):
+            return better
+    return "a noun or a verb"
+
+
+@pytest.mark.parametrize("path", pages(), ids=lambda path: path.relative_to(ROOT).as_posix())
+def test_pages_use_standard_terms(path: Path) -> None:
+    """README, changelog and documentation."""
+    assert not wrong_lines(path)
+
+
+def test_code_uses_standard_terms() -> None:
+    """Identifiers, docstrings, comments, help texts and messages."""
+    assert not [line for path in sources() for line in wrong_lines(path)]
+
+
+def test_words_are_found_in_prose_and_code() -> None:
+    """Whole words and phrases, whatever the case; not in inline code, output, or inside other words."""
+    page = "The ways it told.\n`ways.png` halfway\n```text\nway\n```\n```python\nway = 1\n```\n"
+    assert [(n, m[0]) for n, line in prose(page) for m in PATTERN.finditer(line)] == [
+        (1, "ways"),
+        (1, "told"),
+        (7, "way"),
+    ]
+    code = 'best_way = wayBack(x)  # kept\ndoorway = "To the\nBit"\nmoved = 2\n'.replace("the\n", "the ")
+    assert [word for _, word in wrong_tokens(code)] == ["best_way", "wayBack", "kept", "To the Bit", "moved"]
