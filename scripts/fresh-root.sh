@@ -1,21 +1,22 @@
 #!/usr/bin/env bash
-# Runs a command of this checkout, as it is committed, on a bare system where only Python, make and git are installed: a
-# machine that has been worked on hides what is missing.
+# Runs a command of the committed state of this checkout on a bare system with only Python, make and git: a development
+# machine hides missing packages.
 #
 #   scripts/fresh-root.sh SUITE COMMAND...     e.g. scripts/fresh-root.sh bookworm make demo
 #
-# SUITE is one that debootstrap knows (bookworm, trixie, noble ...). It is fetched once, some 300 MB, and kept; a command
-# runs in a copy that is removed after it. Needs root, debootstrap and unshare. Settings in the environment:
+# SUITE is a suite of debootstrap (bookworm, trixie, noble ...), or a newer one of Debian such as forky, for which the
+# script of sid serves. The system is downloaded once, some 300 MB, and cached; the command runs in a copy that is removed
+# afterwards. Needs root, debootstrap and unshare. Settings in the environment:
 #
-#   PACKAGES="libegl1 ..."      what else such a machine has
-#   WITHOUT="libosmesa6 ..."    packages that this distribution shall not offer
-#   AS_USER=1                   run as a user who has sudo; otherwise as root
-#   KEEP=1                      keep the copy, and say where it is
-#   FRESH_ROOTS=DIRECTORY       where systems and pip's downloads are kept, else ~/.cache/fresh-roots
-#   DEBOOTSTRAP_OPTIONS, DEBOOTSTRAP_MIRROR     e.g. --components=main,universe on Ubuntu; a mirror, and a script if
+#   PACKAGES="libegl1 ..."      additional packages
+#   WITHOUT="libosmesa6 ..."    packages that the distribution does not offer
+#   AS_USER=1                   run as a user with sudo; otherwise as root
+#   KEEP=1                      do not remove the copy, and print its path
+#   FRESH_ROOTS=DIRECTORY       folder of systems and pip's downloads; default ~/.cache/fresh-roots
+#   DEBOOTSTRAP_OPTIONS, DEBOOTSTRAP_MIRROR     e.g. --components=main,universe on Ubuntu; a mirror, and a script where
 #                               debootstrap has none of that name (gutsy serves all of Ubuntu's)
 #
-# pip is configured in it as it is here: its variables (PIP_...), /etc/pip.conf, a folder in PIP_FIND_LINKS, certificates.
+# pip has the configuration of this machine: its variables (PIP_...), /etc/pip.conf, a folder in PIP_FIND_LINKS, certificates.
 set -euo pipefail
 
 main() {
@@ -33,7 +34,7 @@ main() {
   settings=(HOME="$home" PATH="$path" LANG=C.UTF-8 TERM="${TERM:-dumb}")
   local variable
   while IFS= read -r variable; do settings+=("$variable"); done < <(env | grep -E '^(PIP_|https?_proxy=|no_proxy=)')
-  # Mounts and processes of its own, so that nothing of either is left, however this ends.
+  # Separate mounts and processes, so that none are left, however the command ends.
   unshare --mount --pid --fork --kill-child bash -euo pipefail -c \
     "$(declare -p root home source pip_cache settings; declare -f inside)
     inside \"\$@\"" bash "$@"
@@ -43,13 +44,15 @@ fetch() { # SUITE DIRECTORY
   [ ! -f "$2/.complete" ] || return 0
   rm -rf --one-file-system "$2"
   mkdir -p "$2"
-  # shellcheck disable=SC2086 # options and the mirror are words
+  local mirror=${DEBOOTSTRAP_MIRROR:-}
+  [ -n "$mirror" ] || [ -e "/usr/share/debootstrap/scripts/$1" ] || mirror="http://deb.debian.org/debian sid"
+  # shellcheck disable=SC2086 # options, and the mirror with its script, are words
   debootstrap --variant=minbase --include=ca-certificates,git,make,python3 ${DEBOOTSTRAP_OPTIONS:-} \
-    "$1" "$2" ${DEBOOTSTRAP_MIRROR:-} >"$2.log" 2>&1 || { tail -5 "$2.log"; exit 1; }
+    "$1" "$2" $mirror >"$2.log" 2>&1 || { tail -5 "$2.log"; exit 1; }
   touch "$2/.complete"
 }
 
-prepare() { # what can be done from outside
+prepare() { # files and users of the copy
   local file package
   for file in /etc/resolv.conf /etc/hosts /etc/pip.conf /etc/ssl/certs/ca-certificates.crt; do
     [ ! -e "$file" ] || cp -L --remove-destination "$file" "$root$file"
@@ -68,7 +71,7 @@ prepare() { # what can be done from outside
   mkdir -p "$pip_cache" "$root$home/.cache/pip"
 }
 
-inside() { # what takes mounts, and the command
+inside() { # mounts, and the command
   mount -t proc proc "$root/proc"
   mount --rbind /dev "$root/dev"
   mount --rbind --read-only /sys "$root/sys"
@@ -91,8 +94,8 @@ inside() { # what takes mounts, and the command
 }
 
 clean() {
-  if [ -n "${KEEP:-}" ]; then echo "Kept $root"; else rm -rf --one-file-system "$root"; fi
+  if [ -n "${KEEP:-}" ]; then echo "The copy is in $root"; else rm -rf --one-file-system "$root"; fi
 }
 
 [ $# -ge 2 ] || { sed -n '2,/^set/{/^set/d;s/^# \{0,1\}//;p}' "$0"; exit 2; }
-main "$@"; exit # one line: read before it runs, so that this file may be edited meanwhile
+main "$@"; exit # one line: bash reads it before it runs, so this file may be edited meanwhile

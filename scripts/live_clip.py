@@ -1,10 +1,10 @@
-"""Records the clip of the README from the page itself: a transmitter dragged through a flat, and a search that arrives.
+"""Records the clip of the README: a transmitter is dragged through a flat, then a robot searches for it.
 
     python -m scripts.live_clip --out assets/live.webp
 
-Playwright drives Debian's Chromium over the real page of `robosim live`; each frame is a picture of the window, taken
-once all that was asked for is drawn, so that the clip does not depend on how fast this machine draws. Needs
-the extra `live`, Playwright and Chromium (`make test` installs the latter two). Takes some minutes.
+Playwright drives Chromium on the page of `robosim live`. Each frame is a screenshot after drawing has finished, so
+the clip does not depend on the speed of the machine. Needs the extra `live`, Playwright and Chromium (`make test`
+installs the latter two), and some minutes.
 """
 
 import argparse
@@ -31,14 +31,17 @@ from tests.benchmarks.live import ALL_PIXELS, BROWSERS, SOFTWARE, pixel_of
 
 PLAN, SEED, POLICY = "flat", 4, "fused"
 WIDTH, HEIGHT = 1040, 585
-#: Corners of the way of the transmitter, and where the robot listens [m].
-WAY, ROBOT = np.array([[7.0, 7.0], [9.6, 7.2], [11.0, 9.2], [9.4, 9.6], [7.4, 8.2]]), np.array([11.0, 6.6])
-#: How long the drag and the search are shown, and the last frame of each [ms].
+#: Corners of the transmitter's trajectory, and position of the robot [m].
+TRAJECTORY, ROBOT = (
+    np.array([[7.0, 7.0], [9.6, 7.2], [11.0, 9.2], [9.4, 9.6], [7.4, 8.2]]),
+    np.array([11.0, 6.6]),
+)
+#: Duration of the drag, of the search, and of the last frame of each [ms].
 DRAG_MS, SEARCH_MS, LAST_MS = 4000, 6000, 1800
-#: A browser without a graphics card, on a machine with other work, takes its time [ms].
+#: Timeout for a browser without a graphics card on a busy machine [ms].
 LONG_MS = 300_000
 LONG_S = LONG_MS / 1000
-#: Pictures have no pointer in them: a ring stands for it.
+#: Screenshots show no pointer: a ring replaces it.
 POINTER = """() => { const ring = document.createElement('div');
   ring.style.cssText = 'position:fixed;width:22px;height:22px;margin:-13px;border:3px solid #222;border-radius:50%;' +
     'pointer-events:none;z-index:9999;left:-99px';
@@ -49,7 +52,7 @@ POINTER = """() => { const ring = document.createElement('div');
 
 @dataclass
 class Film:
-    """Frames, and how long each is shown."""
+    """Frames and their durations."""
 
     tab: Tab
     frames: list[Image.Image] = field(default_factory=list)
@@ -63,7 +66,7 @@ class Film:
         print(f"frame {len(self.frames)}", end="\r", flush=True)
 
     def save(self, path: Path, width: int, quality: int) -> None:
-        """Write an animated WebP, which goes round and round."""
+        """Write an animated WebP that repeats."""
         size = width, round(width * HEIGHT / WIDTH)
         first, *rest = [frame.resize(size, Image.Resampling.LANCZOS) for frame in self.frames]
         with whole_file(path) as partial:
@@ -74,19 +77,21 @@ class Film:
 
 
 def drag(page: Page, film: Film, count: int) -> None:
-    """Drag the transmitter through the flat by the pointer; then have its power coloured over the floor."""
+    """Drag the transmitter through the flat with the pointer, then colour the floor by its power."""
     radio, tab = page.radio, film.tab
     assert radio is not None
     camera = list(page.server.get_clients().values())[-1].camera
     radio.move("robot", ROBOT)
-    radio.move("transmitter", WAY[0])
+    radio.move("transmitter", TRAJECTORY[0])
     assert radio.settle(LONG_S)
     wait(lambda: camera.position[2] > 4, "the camera")
     drawn(tab)
     grip(page, tab)
     film.take(600)
-    share = np.linspace(0, len(WAY) - 1, count)
-    for x, y in zip(*(np.interp(share, np.arange(len(WAY)), WAY[:, k]) for k in (0, 1)), strict=True):
+    share = np.linspace(0, len(TRAJECTORY) - 1, count)
+    for x, y in zip(
+        *(np.interp(share, np.arange(len(TRAJECTORY)), TRAJECTORY[:, k]) for k in (0, 1)), strict=True
+    ):
         follow(page, tab, np.array([x, y]))
         assert radio.settle(LONG_S)
         drawn(tab)
@@ -101,7 +106,7 @@ def drag(page: Page, film: Film, count: int) -> None:
 
 
 def grip(page: Page, tab: Tab) -> None:
-    """Take hold of the transmitter: if nothing moves, the window had not drawn it there yet."""
+    """Grip the transmitter; retry while the window has not drawn it at its position yet."""
     radio = page.radio
     assert radio is not None
     camera, height = list(page.server.get_clients().values())[-1].camera, radio.model.settings.height_m
@@ -118,11 +123,11 @@ def grip(page: Page, tab: Tab) -> None:
         tab.mouse.up()
         tab.get_by_role("button", name="See it from above", exact=True).click()
         drawn(tab)
-    raise TimeoutError("the page takes no notice of the pointer")
+    raise TimeoutError("the page does not react to the pointer")
 
 
 def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
-    """Move the pointer to a place until the transmitter is there: a window that is busy may pass over one move."""
+    """Move the pointer until the transmitter follows: a busy window may skip a move."""
     radio = page.radio
     assert radio is not None
     camera, free = list(page.server.get_clients().values())[-1].camera, radio.model.nearest_free(at)
@@ -132,15 +137,15 @@ def follow(page: Page, tab: Tab, at: np.ndarray) -> None:
         for shift in (0.0, 2.0):
             tab.mouse.move(x + shift, y)
             time.sleep(0.4)
-        # In a wall two free places may be as near, on either side.
+        # From a wall, the free places on both sides may be equally near.
         if min(math.dist(radio.places["transmitter"], near) for near in (free, at)) < 0.3:
             return
         if time.monotonic() > end:
-            raise TimeoutError(f"waited in vain for the drag to {at}")
+            raise TimeoutError(f"the drag to {at} did not finish")
 
 
 def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
-    """Let a search run, and go through its decisions one after another."""
+    """Run a search, and show its decisions one after another."""
     tab, searches = film.tab, page.search(config, BuildingConfig())
     tab.get_by_role("button", name="Search", exact=True).first.click()
     tab.get_by_role("button", name="Start", exact=True).first.click()
@@ -151,7 +156,7 @@ def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
         "xpath=//*[normalize-space(text())='decision']/following::input[@type='text'][1]"
     ).first
     last = len(recording) - 1
-    searches.player.play(False)  # each decision stays until its picture is taken
+    searches.player.play(False)  # each decision stays until its screenshot
     for i in np.unique(np.linspace(0, last, count).round().astype(int)).tolist():
         number.fill(str(i))
         number.press("Enter")
@@ -161,16 +166,16 @@ def search(page: Page, film: Film, config: EpisodeConfig, count: int) -> None:
 
 
 def wait(condition: Any, what: str) -> None:
-    """Wait until something is so."""
+    """Wait until a condition holds."""
     end = time.monotonic() + LONG_S
     while not condition():
         if time.monotonic() > end:
-            raise TimeoutError(f"waited in vain for {what}")
+            raise TimeoutError(f"timeout: {what}")
         time.sleep(0.02)
 
 
 def drawn(tab: Tab) -> None:
-    """Wait until the window has drawn what it was sent: some frames, and then some."""
+    """Wait until the window has drawn all updates: three frames and a margin."""
     tab.evaluate(
         "() => new Promise(done => { let left = 3; const next = () => --left ? requestAnimationFrame(next) : done(); "
         "requestAnimationFrame(next); })"
@@ -186,7 +191,7 @@ def main() -> None:
     parser.add_argument("--quality", type=int, default=62, help="of its frames, 0 to 100")
     parser.add_argument("--drag", type=int, default=40, help="frames of the drag")
     parser.add_argument("--search", type=int, default=60, help="frames of the search")
-    parser.add_argument("--picture", type=Path, help="where to write one frame of the drag as a PNG")
+    parser.add_argument("--picture", type=Path, help="file for one frame of the drag as a PNG")
     options = parser.parse_args()
     browser = next(filter(None, map(shutil.which, BROWSERS)), None)
     if browser is None:
@@ -200,7 +205,7 @@ def main() -> None:
         tab.goto(page.url + ALL_PIXELS)
         tab.get_by_text("of the strongest estimated path").wait_for()
         tab.evaluate(POINTER)
-        time.sleep(5.0)  # all that is sent at first
+        time.sleep(5.0)  # the initial scene
         film = Film(tab)
         drag(page, film, options.drag)
         if options.picture:

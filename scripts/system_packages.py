@@ -1,13 +1,12 @@
-"""Installs what robosim needs from the system, where it is missing: a software renderer, and Python's own venv.
+"""Installs missing system packages: a software renderer, and Python's venv.
 
-    python3 scripts/system_packages.py          OSMesa if the distribution has it, else EGL
-    python3 scripts/system_packages.py --all    OSMesa, EGL and a browser, for the tests, as far as the distribution has
-                                                them
-    python3 scripts/system_packages.py --venv   what `python3 -m venv` needs, too
+    python3 scripts/system_packages.py          OSMesa if the distribution has it, otherwise EGL
+    python3 scripts/system_packages.py --all    OSMesa, EGL and a browser for the tests, where the distribution has them
+    python3 scripts/system_packages.py --venv   also the packages of `python3 -m venv`
 
-Run by the Makefile before there is a virtual environment, so only the standard library is used. Needs root or sudo on
-Debian and its relatives; elsewhere, or where that is not to be had, it says what to install, and it succeeds if
-robosim can work with what is there.
+The Makefile runs it before the virtual environment exists, so it uses only the standard library. It needs root or
+sudo on Debian and its derivatives. On other systems, or without root, it prints what to install, and succeeds if
+robosim can work with the installed packages.
 """
 
 import argparse
@@ -22,28 +21,28 @@ from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering"))
-from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same look at the machine as a camera's
+from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same check as the camera's
 
-#: What the page of `robosim live` is tested in: Debian's package, and the programs that do.
+#: Browser for tests of the page of `robosim live`: Debian's package, and suitable programs.
 BROWSER_PACKAGE = "chromium"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: What Playwright, which drives it, is linked to.
+#: Library that Playwright needs.
 DRIVER_PACKAGE, DRIVER_LIBRARY = "libatomic1", "libatomic.so.1"
 VENV_PACKAGE = f"python{sys.version_info[0]}.{sys.version_info[1]}-venv"
 PACKAGE_LISTS = Path("/var/lib/apt/lists")
-# A machine in the cloud often installs updates just after its start, and holds the lock meanwhile.
+# A cloud machine often installs updates after its start and holds the lock meanwhile.
 _WAIT = ("-o", "DPkg::Lock::Timeout=300")
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Install what is missing, say what could not be, and return the exit status."""
+    """Install missing packages, report what is still missing, and return the exit status."""
     parser = argparse.ArgumentParser(description="Install what robosim needs from the system.")
     parser.add_argument("--all", action="store_true", help="both renderers, not only one, and a browser")
     parser.add_argument("--venv", action="store_true", help="what Python needs to make a virtual environment")
     options = parser.parse_args(arguments)
     if options.venv and not has_venv() and (obstacle := install([VENV_PACKAGE])):
         say(f"{sys.executable} cannot make virtual environments without {VENV_PACKAGE}. {obstacle}")
-        say(f"Ask for it (apt-get install {VENV_PACKAGE}), or pass another Python: make PYTHON=...")
+        say(f"Install it (apt-get install {VENV_PACKAGE}), or pass another Python: make PYTHON=...")
         return 1
     for system, packages in PACKAGES.items():
         if missing(system) and (obstacle := install(packages)):
@@ -56,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
         say(f"{DRIVER_LIBRARY} is missing ({DRIVER_PACKAGE}). {obstacle} Tests in a browser are skipped.")
     if any(not missing(system) for system in SYSTEM_NAMES):
         return 0
-    say("One software renderer is needed. Ask for one of these, and run make again:")
+    say("One software renderer is needed. Install one of these, and run make again:")
     for packages in PACKAGES.values():
         say(f"  apt-get install {' '.join(packages)}")
     say(
@@ -66,7 +65,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def has_venv() -> bool:
-    """Whether this Python can make virtual environments with pip in them; Debian's cannot as it comes."""
+    """Whether this Python can create virtual environments with pip; Debian's cannot by default."""
     return all(importlib.util.find_spec(name) for name in ("venv", "ensurepip"))
 
 
@@ -80,9 +79,9 @@ def has_library(name: str) -> bool:
 
 
 def install(packages: Sequence[str]) -> str:
-    """Install packages, and return in one sentence why not, or nothing."""
+    """Install packages; return the reason of a failure, or an empty string."""
     if not shutil.which("apt-get"):
-        return "There is no apt-get here, which this script knows."
+        return "This system has no apt-get."
     root = _as_root()
     if not all(map(_offered, packages)) and not (root is None or _lists_are_there()):
         _update()
@@ -98,7 +97,7 @@ def install(packages: Sequence[str]) -> str:
 
 @functools.cache
 def _as_root() -> tuple[str, ...] | None:
-    """What to put before a command that needs root; None if there is no way. sudo asks where someone can answer."""
+    """Prefix of a command that needs root; None without root and sudo. sudo prompts on a terminal only."""
     if os.geteuid() == 0:
         return ()
     if not shutil.which("sudo"):
@@ -126,14 +125,14 @@ def _lists_are_there() -> bool:
 
 
 def _offered(package: str) -> bool:
-    """Whether the distribution has a package, as far as the lists on this machine tell."""
+    """Whether the distribution has a package, by the lists on this machine."""
     command = ["env", "LC_ALL=C.UTF-8", "apt-cache", "policy", package]
     answer = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     return "Candidate:" in answer and "Candidate: (none)" not in answer
 
 
 def say(sentence: str) -> None:
-    """Tell the user."""
+    """Print a sentence for the user."""
     print(sentence, file=sys.stderr, flush=True)
 
 

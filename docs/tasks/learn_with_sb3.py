@@ -2,8 +2,9 @@
 
     python learn_with_sb3.py --steps 300000
 
-The policy has no memory, so it can follow the strongest path and avoid walls, but not more. Targets are near at first and
-farther away as the success rate grows. At the end the script compares the policy with random actions in unseen homes.
+The policy has no memory, so it can follow the strongest path and avoid walls, but not more. Targets are near at first
+and farther away as the success rate grows. At the end the script compares the policy with random actions in unseen
+homes.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""Processes for what the documentation has its readers run."""
+"""Processes for the code and commands of the documentation."""
 
 import multiprocessing
 import os
@@ -9,24 +9,24 @@ from typing import NamedTuple
 
 import pytest
 
-#: What examples import first, and takes seconds: each begins with these imported, and with nothing of ours.
+#: Libraries that take seconds to import: each process begins with these imported, and without modules of this project.
 LIBRARIES = ["matplotlib.pyplot", "numba", "scipy.optimize", "torch", "trimesh"]
-#: No example takes so long, on a machine ten times slower either [s].
+#: No example takes this long, even on a machine ten times slower [s].
 LIMIT_S = 600
 
 
 class Ended(NamedTuple):
-    """How a process ended."""
+    """Result of a process."""
 
     status: int | None
-    said: str
+    output: str
 
 
-def _apart(function: Callable[..., int | None], arguments: tuple[object, ...], folder: Path) -> None:
-    """What a process of its own does."""
-    said = os.open(folder / "said.txt", os.O_WRONLY | os.O_CREAT)
-    os.dup2(said, sys.stdout.fileno())
-    os.dup2(said, sys.stderr.fileno())
+def _in_process(function: Callable[..., int | None], arguments: tuple[object, ...], folder: Path) -> None:
+    """Run a function in this process, with its output in a file."""
+    output = os.open(folder / "output.txt", os.O_WRONLY | os.O_CREAT)
+    os.dup2(output, sys.stdout.fileno())
+    os.dup2(output, sys.stderr.fileno())
     os.chdir(folder)
     import matplotlib
 
@@ -35,20 +35,20 @@ def _apart(function: Callable[..., int | None], arguments: tuple[object, ...], f
 
 
 @pytest.fixture(scope="session")
-def apart() -> Callable[..., Ended]:
-    """Calls a function in a process of its own, in a folder: a copy of one that has imported large libraries.
+def separate_process() -> Callable[..., Ended]:
+    """Call a function in a separate process and folder: a fork of a process that has imported large libraries.
 
-    In the tests' own process types are checked at each call, and one example would see what another has left.
+    The tests' own process checks types at each call, and examples would share its state.
     """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(LIBRARIES)
 
     def run(function: Callable[..., int | None], *arguments: object, folder: Path) -> Ended:
-        process = context.Process(target=_apart, args=(function, arguments, folder))
+        process = context.Process(target=_in_process, args=(function, arguments, folder))
         process.start()
         process.join(LIMIT_S)
         process.kill()
         process.join()
-        return Ended(process.exitcode, (folder / "said.txt").read_text("utf-8"))
+        return Ended(process.exitcode, (folder / "output.txt").read_text("utf-8"))
 
     return run

@@ -1,7 +1,7 @@
-"""Runs what is on a page, block after block, in a process of its own: Python, and commands where they are asked for.
+"""Runs the blocks of a page in order, in a separate process: Python, and optionally commands.
 
-A block is written to a file first where the line before it ends with the file's name, as in "`mine.py`:", or where it
-begins with the name in a comment.
+A block is also written to a file if the line before it is the file's name, as in "`mine.py`:", or if it begins with the
+name in a comment.
 """
 
 import contextlib
@@ -12,7 +12,7 @@ import shlex
 import sys
 from pathlib import Path
 
-#: What makes a command short: values that replace those on the page, and options that are added to commands.
+#: Shorten a command: values that replace those on the page, and options that are added.
 SHORT = {
     "--targets": "1",
     "--generated": "1",
@@ -34,12 +34,12 @@ _NUMBER = re.compile(r"[\d.,]+")
 
 
 def run_page(page: Path, commands: bool = False, short: bool = True) -> int:
-    """Run all blocks; the number of those that print something else than the page says.
+    """Run all blocks, and count those that print something else than the page.
 
     Args:
         page: A page in Markdown.
-        commands: Whether its commands of robosim are run too.
-        short: Whether they are shortened; those that are not have to print the next block named text, numbers aside.
+        commands: Whether to run its commands of robosim too.
+        short: Whether to shorten commands; the others must print the next block of text, except for numbers.
     """
     names: dict[str, object] = {"__name__": "page"}
     failures, printed = 0, ""
@@ -72,7 +72,7 @@ def commands_in(text: str) -> list[str]:
 
 
 def _run(line: str, short: bool) -> str:
-    """What a command prints."""
+    """Run a command and return its output."""
     from robosim.cli import main
     from robosim.commands.speaking import console
 
@@ -92,6 +92,6 @@ def _run(line: str, short: bool) -> str:
 
 
 def _lines(text: str) -> list[str]:
-    """Lines without bars of progress and without what is to be installed here, numbers as one sign."""
-    kept = [line for line in text.splitlines() if line.strip() and not re.search("[━╸╺]", line)]
-    return [_NUMBER.sub("#", re.sub(r"pip install \w+; ", "", " ".join(line.split()))) for line in kept]
+    """Lines without progress bars and installation hints, with a placeholder for numbers."""
+    lines = [line for line in text.splitlines() if line.strip() and not re.search("[━╸╺]", line)]
+    return [_NUMBER.sub("#", re.sub(r"pip install \w+; ", "", " ".join(line.split()))) for line in lines]

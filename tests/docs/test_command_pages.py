@@ -1,4 +1,4 @@
-"""Pages of the command line hold all that the printed help does, in entries of their own."""
+"""Pages of the command line have an entry for every option of the printed help."""
 
 import importlib
 import re
@@ -16,7 +16,7 @@ EXTENSIONS = Path(__file__).resolve().parents[2] / "docs" / "_ext"
 
 @pytest.fixture(scope="module")
 def pages() -> ModuleType:
-    """The extension that makes them."""
+    """The extension that writes them."""
     sys.path.insert(0, str(EXTENSIONS))
     try:
         return importlib.import_module("commands")
@@ -25,7 +25,7 @@ def pages() -> ModuleType:
 
 
 def printed(words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> str:
-    """What --help prints in one column."""
+    """Output of --help in one column."""
     monkeypatch.setenv("COLUMNS", "100")
     with pytest.raises(SystemExit):
         main([*words, "--help"])
@@ -34,7 +34,7 @@ def printed(words: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: p
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_page_has_every_option(name, pages, capsys, monkeypatch):
-    """Each option that the printed help begins a line with is a term of its own, explained; nothing is drawn."""
+    """Each option at the beginning of a line of the printed help is an explained term; there are no drawn boxes."""
     page = pages.page(name, 1)
     terms = dict(re.findall(r"^`(--[\w.-]+)[^`]*`\n: (.+)$", page, re.MULTILINE))
     both = set(re.findall(r"--[\w.-]+", " ".join(re.findall(r"^`(--[^`]*)`$", page, re.MULTILINE))))
@@ -45,7 +45,7 @@ def test_a_page_has_every_option(name, pages, capsys, monkeypatch):
 
 
 def test_an_entry_says_type_choices_and_default(pages):
-    """Of a number, of a choice, of a switch, of what must be given, and of what may be left out."""
+    """For a number, a choice, a switch, a required and an optional argument."""
     page = pages.page("trace", 1)
     assert "`PLAN`\n: Floor plan:" in page and "storeys. Required." in page
     assert "`--frequency-ghz FLOAT`\n: Carrier frequency \\[GHz\\]. Default: `28.0`." in page

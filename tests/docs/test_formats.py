@@ -1,4 +1,4 @@
-"""Tables of columns in `docs/formats` are what the commands write."""
+"""Tables of columns in `docs/formats` equal the files that the commands write."""
 
 import csv
 import json
@@ -17,7 +17,7 @@ WEIGHTS = DOCS.parent / "assets" / "weights"
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the results of each command, as small as they get."""
+    """A folder with small results of each command."""
     out = tmp_path_factory.mktemp("written")
     suite = out / "suite.yaml"
     suite.write_text(
@@ -38,7 +38,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def documented(name: str) -> dict[str, list[str]]:
-    """Names in the table of a file, each with the rest of its row; names side by side and ranges taken apart."""
+    """Names in the table of a file with the rest of their rows; lists and ranges of names are expanded."""
     rows: dict[str, list[str]] = {}
     pages = [page.read_text("utf-8") for page in sorted((DOCS / "formats").glob("*.md"))]
     (page,) = [page for page in pages if f"<!-- columns: {name} -->" in page]
@@ -66,12 +66,12 @@ def documented(name: str) -> dict[str, list[str]]:
 def test_parquet(written: Path, table: str, file: str) -> None:
     """Names and types of columns."""
     schema = pq.read_schema(written / file)
-    told = {name: row[0] for name, row in documented(table).items()}
-    # Lists of one length are longer the more interactions are traced.
+    listed = {name: row[0] for name, row in documented(table).items()}
+    # The length of fixed-size lists depends on the number of traced interactions.
     found = {field.name: re.sub(r"<element: (\w+)>(\[\d+\])?", r"<\1>", str(field.type)) for field in schema}
-    assert list(told) == list(found)
-    # A column without any value in these few rows has no type.
-    assert {name: kind for name, kind in told.items() if found[name] != "null"} == {
+    assert list(listed) == list(found)
+    # A column without a value in these few rows has no type.
+    assert {name: kind for name, kind in listed.items() if found[name] != "null"} == {
         name: kind for name, kind in found.items() if kind != "null"
     }
 
@@ -97,9 +97,9 @@ def test_archives(written: Path, table: str, file: str) -> None:
     """Names, types and dimensions of arrays."""
     with np.load(written / file, allow_pickle=False) as archive:
         found = {name: (archive[name].dtype, archive[name].ndim) for name in archive.files}
-    told = documented(table)
-    assert set(told) == set(found)
-    for name, (kind, shape, *_) in told.items():
+    listed = documented(table)
+    assert set(listed) == set(found)
+    for name, (kind, shape, *_) in listed.items():
         dtype, ndim = found[name]
         assert kind == ("text" if dtype.kind == "U" else str(dtype)), name
         assert len([axis for axis in shape.strip("()").split(",") if axis.strip()]) == ndim, name
@@ -113,8 +113,8 @@ def test_deepmimo(written: Path) -> None:
         with np.load(path) as archive:
             (name,) = archive.files
             found[name] = str(archive[name].dtype), archive[name].ndim
-    told = {name: (row[0], row[1].count(",") + 1) for name, row in documented("deepmimo").items()}
-    assert told == found
+    listed = {name: (row[0], row[1].count(",") + 1) for name, row in documented("deepmimo").items()}
+    assert listed == found
 
 
 @pytest.mark.parametrize(
@@ -146,14 +146,14 @@ _JSON = {
 def test_json(written: Path, table: str) -> None:
     """Keys and types."""
     value = json.loads((written / "episode" / table).read_text("utf-8"))
-    told = documented(table)
-    assert set(told) == set(value)
-    for name, (kind, *_) in told.items():
+    listed = documented(table)
+    assert set(listed) == set(value)
+    for name, (kind, *_) in listed.items():
         kinds = tuple(_JSON[one] for one in kind.split(" or "))
         assert isinstance(value[name], kinds), name  # type: ignore[arg-type]
 
 
 def test_cards() -> None:
-    """Keys that the card of each shipped network has."""
+    """Keys of the cards of all shipped networks."""
     for card in WEIGHTS.glob("*.json"):
         assert set(documented("cards")) <= set(json.loads(card.read_text("utf-8"))), card.name

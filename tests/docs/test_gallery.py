@@ -1,4 +1,4 @@
-"""Every example of the gallery runs, is short, and draws something."""
+"""Every example of the gallery runs, is short, and draws a picture."""
 
 import ast
 import os
@@ -16,7 +16,7 @@ from tests.docs.conftest import Ended
 
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted((ROOT / "docs" / "gallery").glob("plot_*.py"))
-#: Lines of code that an example may have, its text and empty lines not counted.
+#: Maximum number of lines of an example, without its text and empty lines.
 MOST_LINES = 40
 
 
@@ -36,7 +36,7 @@ def test_there_are_examples() -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_length(path: Path) -> None:
-    """Short enough to be read at a glance."""
+    """Short enough to read at a glance."""
     source = path.read_text("utf-8")
     header = ast.parse(source).body[0].end_lineno
     assert len([line for line in source.splitlines()[header:] if line.strip()]) <= MOST_LINES
@@ -44,10 +44,10 @@ def test_length(path: Path) -> None:
 
 @pytest.mark.skipif(os.environ.get("GALLERY") == "0", reason="GALLERY=0: `make docs` runs the examples")
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_runs(path: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
-    """It ends without error and without a warning on the terminal, and its picture is not empty."""
-    ended = apart(_show, path, tmp_path, folder=tmp_path)
-    assert ended.status == 0, ended.said[-3000:]
+def test_runs(path: Path, tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
+    """It ends without an error or warning, and its picture is not empty."""
+    ended = separate_process(_show, path, tmp_path, folder=tmp_path)
+    assert ended.status == 0, ended.output[-3000:]
     pictures = list(tmp_path.glob("*.png"))
     assert pictures
     for picture in pictures:

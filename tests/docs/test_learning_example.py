@@ -8,9 +8,9 @@ import pytest
 EXAMPLE = Path(__file__).parents[2] / "docs" / "tasks" / "learn_with_sb3.py"
 
 
-# Stable-Baselines3 advises against what is small here for the test's sake.
+# Stable-Baselines3 warns about the small sizes of this test.
 @pytest.mark.filterwarnings("ignore:You have specified a mini-batch size")
-def test_it_learns_a_little_and_compares():
+def test_training_and_comparison_run():
     spec = importlib.util.spec_from_file_location("learn_with_sb3", EXAMPLE)
     example = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(example)

@@ -1,4 +1,4 @@
-"""What the pages tell to type can be typed, their Python runs, and what they cite is in the bibliography."""
+"""Commands on pages parse, Python on pages runs, and citations are in the bibliography."""
 
 import functools
 import importlib
@@ -33,7 +33,7 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def commands(page: Path) -> list[str]:
-    """Calls of robosim on a page: after the prompt in blocks of the console, or in blocks of no language."""
+    """Calls of robosim on a page: after the prompt in console blocks, or in blocks without a language."""
     plain = "".join(re.findall(r"^```\n(.*?)^```$", page.read_text("utf-8"), re.MULTILINE | re.DOTALL))
     return commands_in("".join(blocks(page, "console")) + plain)
 
@@ -42,10 +42,10 @@ def commands(page: Path) -> list[str]:
 def test_commands_exist(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own_modules: None
 ) -> None:
-    """Each command and option is one, and takes the value it is given; nothing is run.
+    """Commands, options and their values parse; nothing is run.
 
-    Files that a page has made before are there, empty; a configuration to begin from is not read, and parts of one's
-    own are those of the page on parts.
+    Files that a page creates exist with minimal content, configurations are not read, and custom parts are those of the
+    page on parts.
     """
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.py").write_text("".join(blocks(DOCS / "tasks" / "parts.md", "python")), "utf-8")
@@ -72,8 +72,8 @@ def test_commands_exist(
             assert end.code in (None, 0), line
 
 
-#: Pages whose commands run here too, as short as they get, since what is on the page makes their input or reads their
-#: output. Other commands need files that a reader has, or hours; all are parsed above.
+#: Pages whose commands run too, shortened, because the page creates their input or reads their output. Other commands
+#: need files of the reader, or hours; all of them are parsed above.
 WITH_COMMANDS = {
     "dataset.md",
     "environment.md",
@@ -88,25 +88,29 @@ WITH_COMMANDS = {
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.name
 )
-def test_python_runs(page: Path, tmp_path: Path, apart: Callable[..., Ended]) -> None:
-    """Blocks of a page run one after the other to their ends, and print what the page says."""
-    trimesh.creation.box((400, 400, 900)).export(tmp_path / "chair.stl")  # a reader's own, in millimetres
+def test_python_runs(page: Path, tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
+    """Blocks of a page run in order and print what the page shows."""
+    trimesh.creation.box((400, 400, 900)).export(
+        tmp_path / "chair.stl"
+    )  # a mesh of the reader, in millimetres
     tutorial = page.name == "tutorial.md"
-    ended = apart(run_page, page, tutorial or page.name in WITH_COMMANDS, not tutorial, folder=tmp_path)
-    assert ended.status == 0, ended.said[-3000:]
+    ended = separate_process(
+        run_page, page, tutorial or page.name in WITH_COMMANDS, not tutorial, folder=tmp_path
+    )
+    assert ended.status == 0, ended.output[-3000:]
 
 
-def test_no_python_is_left_out() -> None:
-    """Blocks of Python have the one name under which they run."""
+def test_all_python_blocks_run() -> None:
+    """Python blocks have the one language name under which they run."""
     for page in PAGES:
         named = set(re.findall(r"^```(\{?[\w-]+.*)$", page.read_text("utf-8"), re.MULTILINE))
         assert not named & {"py", "Python", "pycon", "{code-block} python"}, page
 
 
-def test_the_mapper_on_the_page_of_parts_maps_on(tmp_path: Path, apart: Callable[..., Ended]) -> None:
-    """It forgets its map at the 100th scan, and takes scans of a lidar: 130 decisions of exploring."""
-    ended = apart(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)
-    assert ended.status == 0, ended.said[-3000:]
+def test_mapper_on_the_page_of_parts(tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
+    """It resets its map at the 100th scan and accepts laser scans: 130 decisions of exploring."""
+    ended = separate_process(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)
+    assert ended.status == 0, ended.output[-3000:]
 
 
 def _explore(page: Path) -> int:
@@ -148,13 +152,13 @@ def test_citations() -> None:
 
 
 def test_readme_is_short() -> None:
-    """A README of one screen or three; the rest is in the documentation."""
+    """At most 120 lines; the rest is in the documentation."""
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_named_files_exist(page: Path) -> None:
-    """Tests, modules and folders of the repository that a page names are where it says."""
+    """Files and folders of the repository that a page names exist."""
     text = re.sub(r"^```.*?^```$", "", page.read_text("utf-8"), flags=re.MULTILINE | re.DOTALL)
     named = re.findall(r"`((?:tests|docs|robosim|slam|wireless|assets|scripts)/[\w./-]+)`", text)
     missing = [name for name in named if not (ROOT / name).exists() and not name.startswith("docs/_build")]
@@ -163,7 +167,7 @@ def test_named_files_exist(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_references_resolve(page: Path) -> None:
-    """What a page refers to in Python is there."""
+    """Python references of a page exist."""
     for target in re.findall(r"\{py:\w+\}`(?:[^`<]*<)?~?([\w.]+)>?`", page.read_text("utf-8")):
         parts = target.split(".")
         for n in range(len(parts), 0, -1):
