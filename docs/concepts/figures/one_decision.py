@@ -1,4 +1,4 @@
-"""The parts of the system, and what passes between them."""
+"""Parts of the system and the data between them."""
 
 import matplotlib.pyplot as plt
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
@@ -9,7 +9,7 @@ axes.axis("off")
 BLUE, ORANGE, GREEN = "#cfe6f5", "#fbe6c0", "#cdebdd"
 boxes = {
     "building": (0.75, 2.15, "building\nwalls, materials", "#eeeeee"),
-    "world": (2.75, 3.55, "robot in its world\ntrue pose", GREEN),
+    "world": (2.75, 3.55, "physics\ntrue pose", GREEN),
     "camera": (2.75, 2.15, "camera\nRGB-D", GREEN),
     "tracer": (2.75, 0.75, "ray tracer\ntrue paths", BLUE),
     "mapper": (4.85, 2.15, "mapper\nmap, pose", ORANGE),
@@ -28,7 +28,7 @@ for x, y, text, colour in boxes.values():
 
 
 def arrow(a, b, text="", off=(0, 0.12), bend=0.0):
-    """An arrow from one box to another, with what passes along it."""
+    """An arrow from one box to another, with the name of the data."""
     (x0, y0), (x1, y1) = boxes[a][:2], boxes[b][:2]
     flat = abs(y0 - y1) < 0.1
     side = (0.66 if x1 > x0 else -0.66) if flat or (abs(x1 - x0) > 1.2 and abs(y1 - y0) < 0.1) else 0
@@ -70,6 +70,6 @@ axes.text(6.3, 3.72, "action: forward 0.25 m, left 10°, right 10°", ha="center
 axes.text(
     0.15,
     0.1,
-    "green: simulated, true    blue: radio    orange: what the robot does with what it knows",
+    "green: simulated truth    blue: radio    orange: estimates and decisions of the robot",
     fontsize=6.5,
 )
