@@ -34,7 +34,7 @@ WORDS = {
     "nobody": "no one, none; name the actor",
     "lest": "so that ... not",
     "invented": "generated",
-    "refus(e|es|ed|ing|als?)": "reject, raise an error",
+    "refuse|refuses|refused|refusing|refusals?": "reject, raise an error",
     "wants": "needs, requires",
     "aught|naught|thereof|therein|hitherto|henceforth": "plain words",
 }
@@ -58,7 +58,7 @@ PHRASES = {
     r"(ask|asks|asked|asking) (for|of)": "needs, requires",
 }
 #: Names of values, which are nouns, and functions, which are verbs: no participles.
-IDENTIFIERS = {"moved", "asked", "told", "described", "restored", "speaking"}
+IDENTIFIERS = {"moved", "asked", "told", "described", "restored"}
 
 PATTERN = re.compile(rf"\b(?:{'|'.join(WORDS)}|{'|'.join(PHRASES)})\b", re.IGNORECASE)
 _WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
