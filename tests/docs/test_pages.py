@@ -151,6 +151,12 @@ def test_citations() -> None:
     assert cited <= known
 
 
+@pytest.mark.parametrize("term", ["impulse response", "URDF", "custom reward", "ROS bag", "heat map"])
+def test_common_search_terms_are_found(term: str) -> None:
+    """A reader who searches for a usual term of the field finds a page."""
+    assert any(term.lower() in page.read_text("utf-8").lower() for page in PAGES)
+
+
 def test_readme_is_short() -> None:
     """At most 120 lines; the rest is in the documentation."""
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) <= 120
