@@ -16,12 +16,13 @@ from rich.table import Table
 from rich.text import Text
 
 import wireless
-from robosim.published import label_adjacent, label_links, label_maps, label_walls
+from robosim.published import label_adjacent, label_links, label_walls
 from robosim.published.label_links import TRACER, Links, compare, confusion
 from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
+from tests.benchmarks import label_maps
 from wireless.formats.mmwrobotnav import DataError, find_measurements, read_measurements
 from wireless.paths import LinkState
 
