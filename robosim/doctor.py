@@ -21,8 +21,15 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from robosim.camera.rendering.gl_binding import default_system
-from robosim.camera.rendering.gl_libraries import INSTALL, SYSTEM_NAMES, GLSystem, OpenGLError, missing
+from robosim.camera.rendering.gl_systems import (
+    INSTALL,
+    SYSTEM_NAMES,
+    GLSystem,
+    OpenGLError,
+    bind_opengl,
+    default_system,
+    missing,
+)
 from robosim.remedies import CACHE_REMEDY, remedy
 from robosim.support.installation import EXTRAS, install_command, is_installed, package_version
 
@@ -149,7 +156,8 @@ def _measure_camera(system: GLSystem) -> str:
     from robosim.camera.rendering.shading import shaded_mesh
 
     config = CameraConfig()
-    camera = make_camera([shaded_mesh(_room())], config, backend="pyrender", platform=system)
+    bind_opengl(system)
+    camera = make_camera([shaded_mesh(_room())], config, backend="pyrender")
     pose = camera_pose(np.array([1.0, 1.0, 0.0]), config)
     depth = float(camera.render(pose).depth[config.height // 2, config.width // 2])
     if abs(depth - 3.0) > 0.01:

@@ -101,8 +101,8 @@ CAMERA = Kind(
     "camera",
     {
         "pyrender": "robosim.camera.cameras:pyrender_camera",
-        "embree": "robosim.camera.cameras:embree_camera",
-        "plan": "robosim.camera.cameras:plan_camera",
+        "embree": "robosim.camera.rendering.embree_camera:EmbreeCamera",
+        "plan": "robosim.camera.rendering.plan_camera:PlanCamera",
         "none": "robosim.camera.cameras:NoCamera",
     },
     has=("render", "close"),

@@ -7,7 +7,7 @@ wherever it is met first.
 import importlib.metadata
 import re
 
-from robosim.camera.rendering.gl_libraries import OpenGLError
+from robosim.camera.rendering.gl_systems import OpenGLError
 from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command
 
 #: Where numba finds no folder for compiled code: neither the package's own nor one in the home directory.

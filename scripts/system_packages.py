@@ -21,7 +21,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "robosim" / "camera" / "rendering"))
-from gl_libraries import PACKAGES, SYSTEM_NAMES, missing  # the same check as the camera's
+from gl_systems import PACKAGES, SYSTEM_NAMES, missing  # the same check as the camera's
 
 #: Browser for tests of the page of `robosim live`: Debian's package, and suitable programs.
 BROWSER_PACKAGE = "chromium"

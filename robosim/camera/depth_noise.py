@@ -1,13 +1,13 @@
-"""Noise of a depth camera that triangulates: what it measures of a depth image that is exact.
+"""Noise of a depth camera that triangulates, added to an exact depth image.
 
 Such a camera compares a pattern or picture from two places a baseline b apart. Depth comes from the shift between the
 two, f b / z, so all errors of the shift grow with z squared. In this order, for each pixel:
 
-- Sideways jitter: the ray is that of a place beside the pixel's centre. On a surface the depth there follows from the
-  slope of the inverse depth, which on a plane is exact; at the edge of something it may be the other side's.
+- Sideways jitter: the ray is that of a place next to the pixel's centre. On a surface the depth there follows from the
+  slope of the inverse depth, which on a plane is exact; at an edge it may be that of the other side.
 - Spread along the view: Nguyen's 1.2 mm + 1.9 mm/m^2 (z - 0.4 m)^2, and more at grazing angles.
 - Rounding: the shift is measured in steps, so depths are multiples in 1 / z.
-- Missing returns (0): what only one of the two places sees, which beside a near edge is f b (1 / z_near - 1 / z_far)
+- Missing returns (0): what only one of the two places sees, which next to a near edge is f b (1 / z_near - 1 / z_far)
   pixels of the background; surfaces hit at a grazing angle; what is too near or too far.
 
 Left out: errors that neighbours share, glass, mirrors, dark and sunlit surfaces, more than one camera.
@@ -30,7 +30,7 @@ NATIVE_FOCAL_PX = 585.0
 
 @dataclass(frozen=True, kw_only=True)
 class DepthNoise:
-    """How a depth camera errs; the numbers are those of a Kinect."""
+    """Errors of a depth camera; the defaults are those of a Kinect."""
 
     level: float = 0.0
     """Scale of all deviations, of the rounding step and of the shadows: 0 none, 1 as published."""
@@ -74,10 +74,10 @@ class DepthNoise:
     def apply(
         self, depth: Float32[np.ndarray, "h w"], focal_px: float, rng: np.random.Generator
     ) -> Float32[np.ndarray, "h w"]:
-        """What the camera measures.
+        """The measured depth image.
 
         Args:
-            depth: True depth along the camera's axis [m]; 0 where nothing is.
+            depth: True depth along the camera's axis [m]; 0 for none.
             focal_px: Focal length of the image [pixels].
             rng: Draws all of the noise.
 
@@ -123,7 +123,7 @@ def _measure(
                 inverse[i, j] = 1.0 / depth[i, j]
     for i in range(h):
         y = (i + 0.5 - 0.5 * h) / f
-        reach = -np.inf  # where in the second view what lies left of here ends
+        reach = -np.inf  # right end, in the second view, of what lies left of here
         for j in range(w):
             z, q = float(depth[i, j]), float(inverse[i, j])
             if q == 0:
@@ -145,11 +145,11 @@ def _measure(
             chance = (word & np.uint64(0xFFFF)) / 65536.0
             if chance * (fading - lost) >= cosine - lost:
                 continue
-            # Sums of two uniform numbers: bounded, with the deviation asked for.
+            # Sums of two uniform numbers: bounded, with standard deviation 1.
             du = lateral * 2.449489743 * (_uniform(word, 16) + _uniform(word, 28) - 1.0)
             dv = lateral * 2.449489743 * (_uniform(word, 40) + _uniform(word, 52) - 1.0)
-            q = _beside(q, across, du, left, right, _uniform(word, 4))
-            q = _beside(q, along, dv, above, below, _uniform(word, 10))
+            q = _inverse_depth_near(q, across, du, left, right, _uniform(word, 4))
+            q = _inverse_depth_near(q, along, dv, above, below, _uniform(word, 10))
             z = 1.0 / q
             faced = max(z - 0.4, 0.0)
             sigma = 0.0012 + 0.0019 * faced * faced
@@ -204,8 +204,10 @@ def _slope(
 
 
 @compiled
-def _beside(q: float, slope: float, offset: float, before: float, after: float, place: float) -> float:
-    """Inverse depth some part of a pixel beside its centre, the edge of the pixel's surface lying anywhere in it."""
+def _inverse_depth_near(
+    q: float, slope: float, offset: float, before: float, after: float, place: float
+) -> float:
+    """Inverse depth at an offset from a pixel's centre; an edge of its surface is at a random place in the pixel."""
     if offset > 0 and after > 0 and place < offset:
         return after
     if offset < 0 and before > 0 and place < -offset:

@@ -1,4 +1,4 @@
-"""An RGB-D camera on a robot: what it is, and where it sits.
+"""An RGB-D camera on a robot: optics, mounting, and the interface of all cameras.
 
 A pinhole without distortion. In the camera frame x points right, y down and z forward; a point (x, y, z) is seen
 at u = f x / z + w / 2 columns and v = f y / z + h / 2 rows from the upper left corner of the picture, with
@@ -11,6 +11,7 @@ Depth is measured along z, not along the ray; 0 where nothing was hit.
 Left out: lens distortion, noise, motion blur, exposure.
 """
 
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
@@ -85,7 +86,7 @@ class RGBD(NamedTuple):
 
 @runtime_checkable
 class Camera(Protocol):
-    """What cameras of both engines do. One thread may use a camera at a time; different ones are independent."""
+    """Interface of cameras. One thread may use a camera at a time; different ones are independent."""
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
         """Take a picture from a pose."""
@@ -95,6 +96,16 @@ class Camera(Protocol):
 
     def close(self) -> None:
         """Free what the camera holds; it takes no pictures after that."""
+
+
+class ClosingCamera(AbstractContextManager["ClosingCamera"]):
+    """A camera that a `with` block closes at its end."""
+
+    def close(self) -> None:
+        """Free what the camera holds; nothing happens the second time."""
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
 
 
 def camera_pose(robot_pose: Float[np.ndarray, "3"], config: CameraConfig) -> Float[np.ndarray, "4 4"]:

@@ -1,10 +1,9 @@
-"""Whether the robot's camera sees the target, and where it is.
+"""Recognisers of the target in the pictures of the robot's camera.
 
-`marker` finds the ArUco marker in the picture, at 128 x 128 pixels up to about 1.5 m, at 256 x 256 up to 3 m. How far
-it is tell the depths of its pixels; its size in the picture, a few pixels, would be wrong by a tenth. `perfect` takes
-the place of any recogniser that never fails, as the published comparison does: the target is recognised, at its true
-place, whenever some of its marker box is in the picture with nothing before it. That one is told the truth; it is for
-comparisons.
+`marker` finds the ArUco marker in the picture, at 128 x 128 pixels up to about 1.5 m, at 256 x 256 up to 3 m. Its
+distance is that of the depths of its pixels; its size in the picture, a few pixels, would be wrong by a tenth.
+`perfect` stands for a recogniser that never fails, as in the published comparison: it finds the target, at its true
+place, whenever some of its marker box is in the picture with nothing in front of it.
 
 References: Garrido-Jurado et al., Pattern Recognition 47 (2014), for the marker; arXiv 2110.14789 for the other.
 """
@@ -18,7 +17,7 @@ from jaxtyping import Float, Float32
 from robosim.camera.model import RGBD, CameraConfig
 from robosim.camera.target import DICTIONARY, TargetConfig
 
-#: How far before its box the target is taken to be hidden by something else [m].
+#: Surfaces nearer than the target's box by more than this hide it [m].
 _SLACK_M = 0.05
 #: Pixels with a depth that a marker must have, for its plane to be fitted to.
 _LEAST_PIXELS = 9
@@ -29,14 +28,14 @@ _Side = tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]
 
 @runtime_checkable
 class Recogniser(Protocol):
-    """Tells where in a picture the target is."""
+    """Finds the target in a picture."""
 
     def find(self, frame: RGBD, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "2"] | None:
         """Place of the target x ahead, y left [m] of the robot; None if it is not found.
 
         Args:
             frame: What the camera sees, with depths as measured.
-            target: Where the target truly is, x ahead, y left [m]: for who stands in for a perfect recogniser alone.
+            target: True place of the target, x ahead, y left [m]; only for perfect recognisers.
         """
 
 
@@ -63,9 +62,7 @@ class MarkerRecogniser:
         for corners, marker in zip(found, ids.ravel(), strict=True):
             if marker != self._target.marker_id:
                 continue
-            side = self._by_depth(frame.depth, corners[0])
-            if side is None:
-                side = self._by_size(corners[0])
+            side = self._by_depth(frame.depth, corners[0]) or self._by_size(corners[0])
             if side is None:
                 return None
             # The marker lies on the side of a box: the target's middle is behind it, along its inward normal.
@@ -98,7 +95,7 @@ class MarkerRecogniser:
         return np.array([middle * far, far]), inward
 
     def _by_size(self, corners: Float32[np.ndarray, "4 2"]) -> _Side | None:
-        """What the corners alone say; None if that is nothing."""
+        """The marker's side by its corners alone; None if they do not determine one."""
         solved, turn, at = cv2.solvePnP(
             self._corners, corners.astype(np.float64), self._k, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
         )
@@ -109,7 +106,7 @@ class MarkerRecogniser:
 
 
 class PerfectRecogniser:
-    """Knows the target when any of it is in the picture."""
+    """Knows the target whenever any of it is in the picture."""
 
     def __init__(self, camera: CameraConfig, target: TargetConfig | None = None) -> None:
         self._camera, self._target = camera, target or TargetConfig()

@@ -1,11 +1,8 @@
 """A transmitter that a camera can recognise: it hangs from the ceiling, with an ArUco marker on each side.
 
 Each cell of a marker is a square of plain black or white, so that no texture is needed and the pattern is exact
-at any distance. Around the marker lies a white margin, without which it is not found. Colours are meant to be
-drawn as they are, without light.
-
-The target is for cameras only: it stops neither robots, which pass below, nor radio waves. A post on the floor
-would be a pillar to the mapper of a robot, and shut the narrow passages that targets happen to be in.
+at any distance. Around the marker lies a white margin, which detection needs. Colours are drawn as they are, without
+light. The target is for cameras only: it stops neither robots, which pass below, nor radio waves.
 
 Reference: Garrido-Jurado et al., "Automatic generation and detection of highly reliable fiducial markers under
 occlusion", Pattern Recognition 47 (2014).
@@ -84,7 +81,7 @@ def target_mesh(
         position_xy: Where its middle hangs, x, y [m] in `map`.
         config: Its size and marker.
         yaw: Direction that its first side faces [rad].
-        ceiling_m: Height of the ceiling [m]; a ceiling below the markers is touched by them.
+        ceiling_m: Height of the ceiling [m]; the markers stay below it only if it is high enough.
     """
     half, middle = config.box_m / 2, config.marker_height_m
     radio, radio_half = config.radio_height_m, config.radio_m / 2
@@ -96,9 +93,9 @@ def target_mesh(
     quads, colours = (list(column) for column in zip(*boxes, strict=True))
     cells, shades = _marker(config)
     for quarter in range(4):
-        quads.append(_turned(cells, quarter * np.pi / 2))
+        quads.append(_rotate_z(cells, quarter * np.pi / 2))
         colours.append(shades)
-    corners = _turned(np.concatenate(quads), yaw) + np.array([*position_xy, 0.0])
+    corners = _rotate_z(np.concatenate(quads), yaw) + np.array([*position_xy, 0.0])
     shade = np.concatenate(colours)
     faces = 4 * np.arange(len(corners))[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]])
     rgba = np.column_stack([shade, np.full(len(shade), 255, np.uint8)]).repeat(4, axis=0)
@@ -120,7 +117,7 @@ def marker_corners(
     """
     across_up = config.marker_m / 2 * _SQUARE[[3, 2, 1, 0]]
     side = np.column_stack([np.full(4, config.box_m / 2), across_up])
-    sides = np.stack([_turned(side, yaw + quarter * np.pi / 2) for quarter in range(4)])
+    sides = np.stack([_rotate_z(side, yaw + quarter * np.pi / 2) for quarter in range(4)])
     return sides + np.array([*position_xy, config.marker_height_m])
 
 
@@ -143,19 +140,19 @@ def _marker(config: TargetConfig) -> tuple[Float[np.ndarray, "64 4 3"], UInt8[np
 def _box(
     half: float, low: float, high: float, colour: tuple[int, int, int] | None
 ) -> tuple[Float[np.ndarray, "n 4 3"], UInt8[np.ndarray, "n 3"]]:
-    """Top and bottom of an upright box, and its four sides too if it has a colour, for else markers cover them."""
+    """Top and bottom of an upright box, and its four sides if it has a colour; without one, markers cover them."""
     lid = np.column_stack([half * _SQUARE, np.full(4, high)])
     floor = np.column_stack([half * _SQUARE[::-1], np.full(4, low)])
     if colour is None:
         return np.stack([lid, floor]), np.full((2, 3), _WHITE, np.uint8)
     z = np.where(_SQUARE[:, 1] > 0, high, low)
     side = np.column_stack([np.full(4, half), half * _SQUARE[:, 0], z])
-    sides = [_turned(side, quarter * np.pi / 2) for quarter in range(4)]
+    sides = [_rotate_z(side, quarter * np.pi / 2) for quarter in range(4)]
     shades = np.array([1.0, 0.7, 1.0, 1.0, 0.85, 0.75])  # lid, floor, sides: so that edges show
     return np.stack([lid, floor, *sides]), (shades[:, None] * colour).round().astype(np.uint8)
 
 
-def _turned(points: Float[np.ndarray, "*n 3"], angle: float) -> Float[np.ndarray, "*n 3"]:
-    """Points turned about the z axis, counter-clockwise as seen from above."""
+def _rotate_z(points: Float[np.ndarray, "*n 3"], angle: float) -> Float[np.ndarray, "*n 3"]:
+    """Points rotated about the z axis, counter-clockwise as seen from above."""
     c, s = np.cos(angle), np.sin(angle)
     return points @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -1,4 +1,4 @@
-"""Lidars by name, as their makers describe them.
+"""Lidars by name, as their manufacturers describe them.
 
     rplidar-a1   Slamtec RPLIDAR A1M8, data sheet rev. 3.0: 360 beams at 5.5 turns a second, 0.15 to 12 m, ranges to
                  1 % of the distance
@@ -7,8 +7,8 @@
     ust-10lx     Hokuyo UST-10LX, specification: 1081 beams over 270 degrees, 0.06 to 10 m, accurate to 40 mm
     ring-64      no product: 64 beams all around with the errors of an RPLIDAR A1, for learning
 
-Makers tell bounds: they are taken for two standard deviations, and the error of the Hokuyo, which it has in common for
-all beams of a surface, for its spread. That one beam in a hundred returns nothing is our assumption.
+Data sheets give bounds: they are treated as two standard deviations, and the error of the Hokuyo, which is common to
+all beams of a surface, as its spread. That one beam in a hundred returns nothing is an assumption.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""A planar laser scanner (2D lidar) on a robot: what it is, how it errs, and what every one does."""
+"""A planar laser scanner (2D lidar) on a robot: its beams and errors, and the interface of all lidars."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -12,12 +12,12 @@ from slam.sensing.laser import LaserScan
 
 @dataclass(frozen=True, kw_only=True)
 class LidarConfig:
-    """How a lidar is used."""
+    """Mounting of a lidar, and scale of its errors."""
 
     height_m: float = 0.2
     """Height of the beams above the floor [m]."""
     level: float = 1.0
-    """Scale of its errors and of the part of beams that return nothing: 0 none, 1 as its maker says."""
+    """Scale of its errors and of the part of beams that return nothing: 0 none, 1 as in its data sheet."""
 
     def __post_init__(self) -> None:
         check_numbers(self, height_m=(0.001, 100, "m"), level=LEVEL)
@@ -25,7 +25,7 @@ class LidarConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class LidarModel:
-    """A kind of lidar: its fan of beams, and how they err; by default an RPLIDAR A1."""
+    """A kind of lidar: its fan of beams and their errors; by default an RPLIDAR A1."""
 
     beams: int = 360
     """Beams of a turn."""
@@ -40,7 +40,7 @@ class LidarModel:
     sigma_share: float = 0.005
     """Standard deviation as a part of the range, where that is more."""
     missing: float = 0.01
-    """Part of the beams that return nothing for no reason."""
+    """Part of the beams that return nothing at random."""
     grazing_deg: float = 85.0
     """Surfaces met at more than this from their normal return nothing [deg]."""
 
@@ -77,7 +77,7 @@ class LidarModel:
 
 @runtime_checkable
 class Lidar(Protocol):
-    """What every lidar does."""
+    """Interface of lidars."""
 
     def scan(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> LaserScan:
         """Measure.
@@ -88,4 +88,4 @@ class Lidar(Protocol):
         """
 
     def true_scan(self, pose: Float[np.ndarray, "3"]) -> LaserScan:
-        """What it would measure if it did not err, for judging."""
+        """Measure without errors."""

@@ -126,7 +126,7 @@ class RadioTable:
         node, weight = _around(
             self._index,
             self.paths.rx_position,
-            *self._walls,
+            self._walls,
             float(xy[0]),
             float(xy[1]),
             float(column),
@@ -266,10 +266,8 @@ class RadioTable:
 
 @compiled
 def _around(
-    index: np.ndarray, position: np.ndarray,
-    segments: np.ndarray, corner: np.ndarray, first: np.ndarray, members: np.ndarray,
-    x: float, y: float, column: float, row: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    index: np.ndarray, position: np.ndarray, walls: WallTiles, x: float, y: float, column: float, row: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Nodes around a place with nothing between, and their bilinear weights."""
     node, weight = np.full(4, -1), np.zeros(4)
     j, i = int(np.floor(column)), int(np.floor(row))
@@ -282,7 +280,7 @@ def _around(
         if one < 0:
             continue
         dx, dy = position[one, 0] - x, position[one, 1] - y
-        meets, _ = nearest_wall(segments, corner, first, members, x, y, dx, dy, 1.0)
+        meets, _ = nearest_wall(walls, x, y, dx, dy, 1.0)
         if meets <= 1.0:
             continue
         node[k] = one

@@ -22,8 +22,7 @@ import numpy as np
 import trimesh
 
 from robosim.camera.model import CameraConfig
-from robosim.camera.rendering.gl_binding import complete_egl, keep_x_out
-from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, GLSystem
+from robosim.camera.rendering.gl_systems import SYSTEM_NAMES, GLSystem, complete_egl, prepare_pyopengl
 
 #: Takes a picture from a pose T_map_camera and returns its depth [m], 0 where nothing was hit.
 Shot = Callable[[np.ndarray], np.ndarray]
@@ -102,7 +101,7 @@ def _stock_pyrender(mesh: trimesh.Trimesh, config: CameraConfig) -> Shot:
 
 def _complete_pyopengl() -> None:
     """Give an old PyOpenGL what newer ones have of OSMesa and EGL; without a display's libraries."""
-    keep_x_out()
+    prepare_pyopengl()
     if os.environ["PYOPENGL_PLATFORM"] == "egl":
         complete_egl()
         return

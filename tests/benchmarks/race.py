@@ -24,7 +24,7 @@ import trimesh
 from jaxtyping import Float
 
 from robosim.camera.model import CameraConfig
-from robosim.camera.rendering.gl_libraries import OpenGLError, missing
+from robosim.camera.rendering.gl_systems import OpenGLError, missing
 from robosim.support.processes import ctrl_c_held_back, end_with_parent
 from tests.benchmarks.peers import PEERS
 

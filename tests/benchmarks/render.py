@@ -22,7 +22,7 @@ from rich.text import Text
 
 from robosim.building.building import Building, make_building
 from robosim.camera.model import CameraConfig, camera_pose
-from robosim.camera.rendering.gl_libraries import missing
+from robosim.camera.rendering.gl_systems import missing
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.files import read_plan
 from robosim.support.assets import shipped_plans

@@ -9,8 +9,7 @@ from rich.console import Console
 
 from robosim.building.building import Building, make_building
 from robosim.camera.model import CameraConfig
-from robosim.camera.rendering.gl_binding import default_system
-from robosim.camera.rendering.gl_libraries import OpenGLError
+from robosim.camera.rendering.gl_systems import OpenGLError, default_system
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.plans.floorplan import FloorPlan
 from tests.benchmarks import race as race_module

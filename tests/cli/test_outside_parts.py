@@ -11,7 +11,7 @@ import pytest
 import robosim
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.camera.cameras import embree_camera
+from robosim.camera.rendering.embree_camera import EmbreeCamera
 from robosim.cli import main
 from robosim.commands.episode_config import read_config, words_of
 from robosim.episode import EpisodeConfig, run_episode
@@ -208,7 +208,7 @@ def test_objects_stand_in_for_names():
         max_steps=4,
         simulator=SimulatorConfig(
             physics=KinematicWorld,
-            camera=embree_camera,
+            camera=EmbreeCamera,
             recognition=Blind,
             radio=RadioLinkConfig(estimator=PcaEstimator),
         ),

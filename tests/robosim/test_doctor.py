@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from robosim import doctor
-from robosim.camera.rendering.gl_libraries import INSTALL, OpenGLError
+from robosim.camera.rendering.gl_systems import INSTALL, OpenGLError
 from robosim.doctor import Finding, _camera, _check, _system, report
 from robosim.remedies import CACHE_REMEDY, remedy
 from robosim.support.installation import EXTRAS, install_command

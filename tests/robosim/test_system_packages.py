@@ -51,7 +51,7 @@ class Machine:
         return subprocess.CompletedProcess(command, status, words, "")
 
     def missing(self, system: str) -> str:
-        """Stand for `gl_libraries.missing`."""
+        """Stand for `gl_systems.missing`."""
         needs = {"libosmesa6"} if system == "osmesa" else EGL
         return "" if needs <= self.installed else f"{system} is not installed."
 

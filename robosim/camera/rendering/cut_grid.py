@@ -1,8 +1,8 @@
 """Lines of a square grid that a building is cut along, as seen from above.
 
-Points are known by number, each computed once for all the surfaces that meet there: first the corners of the
-building, then the places where its walls cross the lines, then the crossings of two lines. Lines are turned with
-the plan and shifted by odd fractions of a cell, so that none passes through a corner.
+Points are numbered, and each is computed once for all the surfaces that meet there: first the corners of the building,
+then the places where its walls cross the lines, then the crossings of two lines. Lines are turned with the plan and
+shifted by odd fractions of a cell, so that none passes through a corner.
 """
 
 import numpy as np
@@ -131,17 +131,9 @@ def _chains(
     share: Float[np.ndarray, " m"],
     points: Int[np.ndarray, " m"],
 ) -> tuple[Int[np.ndarray, "k 2"], Int[np.ndarray, " k"]]:
-    """Cut lines at points.
+    """Cut lines between their `ends` at `points`; `share` of each is 0 at the first end of its line, 1 at the second.
 
-    Args:
-        ends: Both ends of each line.
-        owner: Which line a point lies on.
-        share: Where on it, 0 at the first end and 1 at the second.
-        points: The points.
-
-    Returns:
-        pieces: Both ends of each piece.
-        line: Which line it is a piece of.
+    Returns both ends of each piece, and which line it is a piece of.
     """
     lines = np.arange(len(ends))
     line = np.concatenate([lines, owner, lines])

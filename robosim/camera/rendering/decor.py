@@ -1,15 +1,15 @@
-"""How rooms are furnished with colour: paint, floors, skirting, windows and the frames of doors, from a seed.
+"""Paint, floors, skirtings, windows and door frames of rooms, from a seed.
 
-All of it is colour of patches that are there anyway: no surface is added, so that depth, lidar, collision and radio
-stay what they are.
+All of it is colour of patches that exist anyway: no surface is added, so that depth, lidar, collision and radio do not
+change.
 
-- Rooms are what is left of the free floor once necks narrower than a double door are closed, grown back over it; what
-  is narrower all over, the same with a door's width. Each has a paint of its own, and a floor of boards, tiles or
-  carpet.
-- Windows stand in walls behind which nothing is free: glass from the skirting to the ceiling, some 1.2 m wide, every
+- Rooms are what is left of the free floor once necks narrower than a double door are closed, grown back over it; floor
+  that is narrower everywhere, the same with a door's width. Each has a paint of its own, and a floor of boards, tiles
+  or carpet.
+- Windows are in walls behind which nothing is free: glass from the skirting to the ceiling, some 1.2 m wide, every
   2.4 m, in most of such walls that are long enough.
-- Doors' frames are the short ends of walls across which another wall is as far as a door is wide: both of their corners
-  stick out into free space.
+- Door frames are the short ends of walls, both of whose corners stick out into free space, if another wall is as far
+  across as a door is wide.
 
 Rooms and walls are numbered along the plan: the same building looks the same wherever it lies.
 """
@@ -22,7 +22,7 @@ from robosim.building.extrusion import CEILING, FLOOR, WALL
 from robosim.camera.rendering.tessellation import Patches
 from robosim.plans.floorplan import FloorPlan
 
-#: Floors: boards, tiles, carpet; and of each the share by which its pieces differ in tone.
+#: Floors: boards, tiles, carpet; their colours, and the share by which the pieces of each differ in tone.
 _BOARDS, _TILES, _CARPET = range(3)
 _FLOORS = np.array([(166, 130, 94), (178, 174, 166), (134, 134, 138)], float)
 _SWING = np.array([0.13, 0.05, 0.02])
@@ -37,13 +37,13 @@ _SKIRTINGS = np.array([(112, 92, 76), (236, 234, 228), (90, 84, 80)], float)
 _FRAME = np.array([150, 112, 76], float)
 _CEILING = np.array([238, 238, 234], float)
 GLASS = np.array([226, 238, 250], float)
-#: Necks narrower than this part rooms [m], wide ones first; smaller rooms than this have tiles [m2].
+#: Necks narrower than this separate rooms [m], wide ones first; smaller rooms than this have tiles [m2].
 _NECKS_M, _SMALL_M2 = (1.3, 0.8), 7.0
 #: Ends of walls up to this width are door frames [m], and doors so wide [m].
 _JAMB_M, _DOOR_M = 0.35, (0.55, 1.4)
-#: Windows come in steps of so much along a wall, and are open for so much of each, in walls of at least so much [m].
+#: Distance of windows along a wall, their width, and the shortest wall that has any [m].
 _EVERY_M, _WIDE_M, _LEAST_M = 2.4, 1.25, 1.6
-#: Behind a wall with windows nothing is free for so much [m].
+#: Behind a wall with windows nothing is free for this distance [m]; share of such walls that have windows.
 _OUTSIDE_M = 3.0
 _GLAZED = 0.8
 # Multipliers of a hash; large odd numbers without a pattern.
@@ -51,16 +51,10 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F], np.uint64)
 
 
 class Decor:
-    """What the surfaces of a building are painted like."""
+    """Colours of the surfaces of a building."""
 
     def __init__(self, plan: FloorPlan, patches: Patches, seed: int) -> None:
-        """Find rooms, windows and frames.
-
-        Args:
-            plan: What the building was made from.
-            patches: Its surfaces.
-            seed: Of paints, floors and windows.
-        """
+        """Find rooms, windows and frames of the building of a plan, given the patches of its surfaces."""
         self._patches = patches
         rooms = _rooms(plan)
         # A little into the patch and away from it: a vertex in a corner belongs to the room that the patch is in.
@@ -94,7 +88,7 @@ class Decor:
         return colours
 
     def _pieces(self, kind: Int[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-        """Tones of a floor's pieces, -1 to 1: boards along rows of the grid, tiles by turns, carpet all over."""
+        """Tones of a floor's pieces, -1 to 1: boards along rows of the grid, alternating tiles, uniform carpet."""
         cell = self._patches.cell
         boards = tone(np.column_stack([cell[:, 1], cell[:, 0] // 4 + 7 * cell[:, 1]]))
         tiles = 1.0 - 2.0 * (cell.sum(axis=1) % 2) + 0.3 * tone(cell)
@@ -102,7 +96,7 @@ class Decor:
 
 
 def tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """A number from -1 to 1 for each square of a grid, with no pattern that one sees."""
+    """A number from -1 to 1 for each square of a grid, without a visible pattern."""
     mixed = (cell.astype(np.uint64) * _ODD).sum(axis=1)
     mixed ^= mixed >> np.uint64(29)
     mixed *= np.uint64(0xBF58476D1CE4E5B9)
@@ -110,18 +104,18 @@ def tone(cell: Int[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
 
 
 def _pick(number: Int[np.ndarray, " n"], seed: int, what: int, count: int) -> Int[np.ndarray, " n"]:
-    """One of so many for each number, by the seed."""
+    """A choice among `count` for each number, by the seed and what is chosen."""
     drawn = tone(np.column_stack([number, np.full(len(number), 16 * seed + what)]))
     return np.minimum(((drawn + 1) / 2 * count).astype(int), count - 1)
 
 
 def _rooms(plan: FloorPlan) -> Int[np.ndarray, "ny nx"]:
-    """Number of the room of each cell; what is no floor has that of the nearest room."""
-    free = np.pad(plan.free, 1).astype(np.uint8)  # beyond the picture nothing is
+    """Number of the room of each cell; cells that are no floor have that of the nearest room."""
+    free = np.pad(plan.free, 1).astype(np.uint8)  # nothing is free beyond the plan
     away = cv2.distanceTransform(free, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     label = np.zeros(free.shape, np.int32)
     for neck_m in _NECKS_M:
-        # Of what is left, those parts that hold no room yet are rooms themselves: closets and corridors.
+        # Parts that hold no room yet are rooms themselves: closets and corridors.
         count, part = cv2.connectedComponents((away > 0.5 * neck_m / plan.resolution_m).astype(np.uint8))
         holds = np.zeros(count, bool)
         holds[part[label > 0]] = True
@@ -132,7 +126,7 @@ def _rooms(plan: FloorPlan) -> Int[np.ndarray, "ny nx"]:
         if np.array_equal(grown, label):
             break
         label = grown
-    # Corners that are narrow all over.
+    # Floor that is narrow everywhere.
     _, corner = cv2.connectedComponents(((label == 0) & (free > 0)).astype(np.uint8))
     label = np.where(corner > 0, corner + label.max(), label)
     if not label.any():
@@ -145,38 +139,32 @@ def _rooms(plan: FloorPlan) -> Int[np.ndarray, "ny nx"]:
 
 
 class _Walls:
-    """Walls as their patches tell of them."""
+    """Walls, derived from their patches."""
 
     def __init__(self, patches: Patches) -> None:
         upright = np.flatnonzero(patches.kind == WALL)
         #: Corners of each patch of a wall, from the lower left one, as seen from free space.
         self.patch = upright.reshape(-1, 4)
-        _, self.number = np.unique(patches.source[self.patch[:, 0]], return_inverse=True)
+        walls, self.number = np.unique(patches.source[self.patch[:, 0]], return_inverse=True)
         self.normal = patches.normals[self.patch[:, 0], :2]
-        self._right = np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
+        along = np.column_stack([-self.normal[:, 1], self.normal[:, 0]])
         self.middle = patches.vertices[self.patch, :2].mean(axis=1)
         feet = patches.vertices[self.patch[:, :2], :2]
-        left, right = ((feet[:, k] * self._right).sum(axis=1) for k in (0, 1))
-        count = int(self.number.max(initial=-1)) + 1
-        self._low, self._high = np.full(count, np.inf), np.full(count, -np.inf)
-        np.minimum.at(self._low, self.number, left)
-        np.maximum.at(self._high, self.number, right)
-        self.length_m = (self._high - self._low)[self.number]
+        left, right = ((feet[:, k] * along).sum(axis=1) for k in (0, 1))
+        low, high = np.full(len(walls), np.inf), np.full(len(walls), -np.inf)
+        np.minimum.at(low, self.number, left)
+        np.maximum.at(high, self.number, right)
+        self.length_m = (high - low)[self.number]
         #: Distance of a patch's middle from that of its wall [m].
-        self.from_middle_m = 0.5 * (left + right) - 0.5 * (self._low + self._high)[self.number]
-        ends = self._ends(feet, left, right, count)
-        self.juts = _juts(ends)[self.number] if count else np.zeros(0, bool)
-
-    def _ends(self, feet: np.ndarray, left: np.ndarray, right: np.ndarray, count: int) -> np.ndarray:
-        """Left and right end of each wall (x, y) [m]."""
-        ends = np.empty((count, 2, 2))
-        first, last = left == self._low[self.number], right == self._high[self.number]
+        self.from_middle_m = 0.5 * (left + right) - 0.5 * (low + high)[self.number]
+        ends = np.empty((len(walls), 2, 2))  # left and right end of each wall (x, y) [m]
+        first, last = left == low[self.number], right == high[self.number]
         ends[self.number[first], 0], ends[self.number[last], 1] = feet[first, 0], feet[last, 1]
-        return ends
+        self.juts = _juts(ends)[self.number] if len(walls) else np.zeros(0, bool)
 
 
 def _juts(ends: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
-    """Walls of which both corners stick out into free space: from left to right they turn left there."""
+    """Walls both of whose corners stick out into free space: from left to right they turn left there."""
     along = ends[:, 1] - ends[:, 0]
     (start, end) = (np.round(ends[:, k], 6) @ (1, 1j) for k in (0, 1))
     order = np.argsort(start)
@@ -191,7 +179,7 @@ def _juts(ends: Float[np.ndarray, "n 2 2"]) -> Bool[np.ndarray, " n"]:
 
 
 def _free_at(plan: FloorPlan, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, " n"]:
-    """Whether points of `map` [m] lie in free cells; beyond the picture nothing is free."""
+    """Whether points of `map` [m] lie in free cells; beyond the plan nothing is free."""
     column, row = np.floor(plan.to_cells(points)).astype(int).T
     ny, nx = plan.shape
     inside = (column >= 0) & (column < nx) & (row >= 0) & (row < ny)
@@ -201,7 +189,7 @@ def _free_at(plan: FloorPlan, points: Float[np.ndarray, "n 2"]) -> Bool[np.ndarr
 
 
 def _across_a_door(plan: FloorPlan, walls: _Walls) -> Bool[np.ndarray, " m"]:
-    """Patches of walls that look at another wall as far off as a door is wide."""
+    """Patches of walls that face another wall as far off as a door is wide."""
     open_m = np.full(len(walls.patch), np.inf)
     for far_m in np.arange(2 * plan.resolution_m, _DOOR_M[1] + 2 * plan.resolution_m, plan.resolution_m):
         ends = ~_free_at(plan, walls.middle + far_m * walls.normal)

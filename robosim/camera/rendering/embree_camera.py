@@ -1,35 +1,32 @@
-"""An RGB-D camera by ray casting with Embree, the engine to judge the fast one against.
+"""An RGB-D camera by ray casting with Embree, which the drawing camera is tested against.
 
 One ray goes through the centre of each pixel. Its direction is one metre long along the camera's z axis, so that
 the distance at which Embree finds a triangle is the depth. Colours are interpolated between the three vertices by
-the barycentric coordinates of the hit, which is what OpenGL's perspective-correct interpolation gives.
+the barycentric coordinates of the hit, which equals OpenGL's perspective-correct interpolation.
 
-Where OpenGL leaves out faces that turn their back, rays are stopped by both sides of a face.
+OpenGL leaves out faces that are seen from behind; here rays are stopped by both sides of a face.
 """
 
 from collections.abc import Sequence
-from types import TracebackType
 
 import numpy as np
 import trimesh
-from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32
 
-from robosim.camera.model import RGBD, CameraConfig
+from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.scenery import merge
+from robosim.support.ray_casting import make_ray_scene
 
 
-class EmbreeCamera:
+class EmbreeCamera(ClosingCamera):
     """Casts a ray for each pixel, on one core. Needs no OpenGL; works in any process and thread."""
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig) -> None:
         """Build the tree of triangles; see `robosim.camera.cameras.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
-        # Robust: a ray through an edge between two triangles hits one of them, it does not slip through.
-        self._scene: EmbreeScene | None = EmbreeScene(robust=True)
-        self._triangles = TriangleMesh(self._scene, self._scenery.vertices[self._scenery.faces])
+        self._scene: EmbreeScene | None = make_ray_scene(self._scenery.triangles)
         a, b, c = np.moveaxis(self._scenery.colours[self._scenery.faces].astype(np.float32), 1, 0)
         self._colour, self._along_u, self._along_v = a + np.float32(0.5), b - a, c - a
         self._x, self._y = config.directions()[0, :, :1], config.directions()[:, :1, 1:2]
@@ -58,14 +55,6 @@ class EmbreeCamera:
         """Free the tree; nothing happens the second time."""
         self._scene = None
 
-    def __enter__(self) -> "EmbreeCamera":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _cast(
         self, T_map_camera: Float[np.ndarray, "4 4"]
     ) -> tuple[dict[str, np.ndarray], Float32[np.ndarray, " n"]]:
@@ -73,11 +62,10 @@ class EmbreeCamera:
         if self._scene is None:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
         R, t = self._scenery.to_local(T_map_camera)
-        # Not one product of matrices: that size would wake the threads of the linear algebra library.
+        # Not one product of matrices: that size would start the threads of the linear algebra library.
         directions = (self._x * R[:, 0] + (self._y * R[:, 1] + R[:, 2])).astype(np.float32).reshape(-1, 3)
         near = np.float32(self.config.near_m)
-        origins = t.astype(np.float32) + near * directions
-        hits = self._scene.run(origins, directions, output=True)
+        hits = self._scene.run(t.astype(np.float32) + near * directions, directions, output=True)
         depth = hits["tfar"] + near
         depth[(hits["primID"] < 0) | (depth > self.config.far_m)] = 0.0
         return hits, depth

@@ -1,8 +1,7 @@
-"""Surfaces of placed meshes as patches to be coloured: small triangles, whose corners are their own.
+"""Surfaces of placed meshes as patches to be coloured: small triangles that share no corners.
 
-Long sides are halved until none is longer than asked for, in both triangles that meet there, so that surfaces stay
-what they were and no crack opens between them. Sheets, which cameras may see from either side, come twice, once with
-each front.
+Long sides are halved until none is longer than a limit, in both triangles that meet there, so that no crack opens
+between them. Sheets, which cameras may see from either side, come twice, once with each front.
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from robosim.building.extrusion import PLACED
 from robosim.camera.rendering.tessellation import Patches
 from robosim.plans.furnishings.furnishing import Furnishing
 
-#: Meshes of so many triangles are fine enough as they are.
+#: Meshes of more triangles are not cut.
 _ENOUGH = 20_000
 
 
@@ -56,7 +55,7 @@ def placed_patches(
 
 
 def _cut(triangles: Float[np.ndarray, "n 3 3"], step_m: float) -> Float[np.ndarray, "m 3 3"]:
-    """Triangles of which none has a side longer than a step: long sides are halved, in both triangles on them."""
+    """Triangles without sides longer than a step."""
     done = []
     while len(triangles):
         long = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2) > step_m

@@ -1,22 +1,23 @@
-"""An RGB-D camera for buildings that are an extruded plan: one level ray a column, and no OpenGL.
+"""An RGB-D camera for buildings that are an extruded plan: one level ray per column, and no OpenGL.
 
-Where walls stand upright from floor to ceiling, all that a column of a level picture shows follows from one number, the
-distance of the nearest wall: rows between its foot and its top show it, rows below the floor, rows above the ceiling.
-What else there is, furniture and the target, is drawn over it triangle by triangle, by the edge functions of
-homogeneous coordinates, which need no clipping (Olano and Greer, Triangle scan conversion using 2D homogeneous
-coordinates, Graphics Hardware 1997).
+Where walls stand upright from floor to ceiling, all that a column of a level picture shows follows from the distance of
+the nearest wall: rows between its foot and its top show it, rows below the floor, rows above the ceiling. Other
+surfaces, furniture and the target, are drawn over it triangle by triangle, by the edge functions of homogeneous
+coordinates, which need no clipping (Olano and Greer, Triangle scan conversion using 2D homogeneous coordinates,
+Graphics Hardware 1997).
 
-Depth is that of the other cameras. Colours are schematic: walls are grey by the way they face, without light.
-Left out: cameras that look up or down.
+Depth is that of the other cameras. Colours are schematic: walls are grey by the direction that they face, without
+light. Left out: cameras that look up or down.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Float32, UInt8
 
-from robosim.camera.model import RGBD, CameraConfig
+from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.scenery import merge
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
 from wireless.support.compiled import compiled
@@ -27,30 +28,52 @@ _FLOOR, _CEILING, _WALL = 150, 235, (165, 215)
 _SAME = 1e-6
 
 
-class PlanCamera:
+class _Storey(NamedTuple):
+    """What stands upright or lies level in a scene."""
+
+    walls: WallTiles
+    shade: UInt8[np.ndarray, " n"]
+    """Grey of each wall."""
+    floor_m: float
+    ceiling_m: float
+    has_floor: bool
+    has_ceiling: bool
+
+
+class _Lens(NamedTuple):
+    """Focal length [pixels], near and far plane [m]."""
+
+    focal_px: float
+    near_m: float
+    far_m: float
+
+
+class PlanCamera(ClosingCamera):
     """Casts a ray for each column. Needs no OpenGL; works in any process and thread."""
 
     def __init__(self, meshes: Sequence[trimesh.Trimesh], config: CameraConfig) -> None:
-        """Sort out walls, floor and ceiling; see `robosim.camera.cameras.make_camera`."""
+        """Separate walls, floor and ceiling from the rest; see `robosim.camera.cameras.make_camera`."""
         self.config = config
-        scenery = merge(meshes)
-        self._centre = scenery.centre
-        triangles = np.concatenate([np.asarray(mesh.triangles, float) for mesh in meshes]) - self._centre
+        self._lens = _Lens(float(config.focal_px), config.near_m, config.far_m)
+        self._scenery = merge(meshes)
+        triangles = (
+            np.concatenate([np.asarray(mesh.triangles, float) for mesh in meshes]) - self._scenery.centre
+        )
         z = triangles[:, :, 2]
-        self._floor, self._top = float(z.min()), float(z.max())
-        whole, level = _upright(triangles, self._floor, self._top), np.ptp(z, axis=1) < _SAME
-        flat_floor = level & (z[:, 0] < self._floor + _SAME)
-        flat_top = level & (z[:, 0] > self._top - _SAME)
-        self._has = bool(flat_floor.any()), bool(flat_top.any())
-        self._walls: WallTiles | None = None
-        if whole.any():
-            self._walls = wall_tiles(_segments(triangles[whole]))
-            along = self._walls.segments[:, 2:]
+        low, high = float(z.min()), float(z.max())
+        is_wall, is_level = _are_walls(triangles, low, high), np.ptp(z, axis=1) < _SAME
+        is_floor = is_level & (z[:, 0] < low + _SAME)
+        is_ceiling = is_level & (z[:, 0] > high - _SAME)
+        self._storey: _Storey | None = None
+        if is_wall.any():
+            walls = wall_tiles(_segments(triangles[is_wall]))
+            along = walls.segments[:, 2:]
             facing = np.abs(along[:, 0]) / np.maximum(np.hypot(*along.T), 1e-12)
-            self._shade = np.rint(_WALL[0] + (_WALL[1] - _WALL[0]) * facing).astype(np.uint8)
-        other = ~(whole | flat_floor | flat_top)
+            shade = np.rint(_WALL[0] + (_WALL[1] - _WALL[0]) * facing).astype(np.uint8)
+            self._storey = _Storey(walls, shade, low, high, bool(is_floor.any()), bool(is_ceiling.any()))
+        other = ~(is_wall | is_floor | is_ceiling)
         self._others = triangles[other]
-        self._colours = scenery.colours[scenery.faces[other, 0]]
+        self._colours = self._scenery.colours[self._scenery.faces[other, 0]]
         self._closed = False
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
@@ -72,7 +95,7 @@ class PlanCamera:
         return depth
 
     def close(self) -> None:
-        """There is nothing to free, but a closed camera takes no more pictures."""
+        """A closed camera takes no more pictures."""
         self._closed = True
 
     def _draw(
@@ -80,39 +103,27 @@ class PlanCamera:
     ) -> None:
         if self._closed:
             raise RuntimeError("The camera is closed. Make a new one with make_camera.")
-        T = np.asarray(T_map_camera, float)
-        if T.shape != (4, 4) or not np.isfinite(T).all():
-            raise ValueError(f"T_map_camera is\n{T}\nexpected a 4 by 4 matrix of finite numbers.")
-        if abs(T[2, 1] + 1) > _SAME:
+        R, t = self._scenery.to_local(T_map_camera)
+        if abs(R[2, 1] + 1) > _SAME:
             raise ValueError(
-                f"T_map_camera turns the picture's y axis to {T[:3, 1]}, expected straight down, as of a level camera. "
+                f"T_map_camera turns the picture's y axis to {R[:, 1]}, expected straight down, as of a level camera. "
                 "Take pyrender or embree for one that looks up or down."
             )
-        place = T[:3, 3] - self._centre
-        c = self.config
-        if self._walls is not None:
-            _draw_plan(
-                *self._walls, self._shade, place, T[:2, 2].copy(), T[:2, 0].copy(), self._floor, self._top,
-                *self._has, float(c.focal_px), c.near_m, c.far_m, depth, rgb,
-            )  # fmt: skip
+        R_camera = np.ascontiguousarray(R.T)
+        if self._storey is not None:
+            _draw_storey(self._storey, t, R_camera, self._lens, depth, rgb)
         if len(self._others):
-            _draw_triangles(
-                self._others, place, np.ascontiguousarray(T[:3, :3].T), self._colours, float(c.focal_px),
-                c.near_m, c.far_m, depth, rgb,
-            )  # fmt: skip
+            _draw_triangles(self._others, self._colours, t, R_camera, self._lens, depth, rgb)
 
 
-def _upright(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Bool[np.ndarray, " n"]:
+def _are_walls(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Bool[np.ndarray, " n"]:
     """Which triangles are half of a wall from floor to ceiling."""
     z = triangles[:, :, 2]
     ends = (np.abs(z - low) < _SAME) | (np.abs(z - high) < _SAME)
     normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     size = np.linalg.norm(normal, axis=1)
     upright = np.abs(normal[:, 2]) <= _SAME * np.maximum(size, 1e-12)
-    found: Bool[np.ndarray, " n"] = (
-        ends.all(axis=1) & (np.ptp(z, axis=1) > high - low - 2 * _SAME) & upright & (size > 0)
-    )
-    return found
+    return ends.all(axis=1) & (np.ptp(z, axis=1) > high - low - 2 * _SAME) & upright & (size > 0)
 
 
 def _segments(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 2 2"]:
@@ -128,99 +139,106 @@ def _segments(triangles: Float[np.ndarray, "n 3 3"]) -> Float[np.ndarray, "m 2 2
 
 
 @compiled
-def _draw_plan(
-    segments: np.ndarray, corner: np.ndarray, first: np.ndarray, members: np.ndarray,
-    shade: UInt8[np.ndarray, " n"], place: np.ndarray, ahead: np.ndarray, right: np.ndarray,
-    floor: float, top: float, has_floor: bool, has_top: bool,
-    focal: float, near: float, far: float, depth: np.ndarray, rgb: np.ndarray,
-) -> None:  # fmt: skip
-    """Walls, floor and ceiling, column by column; `rgb` of no rows for none."""
+def _draw_storey(
+    storey: _Storey, place: np.ndarray, R_camera: np.ndarray, lens: _Lens, depth: np.ndarray, rgb: np.ndarray
+) -> None:
+    """Walls, floor and ceiling, column by column; `rgb` of no rows if no colours are drawn.
+
+    The rows of `R_camera` are the camera's axes right, down and ahead.
+    """
     height, width = depth.shape
-    coloured = len(rgb) > 0
+    draws_colour = len(rgb) > 0
+    right, ahead = R_camera[0], R_camera[2]
     for j in range(width):
-        x = (j + 0.5 - 0.5 * width) / focal
-        wall, who = nearest_wall(
-            segments, corner, first, members, place[0], place[1],
-            ahead[0] + x * right[0], ahead[1] + x * right[1], far,
-        )  # fmt: skip
+        x = (j + 0.5 - 0.5 * width) / lens.focal_px
+        dx, dy = ahead[0] + x * right[0], ahead[1] + x * right[1]
+        wall_m, wall = nearest_wall(storey.walls, place[0], place[1], dx, dy, lens.far_m)
         for i in range(height):
-            y = (i + 0.5 - 0.5 * height) / focal
-            z, grey = wall, 0
-            if who >= 0:
-                grey = shade[who]
-            if y > 0 and (floor - place[2]) / -y < z:
-                z, grey = (place[2] - floor) / y if has_floor else np.inf, _FLOOR
-            elif y < 0 and (top - place[2]) / -y < z:
-                z, grey = (place[2] - top) / y if has_top else np.inf, _CEILING
-            if near <= z <= far:
+            y = (i + 0.5 - 0.5 * height) / lens.focal_px
+            z, grey = wall_m, 0
+            if wall >= 0:
+                grey = storey.shade[wall]
+            if y > 0 and (storey.floor_m - place[2]) / -y < z:
+                z, grey = (place[2] - storey.floor_m) / y if storey.has_floor else np.inf, _FLOOR
+            elif y < 0 and (storey.ceiling_m - place[2]) / -y < z:
+                z, grey = (place[2] - storey.ceiling_m) / y if storey.has_ceiling else np.inf, _CEILING
+            if lens.near_m <= z <= lens.far_m:
                 depth[i, j] = z
-                if coloured:
+                if draws_colour:
                     rgb[i, j, :] = grey
 
 
 @compiled
 def _draw_triangles(
-    triangles: np.ndarray, place: np.ndarray, turn: np.ndarray, colours: np.ndarray,
-    focal: float, near: float, far: float, depth: np.ndarray, rgb: np.ndarray,
-) -> None:  # fmt: skip
-    """Triangles over what is drawn already, where they are nearer; `turn` goes into the camera's frame."""
+    triangles: np.ndarray,
+    colours: np.ndarray,
+    place: np.ndarray,
+    R_camera: np.ndarray,
+    lens: _Lens,
+    depth: np.ndarray,
+    rgb: np.ndarray,
+) -> None:
+    """Triangles over what is drawn already, where they are nearer."""
     height, width = depth.shape
-    coloured = len(rgb) > 0
-    seen, e = np.empty((3, 3)), np.empty((3, 3))
-    wide, high = 0.5 * width / focal, 0.5 * height / focal
+    draws_colour = len(rgb) > 0
+    seen, weight = np.empty((3, 3)), np.empty((3, 3))
     for k in range(len(triangles)):
-        outside = np.zeros(6, np.int64)
         for corner in range(3):
             for axis in range(3):
                 seen[corner, axis] = 0.0
                 for other in range(3):
-                    seen[corner, axis] += turn[axis, other] * (triangles[k, corner, other] - place[other])
-            x, y, z = seen[corner]
-            outside[0] += z <= near
-            outside[1] += z >= far
-            outside[2] += x < -wide * z
-            outside[3] += x > wide * z
-            outside[4] += y < -high * z
-            outside[5] += y > high * z
-        if outside.max() == 3:  # all of it beyond one side of what the camera sees
+                    seen[corner, axis] += R_camera[axis, other] * (triangles[k, corner, other] - place[other])
+        if _is_outside(seen, lens, 0.5 * width / lens.focal_px, 0.5 * height / lens.focal_px):
             continue
         a, b, c = seen[0], seen[1], seen[2]
         # Columns of the inverse of (a, b, c) as rows: weight of a corner over z, linear in (x / z, y / z, 1).
-        e[0, 0], e[0, 1], e[0, 2] = (
-            b[1] * c[2] - b[2] * c[1],
-            b[2] * c[0] - b[0] * c[2],
-            b[0] * c[1] - b[1] * c[0],
-        )
-        e[1, 0], e[1, 1], e[1, 2] = (
-            c[1] * a[2] - c[2] * a[1],
-            c[2] * a[0] - c[0] * a[2],
-            c[0] * a[1] - c[1] * a[0],
-        )
-        e[2, 0], e[2, 1], e[2, 2] = (
-            a[1] * b[2] - a[2] * b[1],
-            a[2] * b[0] - a[0] * b[2],
-            a[0] * b[1] - a[1] * b[0],
-        )
-        volume = a[0] * e[0, 0] + a[1] * e[0, 1] + a[2] * e[0, 2]
+        _cross(b, c, weight[0])
+        _cross(c, a, weight[1])
+        _cross(a, b, weight[2])
+        volume = a[0] * weight[0, 0] + a[1] * weight[0, 1] + a[2] * weight[0, 2]
         if volume == 0.0:
             continue
         low_i, high_i, low_j, high_j = 0, height, 0, width
-        if min(a[2], b[2], c[2]) > near:
-            u = (focal * a[0] / a[2], focal * b[0] / b[2], focal * c[0] / c[2])
-            v = (focal * a[1] / a[2], focal * b[1] / b[2], focal * c[1] / c[2])
+        if min(a[2], b[2], c[2]) > lens.near_m:
+            f = lens.focal_px
+            u = (f * a[0] / a[2], f * b[0] / b[2], f * c[0] / c[2])
+            v = (f * a[1] / a[2], f * b[1] / b[2], f * c[1] / c[2])
             low_j, high_j = max(int(min(u) + 0.5 * width), 0), min(int(max(u) + 0.5 * width) + 1, width)
             low_i, high_i = max(int(min(v) + 0.5 * height), 0), min(int(max(v) + 0.5 * height) + 1, height)
         for i in range(low_i, high_i):
-            y = (i + 0.5 - 0.5 * height) / focal
+            y = (i + 0.5 - 0.5 * height) / lens.focal_px
             for j in range(low_j, high_j):
-                x = (j + 0.5 - 0.5 * width) / focal
-                wa = (e[0, 0] * x + e[0, 1] * y + e[0, 2]) / volume
-                wb = (e[1, 0] * x + e[1, 1] * y + e[1, 2]) / volume
-                wc = (e[2, 0] * x + e[2, 1] * y + e[2, 2]) / volume
+                x = (j + 0.5 - 0.5 * width) / lens.focal_px
+                wa = (weight[0, 0] * x + weight[0, 1] * y + weight[0, 2]) / volume
+                wb = (weight[1, 0] * x + weight[1, 1] * y + weight[1, 2]) / volume
+                wc = (weight[2, 0] * x + weight[2, 1] * y + weight[2, 2]) / volume
                 if wa < 0 or wb < 0 or wc < 0 or wa + wb + wc <= 0:
                     continue
                 z = 1.0 / (wa + wb + wc)
-                if near <= z <= far and (depth[i, j] == 0 or z < depth[i, j]):
+                if lens.near_m <= z <= lens.far_m and (depth[i, j] == 0 or z < depth[i, j]):
                     depth[i, j] = z
-                    if coloured:
+                    if draws_colour:
                         rgb[i, j, :] = colours[k]
+
+
+@compiled
+def _is_outside(seen: np.ndarray, lens: _Lens, wide: float, high: float) -> bool:
+    """Whether all of a triangle, in the camera's frame, is beyond one side of what the camera sees."""
+    outside = np.zeros(6, np.int64)
+    for corner in range(3):
+        x, y, z = seen[corner]
+        outside[0] += z <= lens.near_m
+        outside[1] += z >= lens.far_m
+        outside[2] += x < -wide * z
+        outside[3] += x > wide * z
+        outside[4] += y < -high * z
+        outside[5] += y > high * z
+    return outside.max() == 3
+
+
+@compiled
+def _cross(a: np.ndarray, b: np.ndarray, product: np.ndarray) -> None:
+    """The cross product of two vectors, into `product`."""
+    product[0] = a[1] * b[2] - a[2] * b[1]
+    product[1] = a[2] * b[0] - a[0] * b[2]
+    product[2] = a[0] * b[1] - a[1] * b[0]

@@ -1,6 +1,6 @@
 """An RGB-D camera by pyrender, on OSMesa or EGL.
 
-pyrender holds the scene, the shaders and the meshes; `robosim.camera.rendering.flat_pass` draws them. Made by
+pyrender brings the mesh to the GPU; `robosim.camera.rendering.flat_pass` draws it. Made by
 `robosim.camera.cameras.make_camera`, which binds PyOpenGL before this module imports pyrender.
 
 Things are drawn as far as infinity, and left out afterwards if they are beyond the far plane. With 0 at infinity
@@ -9,25 +9,22 @@ and C = 2^24 - 1 at the near plane, the depth buffer's code c stands for the dep
 
 import weakref
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Any
 
 import numpy as np
 import pyrender
 import trimesh
-from jaxtyping import Float, Float32, Int32, UInt8
+from jaxtyping import Float, Float32
 from OpenGL import contextdata
 
-from robosim.camera.model import RGBD, CameraConfig
-from robosim.camera.rendering import gl_calls as gl
+from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.flat_pass import FlatPass
-from robosim.camera.rendering.gl_libraries import GLSystem
-from robosim.camera.rendering.gl_platform import MAX_DEPTH_CODE, OSMesaPlatform
-from robosim.camera.rendering.scenery import Scenery, merge
+from robosim.camera.rendering.gl_platforms import MAX_DEPTH_CODE, GLPlatform, make_platform
+from robosim.camera.rendering.gl_systems import GLSystem
+from robosim.camera.rendering.scenery import merge
 from robosim.camera.rendering.visibility import Parts, Visibility
 
 
-class PyrenderCamera:
+class PyrenderCamera(ClosingCamera):
     """Draws pictures with OpenGL.
 
     Each camera has a context of its own, which is this thread's current one only while a picture is drawn.
@@ -38,18 +35,21 @@ class PyrenderCamera:
         """Make a context and bring the meshes there; see `robosim.camera.cameras.make_camera`."""
         self.config = config
         self._scenery = merge(meshes)
-        triangles = self._scenery.vertices[self._scenery.faces]
+        triangles = self._scenery.triangles
         parts = Parts.of(triangles)
         self._visibility = Visibility(triangles, parts, config)
-        self.scene = _make_scene(self._scenery, self._scenery.faces[parts.order], config)
         self._unit = np.float32(config.near_m * MAX_DEPTH_CODE)
         self._least = np.float32(config.near_m * MAX_DEPTH_CODE / config.far_m)
-        self.platform = _make_platform(system, config)
-        self.platform.init_context()
-        self.renderer = _SceneRenderer(self.platform)
+        opaque = np.full((len(self._scenery.colours), 1), 255, np.uint8)
+        primitive = pyrender.Primitive(
+            positions=self._scenery.vertices,
+            indices=self._scenery.faces[parts.order],
+            color_0=np.concatenate([self._scenery.colours, opaque], axis=1),
+        )
+        self.platform = make_platform(system, config.width, config.height)
         # Runs at the end of the process too, while the modules that it needs are still there.
-        self._free = weakref.finalize(self, _free, self.platform, self.renderer)
-        self._pass = FlatPass(self.scene, parts.counts, self.renderer, self.platform.calls)
+        self._free = weakref.finalize(self, _free, self.platform, primitive)
+        self._pass = FlatPass(primitive, parts.counts, self.platform)
         self.platform.make_uncurrent()
 
     def render(self, T_map_camera: Float[np.ndarray, "4 4"]) -> RGBD:
@@ -74,65 +74,23 @@ class PyrenderCamera:
         self.platform.make_uncurrent()
         return depth
 
-    def render_scene(
-        self, T_map_camera: Float[np.ndarray, "4 4"], flags: int = pyrender.RenderFlags.NONE
-    ) -> UInt8[np.ndarray, "h w 3"]:
-        """The picture that pyrender itself draws of `scene`, with the lights and meshes that were added to it.
-
-        Args:
-            T_map_camera: The camera's pose; everything in `scene` is relative to `origin`.
-            flags: What pyrender shall draw, and how.
-
-        Raises:
-            ValueError: If the pose is not a 4 by 4 matrix of finite numbers.
-            RuntimeError: If the camera is closed.
-        """
-        self._check_open()
-        R, t = self._scenery.to_local(T_map_camera)
-        T_scene_gl = np.eye(4)
-        T_scene_gl[:3, :3], T_scene_gl[:3, 3] = R * (1.0, -1.0, -1.0), t
-        self.scene.set_pose(self.scene.main_camera_node, T_scene_gl)
-        self.platform.make_current()
-        self._pass.reset_state()
-        self.renderer.render(self.scene, flags)
-        self.platform.calls.finish()
-        rgb = self.platform.read_rgb()
-        self.platform.make_uncurrent()
-        return rgb
-
-    @property
-    def origin(self) -> Float[np.ndarray, "3"]:
-        """Origin of `scene` in `map` [m]."""
-        return self._scenery.centre
-
     def close(self) -> None:
         """Free the context and what is in it; nothing happens the second time."""
         self._free()
 
-    def __enter__(self) -> "PyrenderCamera":
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
-
     def _draw(self, T_map_camera: Float[np.ndarray, "4 4"], *, colour: bool) -> None:
-        self._check_open()
+        if not self._free.alive:
+            raise RuntimeError("The camera is closed. Make a new one with make_camera.")
         R, t = self._scenery.to_local(T_map_camera)
         seen = self._visibility.parts(R, t)
         self.platform.make_current()
         self._pass.draw(self._projection_view(R, t), seen, colour=colour)
 
-    def _check_open(self) -> None:
-        if not self._free.alive:
-            raise RuntimeError("The camera is closed. Make a new one with make_camera.")
-
     def _projection_view(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> list[float]:
         """Clip coordinates of points in the scene's frame: a matrix row by row, the far plane at infinity.
 
         Formed in double precision, since rounding projection and view one by one would cost accuracy; and by hand,
-        since calls of NumPy cost more than so few numbers.
+        since calls of NumPy take longer for so few numbers.
         """
         config, (x, y, z) = self.config, t.tolist()
         across, down, ahead = ([u, v, w, -u * x - v * y - w * z] for u, v, w in R.T.tolist())
@@ -154,56 +112,9 @@ class PyrenderCamera:
         return np.divide(self._unit, nearness, out=np.zeros_like(nearness), where=seen), False
 
 
-class _SceneRenderer(pyrender.Renderer):
-    """pyrender's renderer, drawing into the platform's frame buffer wherever pyrender means the screen's, number 0.
-
-    On EGL there is no screen, and what is drawn to number 0 ends in an error.
-    """
-
-    def __init__(self, platform: Any) -> None:
-        super().__init__(platform.viewport_width, platform.viewport_height)
-        self._platform = platform
-
-    def _configure_forward_pass_viewport(self, flags: int) -> None:
-        super()._configure_forward_pass_viewport(flags)
-        if not flags & pyrender.RenderFlags.OFFSCREEN:
-            self._platform.calls.bind_framebuffer(gl.FRAMEBUFFER, self._platform.frame)
-
-
-def _make_scene(scenery: Scenery, faces: Int32[np.ndarray, "n 3"], config: CameraConfig) -> pyrender.Scene:
-    """A pyrender scene with all meshes as one, and a camera for what pyrender itself draws."""
-    opaque = np.full((len(scenery.colours), 1), 255, np.uint8)
-    primitive = pyrender.Primitive(
-        positions=scenery.vertices,
-        indices=faces,
-        color_0=np.concatenate([scenery.colours, opaque], axis=1),
-        material=pyrender.MetallicRoughnessMaterial(baseColorFactor=(1.0, 1.0, 1.0, 1.0)),
-    )
-    camera = pyrender.IntrinsicsCamera(
-        fx=config.focal_px,
-        fy=config.focal_px,
-        cx=0.5 * config.width,
-        cy=0.5 * config.height,
-        znear=config.near_m,
-        zfar=config.far_m,
-    )
-    scene = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 1.0))
-    scene.add(pyrender.Mesh([primitive]))
-    scene.add(camera)
-    return scene
-
-
-def _free(platform: Any, renderer: pyrender.Renderer) -> None:
+def _free(platform: GLPlatform, primitive: pyrender.Primitive) -> None:
     platform.make_current()
-    renderer.delete()
-    contextdata.cleanupContext()  # what PyOpenGL remembers about this context, which it would keep for ever
+    primitive.delete()
+    contextdata.cleanupContext()  # PyOpenGL would keep what it stores about this context
     platform.make_uncurrent()
     platform.delete_context()
-
-
-def _make_platform(system: GLSystem, config: CameraConfig) -> Any:
-    if system == "osmesa":
-        return OSMesaPlatform(config.width, config.height)
-    from robosim.camera.rendering.egl_platform import EGLPlatform
-
-    return EGLPlatform(config.width, config.height)

@@ -1,4 +1,4 @@
-"""All meshes that a camera sees, merged to one: the less there is to draw, the faster."""
+"""All meshes that a camera sees, merged to one: the fewer parts, the faster they are drawn."""
 
 import math
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from jaxtyping import Float, Float32, Int32, UInt8
 
 @dataclass(frozen=True, eq=False)
 class Scenery:
-    """Triangles with coloured vertices, about a centre of their own in single precision."""
+    """Triangles with coloured vertices, relative to a centre of their own, in single precision."""
 
     centre: Float[np.ndarray, "3"]
     """Origin of the vertices in `map` [m]."""
@@ -21,6 +21,11 @@ class Scenery:
     faces: Int32[np.ndarray, "m 3"]
     colours: UInt8[np.ndarray, "n 3"]
     """Red, green and blue of the vertices."""
+
+    @property
+    def triangles(self) -> Float32[np.ndarray, "m 3 3"]:
+        """Corners of the faces, relative to the centre [m]."""
+        return self.vertices[self.faces]
 
     def to_local(
         self, T_map_camera: Float[np.ndarray, "4 4"]
@@ -37,7 +42,7 @@ class Scenery:
 
 
 def merge(meshes: Sequence[trimesh.Trimesh]) -> Scenery:
-    """Merge meshes in `map` to one; meshes without colours come out in trimesh's grey.
+    """Merge meshes in `map` to one; meshes without colours get trimesh's grey.
 
     Raises:
         ValueError: If there is no triangle, or a vertex is not finite.

@@ -1,13 +1,13 @@
-"""What a building looks like: light and texture, baked once into the colours of vertices.
+"""The colours of a building: light and texture, baked once into its vertices.
 
-Drawn in flat colours a picture costs a fraction of what it costs with lights, and a building still looks like one:
+Drawn in flat colours a picture takes a fraction of the time that it takes with lights:
 
 - Ambient occlusion. Light comes from everywhere but from what is near: at a vertex with normal n, the share
 
       A = 1/pi * integral over the hemisphere of (1 - max(0, 1 - t(w) / range)) (n.w) dw
 
   is left, with t(w) the distance to the next surface in direction w. Corners darken, and so do doors' reveals.
-  Rays are cast by Embree in cosine-weighted directions of a Fibonacci spiral, the same at each vertex.
+  Rays are cast in cosine-weighted directions of a Fibonacci spiral, the same at each vertex.
 - A tint by the direction that a surface faces, so that two walls that meet differ.
 - Daylight through the windows of `decor`, each of their patches a point with the area A that shines as a diffuse
   surface does: a vertex in its sight gets the share sum A (n.d)(m.-d) / (pi t^2), d the direction to it, m its normal.
@@ -19,7 +19,6 @@ Left out: lamps, the sun, what surfaces reflect.
 Reference: Zhukov, Iones, Kronin, "An ambient light illumination model", Rendering Techniques (1998).
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
@@ -27,7 +26,6 @@ from pathlib import Path
 import numpy as np
 import scipy
 import trimesh
-from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float
 from scipy.sparse import coo_array
@@ -39,86 +37,71 @@ from robosim.building.extrusion import FURNITURE
 from robosim.camera.rendering.decor import Decor
 from robosim.camera.rendering.placed import placed_patches
 from robosim.camera.rendering.tessellation import Patches, tessellate
-from robosim.support.checks import SEED, check_numbers
+from robosim.support.ray_casting import make_ray_scene
 from wireless.support.kept import kept
 
-_SKIRTING_M = 0.10
-_STAIRS_M = 0.30
-#: Windows farther off give no light, and nearer ones than this no more than here [m].
+#: Side of the floor's tiles, and distance of vertices on floor and walls, about; height of skirtings [m].
+_STEP_M, _SKIRTING_M = 0.5, 0.10
+#: Surfaces farther off than this take no ambient light away [m]; rays from each vertex, and rays cast at once.
+_RANGE_M, _N_RAYS, _RAYS_AT_ONCE = 1.5, 64, 500_000
+#: Windows farther off than this give no light, and nearer ones than the second no more than there [m].
 _WINDOW_FAR_M, _WINDOW_NEAR_M = 8.0, 0.7
-#: Share of daylight at which it is as bright as 63 % of the brightest: eyes get used to the dark.
-_USED_TO = 0.06
-#: How bright a surface is by what is left of the ambient light, and by daylight.
+#: Share of daylight at which it is as bright as 63 % of the brightest: eyes adapt to the dark.
+_ADAPTATION = 0.06
+#: Brightness of a surface without light, and what ambient light and daylight add.
 _DARK, _AMBIENT, _DAYLIGHT = 0.30, 0.66, 0.42
+#: Shorter walls than this are painted by the mean normal of their surroundings [m].
+_STAIRS_M = 0.30
 # Golden angle: hues, and directions of a spiral, that never come near an earlier one.
 _GOLDEN = np.pi * (3.0 - np.sqrt(5.0))
 
 
-@dataclass(frozen=True, kw_only=True)
-class ShadingConfig:
-    """How finely light and texture are baked."""
-
-    step_m: float = 0.5
-    """Side of the floor's tiles, and distance of vertices on floor and walls, about [m]."""
-    range_m: float = 1.5
-    """Surfaces farther off than this take no light away [m]."""
-    n_rays: int = 64
-    """Rays from each vertex."""
-    seed: int = 0
-    """Of paints, floors and windows."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self, step_m=(0.05, 100, "m"), range_m=(0.01, 100, "m"), n_rays=(1, 10_000, "rays"), seed=SEED
-        )
-
-
 @lru_cache(maxsize=1)
-def shaded_mesh(building: Building, *, config: ShadingConfig = ShadingConfig()) -> trimesh.Trimesh:
+def shaded_mesh(building: Building, *, seed: int = 0) -> trimesh.Trimesh:
     """A building's surfaces, cut finely enough to carry light and texture in the colours of their vertices.
 
     Args:
         building: What to colour.
-        config: How finely.
+        seed: Of paints, floors and windows.
 
     Returns:
         A mesh in `map` with the same surfaces as `building.mesh` and uint8 vertex colours; placed sheets have one on
-        either side. The last one is kept, since many episodes run in one building: copy it before changing it.
+        either side. The last result is cached, since many episodes run in one building: copy it before changing it.
     """
     bare = building.bare
-    patches = tessellate(bare, step_m=config.step_m, heights_m=(_SKIRTING_M,))
-    facing, decor = _facing(bare)[patches.source], Decor(bare.plan, patches, config.seed)
+    patches = tessellate(bare, step_m=_STEP_M, heights_m=(_SKIRTING_M,))
+    facing, decor = _facing(bare)[patches.source], Decor(bare.plan, patches, seed)
     albedo, windows = decor.albedo(), patches.vertices[decor.windows]
     glass = np.zeros(len(albedo), bool)
     glass[decor.windows.ravel()] = True
     furniture = patches.kind == FURNITURE
     albedo[furniture] = _hues(bare)[patches.source[furniture]]
     if building.furnishings:
-        placed, paint = placed_patches(building.furnishings, step_m=config.step_m)
+        placed, paint = placed_patches(building.furnishings, step_m=_STEP_M)
         patches = Patches.joined([patches, placed])
         facing, albedo = np.vstack([facing, placed.normals]), np.vstack([albedo, paint])
         glass = np.concatenate([glass, np.zeros(len(paint), bool)])
-    light, sun = _arriving(patches, building.mesh, windows, config)
+    light, daylight = _light_and_daylight(patches, building.mesh, windows)
     # Four even steps around a room, warmer on the bright side.
     tint = 1.0 + (facing @ (0.75, 0.25, 0.15))[:, None] * np.array([0.25, 0.22, 0.17])
-    daylight = 1.0 - np.exp(-sun / _USED_TO)
-    colours = albedo * tint * (_DARK + _AMBIENT * light + _DAYLIGHT * daylight)[:, None]
-    colours[glass] = albedo[glass]  # it shines by itself
+    brightness = _DARK + _AMBIENT * light + _DAYLIGHT * (1.0 - np.exp(-daylight / _ADAPTATION))
+    colours = albedo * tint * brightness[:, None]
+    colours[glass] = albedo[glass]  # windows are as bright as they are painted
     opaque = np.full((len(colours), 1), 255.0)
     rgba = np.hstack([np.clip(colours, 0, 255), opaque]).round().astype(np.uint8)
     return trimesh.Trimesh(patches.vertices, patches.faces, vertex_colors=rgba, process=False)
 
 
-def _arriving(
-    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"], config: ShadingConfig
+def _light_and_daylight(
+    patches: Patches, mesh: trimesh.Trimesh, windows: Float[np.ndarray, "m 4 3"]
 ) -> Float[np.ndarray, "2 n"]:
-    """Ambient light and daylight at the patches' vertices; kept on disk, as it is most of what a scene costs."""
-    looks = [patches.vertices, patches.normals, patches.inward, mesh.triangles, windows]
-    made_of = [np.ascontiguousarray(one, float).tobytes() for one in looks]
-    made_of.append(repr((config.range_m, config.n_rays, version("embreex"), scipy.__version__)).encode())
+    """Ambient light and daylight at the patches' vertices; cached on disk, as it takes most of a scene's time."""
+    inputs = [patches.vertices, patches.normals, patches.inward, mesh.triangles, windows]
+    made_of = [np.ascontiguousarray(one, float).tobytes() for one in inputs]
+    made_of.append(repr((_RANGE_M, _N_RAYS, version("embreex"), scipy.__version__)).encode())
 
     def make() -> Float[np.ndarray, "2 n"]:
-        ambient = ambient_light(patches, mesh, range_m=config.range_m, n_rays=config.n_rays)
+        ambient = ambient_light(patches, mesh, range_m=_RANGE_M, n_rays=_N_RAYS)
         return np.stack([ambient, window_light(patches, mesh, windows)])
 
     return kept("light", made_of, [Path(__file__)], make)
@@ -139,17 +122,15 @@ def ambient_light(
         n_rays: Rays from each vertex.
     """
     centre = mesh.bounds.mean(axis=0)
-    scene = EmbreeScene()
-    triangles = TriangleMesh(scene, (mesh.triangles - centre).astype(np.float32))
+    scene = make_ray_scene(mesh.triangles - centre)
     places = np.hstack([patches.vertices - centre, patches.normals])
     _, some, which = np.unique(places.round(6), axis=0, return_index=True, return_inverse=True)
     starts = (places[:, :3] + 0.01 * patches.inward + 0.002 * patches.normals)[some].astype(np.float32)
     directions = cosine_directions(n_rays) @ _frames(patches.normals[some])
     light = [
         _open_share(scene, starts[part], directions[part], range_m)
-        for part in np.array_split(np.arange(len(some)), 1 + len(some) * n_rays // 500_000)
+        for part in np.array_split(np.arange(len(some)), 1 + len(some) * n_rays // _RAYS_AT_ONCE)
     ]
-    del triangles
     return np.concatenate(light)[which.ravel()]
 
 
@@ -160,7 +141,7 @@ def window_light(
 
     Args:
         patches: Where the light arrives.
-        mesh: What stands in its way.
+        mesh: What blocks it.
         windows: Corners of each, from the lower left one, as seen from inside [m].
     """
     found = np.zeros(len(patches.vertices))
@@ -172,30 +153,28 @@ def window_light(
     normal /= area_m2[:, None]
     middle = windows.mean(axis=1) + 0.02 * normal
     centre = mesh.bounds.mean(axis=0)
-    scene = EmbreeScene()
-    triangles = TriangleMesh(scene, (mesh.triangles - centre).astype(np.float32))
+    scene = make_ray_scene(mesh.triangles - centre)
     places = patches.vertices + 0.01 * patches.inward + 0.002 * patches.normals
     near = cKDTree(middle).query_ball_point(places, _WINDOW_FAR_M)
     vertex = np.repeat(np.arange(len(places)), [len(some) for some in near])
     window = np.concatenate([np.array(some, int) for some in near])
-    way = middle[window] - places[vertex]
-    far = np.linalg.norm(way, axis=1)
-    way /= far[:, None]
-    leaves = -(way * normal[window]).sum(axis=1)
-    arrives = (way * patches.normals[vertex]).sum(axis=1)
+    direction = middle[window] - places[vertex]
+    distance = np.linalg.norm(direction, axis=1)
+    direction /= distance[:, None]
+    leaves = -(direction * normal[window]).sum(axis=1)
+    arrives = (direction * patches.normals[vertex]).sum(axis=1)
     lit = np.flatnonzero((leaves > 0) & (arrives > 0))
-    for part in np.array_split(lit, 1 + len(lit) // 500_000):
+    for part in np.array_split(lit, 1 + len(lit) // _RAYS_AT_ONCE):
         hits = scene.run(
             (places[vertex[part]] - centre).astype(np.float32),
-            way[part].astype(np.float32),
-            (far[part] - 0.01).astype(np.float32),
+            direction[part].astype(np.float32),
+            (distance[part] - 0.01).astype(np.float32),
             query="OCCLUDED",
         )
         free = part[hits < 0]
         share = area_m2[window[free]] * leaves[free] * arrives[free]
-        share /= np.pi * np.maximum(far[free], _WINDOW_NEAR_M) ** 2
+        share /= np.pi * np.maximum(distance[free], _WINDOW_NEAR_M) ** 2
         np.add.at(found, vertex[free], share)
-    del triangles
     return np.minimum(found, 1.0)
 
 
@@ -228,10 +207,10 @@ def _open_share(
 
 
 def _facing(building: Building) -> Float[np.ndarray, "n_faces 3"]:
-    """Where faces face, when seen from a few steps away.
+    """Directions that faces face, when seen from a few steps away.
 
-    Walls that are slanted or round on the plan are stairs of cell borders here. Painted by their normals they
-    would look striped: short walls take the mean normal of their surroundings, long ones keep theirs.
+    Walls that are slanted or round on the plan may be steps of cell borders, which would look striped if they were
+    painted by their normals: short walls take the mean normal of their surroundings.
     """
     mesh = building.mesh
     facing = mesh.face_normals.copy()

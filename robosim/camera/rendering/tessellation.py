@@ -1,10 +1,9 @@
 """A building's surfaces cut into small patches, which can then be coloured one by one.
 
 Floor, ceiling and lids are cut along the lines of a square grid; walls are cut upright along the same lines, and
-at a few heights. The surfaces stay what they were: each new vertex lies on an old face, and where two faces met
-along an edge, both have the same vertices there, so that no crack opens between them in a picture.
-
-Patches share no vertices, so that colours can jump from one to the next.
+at a few heights. Each new vertex lies on an old face, and where two faces meet along an edge, both have the same
+vertices there, so that no crack opens between them in a picture. Patches share no vertices, so that colours can change
+from one to the next.
 """
 
 from collections.abc import Sequence
@@ -85,7 +84,7 @@ def tessellate(building: Building, *, step_m: float, heights_m: Sequence[float])
 
 
 class _Cuts:
-    """Where the edges between corners are cut, the same whichever way one goes along them."""
+    """Pieces of the edges between corners, the same in both directions."""
 
     def __init__(self, grid: CutGrid, edges: Int[np.ndarray, "n 2"]) -> None:
         self.grid = grid
@@ -121,15 +120,7 @@ def _walls(
     cuts: _Cuts,
     heights_m: Sequence[float],
 ) -> Patches:
-    """Upright patches.
-
-    Args:
-        building: What they are part of.
-        walls: A face of each wall.
-        foot: Left and right end of its foot, as corners, seen from free space.
-        cuts: Where feet are cut.
-        heights_m: Where walls are cut.
-    """
+    """Upright patches of walls, given by a face of each and the ends of its foot, left and right from free space."""
     pieces, piece_of = cuts.of(foot)
     tops = building.mesh.triangles[walls, :, 2].max(axis=1)
     strips = []
@@ -168,15 +159,7 @@ def _tiles(
     border: Int[np.ndarray, "m 2"],
     grid: CutGrid,
 ) -> Patches:
-    """Level patches of faces that lie at one height.
-
-    Args:
-        building: What they are part of.
-        region: The faces.
-        corners: Their corners.
-        border: All pieces of the border.
-        grid: What they are cut along.
-    """
+    """Level patches of the faces of a region at one height, with all pieces of its border."""
     triangles, tile = grid.tiles(corners, border)
     source = region[0]
     normal = building.mesh.face_normals[source]

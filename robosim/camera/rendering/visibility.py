@@ -2,12 +2,12 @@
 
 If a camera is level, all rays of one column of pixels lie in one upright plane. Where that plane meets a wall
 that reaches from the lowest to the highest point of the scene, nothing behind the wall can be seen in that
-column. One ray a column, cast at such walls as seen from above, tells how far one sees there; parts that begin
-farther off in all columns that they may appear in are left out.
+column. One ray per column, cast at such walls as seen from above, gives the distance that is visible there; parts
+that begin farther off in all columns in which they may appear are left out.
 
-Pictures stay the same to the last bit. OpenGL rounds corners to a grid of 1/256 pixel, and may so see past a wall
-that the ray at a column's middle just meets: there are two rays for each column, 1/64 pixel to either side, and
-the longer one counts.
+Pictures are bit-identical to those of the whole scene. OpenGL rounds corners to a grid of 1/256 pixel, and may so see
+past a wall that the ray at a column's middle just meets: there are two rays for each column, 1/64 pixel to either
+side, and the longer one counts.
 
 Left out: furniture that is lower than the walls hides nothing here; a camera that is tilted sees everything.
 """
@@ -15,17 +15,15 @@ Left out: furniture that is lower than the walls hides nothing here; a camera th
 from typing import NamedTuple
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32, Int
 
 from robosim.camera.model import CameraConfig
+from robosim.support.ray_casting import make_ray_scene
 
-#: Side of the squares, seen from above, that triangles are gathered to parts by [m].
+#: Side of the squares, seen from above, whose triangles make a part [m].
 PART_M = 0.5
 _SHAKE_PX = 1 / 64
 _MARGIN_M = 0.01
-_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 class Parts(NamedTuple):
@@ -48,7 +46,7 @@ class Parts(NamedTuple):
 
 
 class Visibility:
-    """Tells which parts of a scene are seen from a pose."""
+    """Finds the parts of a scene that are seen from a pose."""
 
     def __init__(self, triangles: Float[np.ndarray, "m 3 3"], parts: Parts, config: CameraConfig) -> None:
         low = np.minimum.reduceat(triangles.min(axis=1)[parts.order], parts.starts).astype(float)
@@ -64,8 +62,7 @@ class Visibility:
         self._reach = np.full(config.width + 1, np.inf, np.float32)
         self._middle = np.array([[0.5 * config.width - 1.0], [0.5 * config.width + 2.0]])
         walls = screens(triangles)
-        self._walls = EmbreeScene(robust=True) if len(walls) else None
-        self._faces = TriangleMesh(self._walls, _standing(walls)) if len(walls) else None
+        self._walls = make_ray_scene(_upright(walls)) if len(walls) else None
 
     def parts(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Int[np.ndarray, " _"]:
         """Parts that may be seen from a pose.
@@ -103,7 +100,7 @@ class Visibility:
         return np.array(rows) @ self._boxes
 
     def _look(self, R: Float[np.ndarray, "3 3"], t: Float[np.ndarray, "3"]) -> Float32[np.ndarray, " _"]:
-        """How far ahead one sees in each column [m], and one value more."""
+        """Visible distance ahead in each column [m], and one additional value."""
         if self._walls is not None and self._floor < t[2] < self._top:
             self._rays[:, :2] = self._fan @ R[:2, ::2].T.astype(np.float32)
             self._origins[:, :2] = t[:2]
@@ -142,7 +139,7 @@ def screens(triangles: Float[np.ndarray, "m 3 3"]) -> Float[np.ndarray, "n 2 2"]
     return np.stack([spot.real, spot.imag], axis=-1)[wall[whole]]
 
 
-def _standing(walls: Float[np.ndarray, "n 2 2"]) -> Float32[np.ndarray, "_ 3 3"]:
+def _upright(walls: Float[np.ndarray, "n 2 2"]) -> Float32[np.ndarray, "_ 3 3"]:
     """Walls seen from above as triangles from z = -1 to 1."""
     corners = np.empty((len(walls), 4, 3), np.float32)
     corners[:, :, :2] = walls[:, [0, 1, 1, 0]]

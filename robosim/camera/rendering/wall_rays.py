@@ -1,4 +1,4 @@
-"""Walls of a floor plan, found by a level ray: what a camera asks for each of its columns.
+"""The nearest wall of a floor plan along a level ray, for each column of a picture.
 
 Walls are segments seen from above. They are sorted into square tiles, and a ray goes from tile to tile until it has met
 the nearest wall (Amanatides and Woo, A fast voxel traversal algorithm for ray tracing, Eurographics 1987).
@@ -14,7 +14,7 @@ from wireless.support.compiled import compiled
 
 #: Side of the tiles [m].
 TILE_M = 0.5
-#: Walls reach so much beyond their ends [parts of their length] and tiles [m]: no ray slips through a corner.
+#: Walls extend beyond their ends [parts of their length] and tiles [m], so that no ray slips through a corner.
 _BEYOND, _NEAR_M = 1e-9, 1e-6
 
 
@@ -53,20 +53,18 @@ def _sort_in(
     first: Int[np.ndarray, "nx1 ny"],
     members: Int[np.ndarray, " m"],
 ) -> None:
-    """Count the walls of each tile into `first` or, if there is room, put their numbers from there on."""
+    """Count the walls of each tile into `first`; if `members` has room, put their numbers there from `first` on."""
     counting = len(members) == 0
     for number in range(len(segments)):
         ax, ay, ux, uy = segments[number]
         length = max(math.hypot(ux, uy), 1e-12)
         half = TILE_M * (abs(ux) + abs(uy)) / length / 2 + _NEAR_M
-        for ix in range(
-            int((min(ax, ax + ux) - _NEAR_M - low[0]) // TILE_M),
-            int((max(ax, ax + ux) + _NEAR_M - low[0]) // TILE_M) + 1,
-        ):
-            for iy in range(
-                int((min(ay, ay + uy) - _NEAR_M - low[1]) // TILE_M),
-                int((max(ay, ay + uy) + _NEAR_M - low[1]) // TILE_M) + 1,
-            ):
+        x0 = int((min(ax, ax + ux) - _NEAR_M - low[0]) // TILE_M)
+        x1 = int((max(ax, ax + ux) + _NEAR_M - low[0]) // TILE_M)
+        y0 = int((min(ay, ay + uy) - _NEAR_M - low[1]) // TILE_M)
+        y1 = int((max(ay, ay + uy) + _NEAR_M - low[1]) // TILE_M)
+        for ix in range(x0, x1 + 1):
+            for iy in range(y0, y1 + 1):
                 mx, my = low[0] + (ix + 0.5) * TILE_M, low[1] + (iy + 0.5) * TILE_M
                 if abs((mx - ax) * uy - (my - ay) * ux) / length > half:
                     continue
@@ -77,22 +75,23 @@ def _sort_in(
 
 @compiled
 def nearest_wall(
-    segments: Float[np.ndarray, "n 4"],
-    corner: Float[np.ndarray, "2"],
-    first: Int[np.ndarray, "nx1 ny"],
-    members: Int[np.ndarray, " m"],
-    x: float,
-    y: float,
-    dx: float,
-    dy: float,
-    most: float,
+    walls: WallTiles, x: float, y: float, dx: float, dy: float, most: float
 ) -> tuple[float, int]:
-    """Where a ray from (x, y) first meets a wall: in multiples of its way (dx, dy), inf for nowhere up to `most`.
+    """Where a ray from (x, y) [m] first meets a wall.
+
+    Args:
+        walls: The walls.
+        x: Where the ray begins [m].
+        y: Where the ray begins [m].
+        dx: Its direction, of any length.
+        dy: Its direction, of any length.
+        most: How far to look, in lengths of the direction.
 
     Returns:
-        How far, and the number of the wall, -1 for none.
+        Distance in lengths of the direction, inf for none, and the number of the wall, -1 for none.
     """
-    nx, ny = first.shape[0] - 1, first.shape[1]
+    segments, corner, members = walls.segments, walls.corner, walls.members
+    nx, ny = walls.first.shape[0] - 1, walls.first.shape[1]
     px, py = (x - corner[0]) / TILE_M, (y - corner[1]) / TILE_M
     ix, iy = math.floor(px), math.floor(py)
     sx, sy = (1 if dx > 0 else -1), (1 if dy > 0 else -1)
@@ -100,8 +99,8 @@ def nearest_wall(
     step_y = TILE_M / abs(dy) if dy != 0 else math.inf
     next_x = ((ix + 1 - px) if dx > 0 else (px - ix)) * step_x if dx != 0 else math.inf
     next_y = ((iy + 1 - py) if dy > 0 else (py - iy)) * step_y if dy != 0 else math.inf
-    best, who = math.inf, -1
-    flat = first.ravel()
+    best, nearest = math.inf, -1
+    flat = walls.first.ravel()
     while 0 <= ix < nx and 0 <= iy < ny:
         tile = ix * ny + iy
         for m in range(flat[tile], flat[tile + 1]):
@@ -114,7 +113,7 @@ def nearest_wall(
             t = (wx * uy - wy * ux) / cross
             s = (wx * dy - wy * dx) / cross
             if 0.0 <= t < best and -_BEYOND <= s <= 1.0 + _BEYOND:
-                best, who = t, wall
+                best, nearest = t, wall
         leave = min(next_x, next_y)
         if best <= leave or leave > most:
             break
@@ -126,4 +125,4 @@ def nearest_wall(
             next_y += step_y
     if best > most:
         return math.inf, -1
-    return best, who
+    return best, nearest

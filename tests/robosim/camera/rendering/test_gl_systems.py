@@ -7,16 +7,17 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
-from robosim.camera.rendering.gl_binding import default_system
-from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES, missing
+from robosim.camera.rendering import gl_systems
+from robosim.camera.rendering.gl_systems import SYSTEM_NAMES, bind_opengl, default_system, missing
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[4]
 RENDERING_TESTS = (
-    "robosim/camera/test_camera.py",
-    "robosim/camera/test_gl_binding.py",
+    "robosim/camera/test_cameras.py",
+    "robosim/camera/rendering/test_gl_platforms.py",
     "benchmarks/test_render.py",
 )
 # Far more than the half minute that they take, for a busy machine; and less than for ever.
@@ -56,7 +57,6 @@ room.visual.vertex_colors = np.full((8, 4), 255, np.uint8)
 with make_camera([room]) as camera:
     T = camera_pose(np.array([0.0, 0.0, 0.0]), CameraConfig(height_m=0.1))
     assert abs(camera.render(T).depth[64, 64] - 2.0) < 1e-3
-    assert camera.render_scene(T).shape == (128, 128, 3)
 print("pyglet" in sys.modules)
 print(*{line.split()[-1] for line in open("/proc/self/maps") if ".so" in line})
 """
@@ -86,3 +86,44 @@ def test_pictures_need_nothing_of_a_display(system):
     installed = [Path(path).name for path in libraries.split() if "site-packages" not in path]
     assert any(name.startswith("libOSMesa" if system == "osmesa" else "libOpenGL") for name in installed)
     assert [name for name in installed if name.startswith(unwanted)] == []
+
+
+@pytest.fixture
+def bare_machine(monkeypatch) -> pytest.MonkeyPatch:
+    """A machine without OSMesa and EGL."""
+    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
+    for system, libraries in gl_systems._LIBRARIES.items():
+        absent = tuple((("libnone.so.1",), trouble) for _, trouble in libraries)
+        monkeypatch.setitem(gl_systems._LIBRARIES, system, absent)
+    return monkeypatch
+
+
+def test_without_opengl_the_message_names_packages_and_the_way_round(bare_machine):
+    """Both systems with what to install, and the engine that needs none."""
+    with pytest.raises(OSError, match=r"libosmesa6.*libegl1 libopengl0 libgl1-mesa-dri.*--camera embree"):
+        default_system()
+
+
+def test_a_system_that_is_asked_for_but_missing_is_named(bare_machine):
+    """PYOPENGL_PLATFORM=egl left over in an environment: EGL's packages are named, and that it can be unset."""
+    bare_machine.setenv("PYOPENGL_PLATFORM", "egl")
+    with pytest.raises(OSError, match=r"^PYOPENGL_PLATFORM=egl, but EGL is not installed\..*libegl1.* unset"):
+        default_system()
+
+
+def test_the_other_system_is_named_where_that_is_installed(bare_machine):
+    """PYOPENGL_PLATFORM=osmesa, but EGL alone is there: the remedy names egl. So does that of a display's PyOpenGL."""
+    bare_machine.setitem(gl_systems._LIBRARIES, "egl", ((("libc.so.6",), ""),) * 2)
+    bare_machine.setenv("PYOPENGL_PLATFORM", "osmesa")
+    with pytest.raises(OSError, match="or set PYOPENGL_PLATFORM=egl, which is installed"):
+        default_system()
+    bare_machine.setitem(sys.modules, "OpenGL.platform", SimpleNamespace(PLATFORM=object()))
+    with pytest.raises(RuntimeError, match=r"could ask for EGL.* PYOPENGL_PLATFORM=egl before Python starts"):
+        bind_opengl()
+
+
+def test_a_setting_that_names_no_system_is_left_aside(bare_machine):
+    """PYOPENGL_PLATFORM=x11, as another program may need it, does not hinder a camera where EGL is there."""
+    bare_machine.setenv("PYOPENGL_PLATFORM", "x11")
+    bare_machine.setitem(gl_systems._LIBRARIES, "egl", ((("libc.so.6",), ""),) * 2)
+    assert default_system() == "egl"

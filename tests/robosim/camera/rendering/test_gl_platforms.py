@@ -1,4 +1,4 @@
-"""OpenGL as a guest: contexts, memory, processes, threads, and others who draw in the same process."""
+"""OpenGL contexts: memory, processes, threads, and other programs that draw in the same process."""
 
 import multiprocessing
 import os
@@ -6,7 +6,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,9 +13,7 @@ import trimesh
 
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import RGBD, CameraConfig, camera_pose
-from robosim.camera.rendering import gl_libraries
-from robosim.camera.rendering.gl_binding import bind_opengl, default_system
-from robosim.camera.rendering.gl_libraries import SYSTEM_NAMES
+from robosim.camera.rendering.gl_systems import SYSTEM_NAMES, bind_opengl, default_system, missing
 
 
 def room(size: tuple[float, float, float] = (4.0, 3.0, 2.5)) -> trimesh.Trimesh:
@@ -55,18 +52,16 @@ def test_cameras_of_different_sizes_take_turns(view):
 def test_depth_is_the_same_if_the_driver_does_not_show_its_memory(view):
     """Read by glReadPixels, where the memory is laid out otherwise than this project knows it; odd width."""
     if bind_opengl() != "osmesa":
-        pytest.skip(
-            f"about OSMesa's memory. {gl_libraries.missing('osmesa') or 'This process draws on EGL.'}"
-        )
+        pytest.skip(f"about OSMesa's memory. {missing('osmesa') or 'This process draws on EGL.'}")
     with make_camera([room()], CameraConfig(width=33, height=50)) as camera:
         direct = camera.render(view)
-        assert camera.platform._depth_is_plain
-        camera.platform._depth_is_plain = False
+        assert camera.platform._can_read_memory
+        camera.platform._can_read_memory = False
         assert same(camera.render(view), direct)
 
 
 def test_frames_are_the_callers_own(view):
-    """A frame that was kept does not change when the next one is taken."""
+    """A frame does not change when the next one is taken."""
     with make_camera([room()], CameraConfig()) as camera:
         kept = camera.render(view)
         copy = RGBD(kept.rgb.copy(), kept.depth.copy())
@@ -219,7 +214,7 @@ assert np.abs(np.array(depths) - 2).max() < 1e-3, depths
 def test_the_other_system_draws_the_same_picture(view, tmp_path):
     """Depth and colours of OSMesa and EGL agree on a machine that has both; two cameras, one closed early."""
     (other,) = set(SYSTEM_NAMES) - {default_system()}
-    if lack := gl_libraries.missing(other):
+    if lack := missing(other):
         pytest.skip(str(lack))
     with make_camera([room()], CameraConfig()) as camera:
         expected = camera.render(view)
@@ -229,9 +224,11 @@ def test_the_other_system_draws_the_same_picture(view, tmp_path):
         + f"""
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig
+from robosim.camera.rendering.gl_systems import bind_opengl
+bind_opengl({other!r})
 saved = np.load({str(tmp_path / "room.npz")!r})
 room.visual.vertex_colors = saved["colours"]
-first, second = (make_camera([room], CameraConfig(), platform={other!r}) for _ in range(2))
+first, second = (make_camera([room], CameraConfig()) for _ in range(2))
 first.render(saved["view"]); first.close()
 rgb, depth = second.render(saved["view"])
 np.savez({str(tmp_path / "other.npz")!r}, rgb=rgb, depth=depth); second.close()
@@ -251,7 +248,7 @@ def test_a_process_can_use_one_opengl_only():
         make_camera([room()], CameraConfig()),
         pytest.raises(RuntimeError, match=f"'{other}', but this process already uses '{used}'"),
     ):
-        make_camera([room()], CameraConfig(), platform=other)
+        bind_opengl(other)
 
 
 def test_pyopengl_for_a_display_is_reported():
@@ -261,50 +258,8 @@ def test_pyopengl_for_a_display_is_reported():
 import sys, types
 class GLXPlatform: pass
 sys.modules["OpenGL.platform"] = types.SimpleNamespace(PLATFORM=GLXPlatform())
-from robosim.camera.rendering.gl_binding import bind_opengl
+from robosim.camera.rendering.gl_systems import bind_opengl
 bind_opengl()
 """
     )
     assert "set PYOPENGL_PLATFORM=osmesa before Python starts" in result.stderr
-
-
-@pytest.fixture
-def bare_machine(monkeypatch) -> pytest.MonkeyPatch:
-    """A machine without OSMesa and EGL."""
-    monkeypatch.delenv("PYOPENGL_PLATFORM", raising=False)
-    for libraries in ("_OSMESA", "_EGL", "_EGL_OPENGL"):
-        monkeypatch.setattr(gl_libraries, libraries, ("libnone.so.1",))
-    return monkeypatch
-
-
-def test_without_opengl_the_message_names_packages_and_the_way_round(bare_machine):
-    """Both systems with what to install, and the engine that needs none."""
-    with pytest.raises(OSError, match=r"libosmesa6.*libegl1 libopengl0 libgl1-mesa-dri.*--camera embree"):
-        default_system()
-
-
-def test_a_system_that_is_asked_for_but_missing_is_named(bare_machine):
-    """PYOPENGL_PLATFORM=egl left over in an environment: EGL's packages are named, and that it can be unset."""
-    bare_machine.setenv("PYOPENGL_PLATFORM", "egl")
-    with pytest.raises(OSError, match=r"^PYOPENGL_PLATFORM=egl, but EGL is not installed\..*libegl1.* unset"):
-        default_system()
-
-
-def test_the_other_system_is_named_where_that_is_installed(bare_machine):
-    """PYOPENGL_PLATFORM=osmesa, but EGL alone is there: the remedy names egl. So does that of a display's PyOpenGL."""
-    bare_machine.setattr(gl_libraries, "_EGL", ("libc.so.6",))
-    bare_machine.setattr(gl_libraries, "_EGL_OPENGL", ("libc.so.6",))
-    bare_machine.setenv("PYOPENGL_PLATFORM", "osmesa")
-    with pytest.raises(OSError, match="or set PYOPENGL_PLATFORM=egl, which is installed"):
-        default_system()
-    bare_machine.setitem(sys.modules, "OpenGL.platform", SimpleNamespace(PLATFORM=object()))
-    with pytest.raises(RuntimeError, match=r"could ask for EGL.* PYOPENGL_PLATFORM=egl before Python starts"):
-        bind_opengl()
-
-
-def test_a_setting_that_names_no_system_is_left_aside(bare_machine):
-    """PYOPENGL_PLATFORM=x11, as another program may need it, does not hinder a camera where EGL is there."""
-    bare_machine.setenv("PYOPENGL_PLATFORM", "x11")
-    bare_machine.setattr(gl_libraries, "_EGL", ("libc.so.6",))
-    bare_machine.setattr(gl_libraries, "_EGL_OPENGL", ("libc.so.6",))
-    assert default_system() == "egl"

@@ -9,7 +9,7 @@ import shapely
 import trimesh
 
 from robosim.building.building import KINDS, Building, BuildingConfig, make_building
-from robosim.camera.rendering.shading import ShadingConfig, ambient_light, cosine_directions, shaded_mesh
+from robosim.camera.rendering.shading import ambient_light, cosine_directions, shaded_mesh
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
@@ -198,16 +198,6 @@ def test_a_building_without_a_ceiling_is_shaded():
     mesh = shaded_mesh(building)
     assert mesh.area == pytest.approx(building.mesh.area)
     assert shapely.area(building.free) < mesh.area
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [({"step_m": 0.0}, "step_m is 0"), ({"range_m": -1.0}, "range_m is -1"), ({"n_rays": 0}, "n_rays is 0")],
-)
-def test_impossible_settings_are_refused(arguments, message):
-    """Each message names the field and its value."""
-    with pytest.raises(ValueError, match=message):
-        ShadingConfig(**arguments)
 
 
 def test_light_from_disk_is_the_light(tmp_path, monkeypatch):

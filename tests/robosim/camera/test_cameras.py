@@ -202,42 +202,6 @@ def test_a_tilted_camera_sees_all():
             assert (error <= ABSOLUTE_M + RELATIVE * truth.depth[truth.sure]).all()
 
 
-def test_the_flat_pass_draws_what_pyrender_draws():
-    """The forward pass of pyrender over the same scene and context gives the same colours, within rounding.
-
-    It compiles its shaders once for its three frames. Stock pyrender on OSMesa does so for every frame.
-    """
-    building, config = flat(), CameraConfig()
-    with make_camera([shaded_mesh(building)], config) as camera:
-        import pyrender  # a camera first: it binds PyOpenGL to OSMesa
-
-        T = poses(building, config, 1)[0]
-        camera.render_depth(T)
-        theirs = [camera.render_scene(T, pyrender.RenderFlags.FLAT) for _ in range(3)][-1]
-        programs = len(camera.renderer._program_cache._program_cache)
-        ours = camera.render(T)
-        assert same(camera.render(T), ours)
-    difference = np.abs(ours.rgb.astype(int) - theirs)
-    assert np.quantile(difference, 0.999) <= 1
-    assert theirs.std() > 10
-    assert programs == 1
-
-
-def test_pyrender_can_light_the_scene():
-    """With a lamp added to the scene, pyrender's shaded mode draws; the flat pictures before and after are equal."""
-    T = camera_pose(np.array([0.3, -0.4, 0.7]), CameraConfig())
-    with make_camera([room()], CameraConfig()) as camera:
-        import pyrender  # a camera first: it binds PyOpenGL to OSMesa
-
-        before, dark = camera.render(T), camera.render_scene(T)
-        lamp = np.eye(4)
-        lamp[:3, 3] = np.array([0.0, 0.0, 2.0]) - camera.origin
-        camera.scene.add(pyrender.PointLight(color=np.ones(3), intensity=20.0), pose=lamp)
-        lit = camera.render_scene(T)
-        assert same(camera.render(T), before)
-    assert lit.mean() > dark.mean() + 10
-
-
 @pytest.mark.parametrize("backend", ENGINES)
 def test_ten_kilometres_from_the_origin_nothing_changes(backend):
     """In single precision a vertex 10 km away would be off by 1 mm, and depth by more; here by 1e-6 at most."""

@@ -9,7 +9,7 @@ from robosim.building.extrusion import WALL
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.decor import _FRAME, GLASS, Decor, _rooms
-from robosim.camera.rendering.shading import ShadingConfig, shaded_mesh, window_light
+from robosim.camera.rendering.shading import shaded_mesh, window_light
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
@@ -83,7 +83,7 @@ def test_another_seed_paints_otherwise_and_leaves_depth_as_it_is():
     """Depth of the cottage bit for bit: of two seeds, and of the same triangles without a colour."""
     building, config = make_building(read_plan("cottage")), CameraConfig()
     x, y = np.array(building.free.representative_point().coords[0])
-    meshes = [shaded_mesh(building, config=ShadingConfig(seed=seed)) for seed in (0, 1)]
+    meshes = [shaded_mesh(building, seed=seed) for seed in (0, 1)]
     meshes.append(trimesh.Trimesh(meshes[0].vertices, meshes[0].faces, process=False))
     pictures = []
     for mesh in meshes:
