@@ -163,12 +163,12 @@ MATERIAL = Kind(
 READER = Kind(
     "reader of floor plans",
     {
-        "ros": "robosim.plans.files:ros_map",
-        "image": "robosim.plans.files:image",
-        "array": "robosim.plans.files:array",
-        "mmwrobotnav": "robosim.plans.files:navigation_grid",
-        "houseexpo": "robosim.plans.files:house",
-        "mesh": "robosim.plans.files:storey",
+        "ros": "robosim.plans.formats.ros_map:read_ros",
+        "image": "robosim.plans.formats.plan_image:read_image_plan",
+        "array": "robosim.plans.formats.plan_array:read_npy",
+        "mmwrobotnav": "robosim.plans.formats.mmwrobotnav:read_mmwrobotnav",
+        "houseexpo": "robosim.plans.formats.houseexpo:read_houseexpo",
+        "mesh": "robosim.plans.formats.mesh_slice:read_mesh",
     },
     has=("__call__",),
     made_from="nothing",

@@ -9,17 +9,17 @@ Where walls meet at a point with free space on two sides, each side has vertices
 manifold still; a file format that merges vertices by position joins them, which changes no surface. Walls in
 passages of no width (`robosim.building.outline`) are added as flat pockets of no volume, with a face on either side.
 
-What is placed in it (`robosim.plans.furnishings`) is any mesh, at its own height: camera, lidar and radio meet its
-triangles as they are, and a robot meets what of it is lower than the robot (`Building.floor`).
+Any mesh can be placed in it (`robosim.plans.furnishings`), at its own height: camera, lidar and radio see its
+triangles as they are, and it stops robots that are higher than its lowest parts (`Building.floor`).
 
-Left out: doors and windows as such, walls with a thickness. Storeys over each other: `robosim.building.storeys`.
+Left out: doors and windows as such, walls with a thickness. Storeys over each other: `robosim.building.multi_storey`.
 """
 
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import shapely
@@ -29,7 +29,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
 from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.footprint import filled, footprint
-from robosim.building.outline import check_tolerance, closed_passages, free_cells, placed
+from robosim.building.outline import check_tolerance, closed_passages, free_cells, to_map_exactly
 from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart, NextMaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
@@ -47,18 +47,20 @@ if TYPE_CHECKING:
 
 logger = logging.getLogger(__name__)
 
+AnyBuilding = TypeVar("AnyBuilding", bound=Faces)
+
 #: How far a placed mesh may reach through floor and ceiling [m].
 _THROUGH_M = 1e-6
-#: Corners of free floor nearer than this are one [m], and less is no floor [m2].
+#: Corners of free floor nearer than this are merged [m], and smaller areas are dropped [m2].
 _TIDY_M = 1e-7
 
 
 def material_of(given: Part, field: str) -> str | Material:
-    """A radio material: a name of `wireless.em.materials` as it is, or the layers that a file or part stands for.
+    """A radio material: a name of `wireless.em.materials`, or the layers of a file or part.
 
     Args:
         given: One of `robosim.parts.MATERIAL`.
-        field: What messages call it.
+        field: Its name in messages.
 
     Raises:
         ValueError: If there is none.
@@ -125,23 +127,23 @@ class Building(Faces):
     """A storey in three dimensions, in the `map` frame: z up, floor at z = 0."""
 
     plan: FloorPlan
-    """What it was made from."""
+    """Its floor plan."""
     free: shapely.MultiPolygon
-    """Free floor [m] in `map`; walls stand on its boundary. What is placed in the building does not take from it: see
-    `floor`, `free_at`."""
+    """Free floor [m] in `map`; walls stand on its boundary. Furnishings are not taken off: see `floor`,
+    `free_at`."""
     height_m: float
     """Height of the ceiling above the floor [m]."""
     mesh: trimesh.Trimesh
     """All faces, with normals into free space, those of walls, floor and ceiling first; of these, vertices are corners
-    of walls only. Faces of placed meshes that close no volume may be turned either way."""
+    of walls only. Faces of placed meshes that close no volume may have either orientation."""
     face_kind: UInt8[np.ndarray, " n_faces"]
-    """What each face is: index into `KINDS`."""
+    """Kind of each face: index into `KINDS`."""
     materials: tuple[str | Material, ...]
     """Radio materials of the faces, by the names of `wireless.em.materials`, or of layers of their own."""
     face_material: UInt8[np.ndarray, " n_faces"]
-    """What each face is made of: index into `materials`."""
+    """Material of each face: index into `materials`."""
     furnishings: tuple[Furnishing, ...] = ()
-    """What is placed in it, in the order of its faces."""
+    """Meshes placed in it, in the order of their faces."""
 
     def __repr__(self) -> str:
         placed = f", {len(self.furnishings)} placed in it" if self.furnishings else ""
@@ -152,7 +154,7 @@ class Building(Faces):
 
     @cached_property
     def bare(self) -> "Building":
-        """The same without what is placed in it."""
+        """The building without what is placed in it."""
         if not self.furnishings:
             return self
         own = self.face_kind != PLACED
@@ -168,11 +170,11 @@ class Building(Faces):
         """The floor on which an upright body of some height meets no wall, and nothing that is placed.
 
         Args:
-            height_m: Of the body, above the floor [m]. What hangs at this height or higher does not stop it, nor does
-                what is lower than `robosim.building.footprint.ROLLS_OVER_M`.
+            height_m: Of the body, above the floor [m]. Things at this height or higher do not stop it, nor do things
+                lower than `robosim.building.footprint.ROLLS_OVER_M`.
 
         Returns:
-            Free floor in `map` [m]: `free` itself, if nothing stands in the way.
+            Free floor in `map` [m].
         """
         return self._without("floor", height_m)
 
@@ -189,7 +191,7 @@ class Building(Faces):
         return {}
 
     def _without(self, what: str, height_m: float) -> shapely.MultiPolygon:
-        """Free floor less what is placed, which is worked out once for each height."""
+        """Free floor without what is placed, computed once for each height."""
         if not self.furnishings:
             return shapely.MultiPolygon() if what == "taken" else self.free
         key = what, float(height_m)
@@ -218,8 +220,8 @@ class Building(Faces):
         up = self.mesh.vertices[upright][:, :, 2] > 0
         standing = up.sum(axis=1) == 1  # the triangle of each wall that has an edge on the floor
         row, top = np.arange(standing.sum()), np.argmax(up[standing], axis=1)
-        # Seen from free space a face turns counter-clockwise, and so runs along the floor from left to right.
-        # Free space is on the left of the way back.
+        # Seen from free space a face turns counter-clockwise, and so runs along the floor from left to right;
+        # free space is on the left in the opposite direction.
         triangles = upright[standing]
         ends = np.stack([triangles[row, (top + 2) % 3], triangles[row, (top + 1) % 3]], axis=1)
         return self.mesh.vertices[ends][:, :, :2]
@@ -257,12 +259,12 @@ class Building(Faces):
 def make_building(
     plan: FloorPlan, *, config: BuildingConfig | None = None, furnishings: Sequence[Furnishing] = ()
 ) -> Building:
-    """Extrude the outline of a floor plan to a building, and place in it what is to stand there.
+    """Extrude the outline of a floor plan to a building, and place furnishings in it.
 
     Args:
-        plan: Free cells and where their walls stand.
+        plan: Free cells and the position of their walls.
         config: Heights, tolerance and materials; None for the defaults.
-        furnishings: What is placed in it beside what the plan says.
+        furnishings: What is placed in it in addition to the plan's furnishings.
 
     Raises:
         MapError: If the plan has no free area, or what is placed is not between floor and ceiling or wholly outside.
@@ -274,9 +276,9 @@ def make_building(
     islands = _furniture(cells, config.furniture_max_m2 / plan.resolution_m**2)
     solid = extrude(cells, islands, config.height_m, config.furniture_height_m, config.ceiling)
     if not config.tolerance_m:
-        solid = _joined(solid, pockets(closed_passages(plan), config.height_m))
-    vertices = np.column_stack([placed(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
-    free = shapely.transform(cells, lambda points: placed(plan, points))
+        solid = _concatenate(solid, pockets(closed_passages(plan), config.height_m))
+    vertices = np.column_stack([to_map_exactly(plan, solid.vertices[:, :2]), solid.vertices[:, 2]])
+    free = shapely.transform(cells, lambda points: to_map_exactly(plan, points))
     wanted = [config.material(kind) for kind in KINDS[:PLACED]]
     of_face = solid.kind.astype(np.int64)
     if plan.material is not None:
@@ -304,23 +306,13 @@ def make_building(
     placed_in_it = (*plan.furnishings, *furnishings)
     for one in placed_in_it:
         _check_place(building, one)
-    if not placed_in_it:
-        return building
-    return replace(building, **furnished(building, placed_in_it)._asdict())
+    return with_furnishings(building, placed_in_it)
 
 
-class Furnished(NamedTuple):
-    """Faces of a building and of what is placed in it: fields of both kinds of building."""
-
-    mesh: trimesh.Trimesh
-    face_kind: UInt8[np.ndarray, " n_faces"]
-    materials: tuple[str | Material, ...]
-    face_material: UInt8[np.ndarray, " n_faces"]
-    furnishings: tuple[Furnishing, ...]
-
-
-def furnished(bare: Faces, furnishings: tuple[Furnishing, ...]) -> Furnished:
-    """The faces of a building with meshes placed in it, which come last."""
+def with_furnishings(bare: AnyBuilding, furnishings: tuple[Furnishing, ...]) -> AnyBuilding:
+    """A building of one or several storeys with meshes placed in it, whose faces come last."""
+    if not furnishings:
+        return bare
     vertices, faces = [np.asarray(bare.mesh.vertices)], [np.asarray(bare.mesh.faces)]
     kind, material = [bare.face_kind], [bare.face_material]
     materials = list(bare.materials)
@@ -337,7 +329,8 @@ def furnished(bare: Faces, furnishings: tuple[Furnishing, ...]) -> Furnished:
         first += len(bodies.vertices)
     count = sum(map(len, faces[1:]))
     logger.info("%d things of %d faces are placed in the building", len(furnishings), count)
-    return Furnished(
+    return replace(  # type: ignore[type-var]
+        bare,
         mesh=plain_mesh(np.concatenate(vertices), np.concatenate(faces), bare.mesh.metadata),
         face_kind=np.concatenate(kind),
         materials=tuple(materials),
@@ -347,7 +340,7 @@ def furnished(bare: Faces, furnishings: tuple[Furnishing, ...]) -> Furnished:
 
 
 def _check_place(bare: Building, one: Furnishing) -> None:
-    """Raise MapError for a mesh that cannot be where it is to be placed."""
+    """Raise MapError for a mesh that reaches through floor or ceiling, or does not stand on free floor."""
     low, high = one.bodies.vertices[:, 2].min(), one.bodies.vertices[:, 2].max()
     at = f"{one.source or bare.plan.name}: {one.name} at ({one.at[0]:g}, {one.at[1]:g}) m"
     if low < -_THROUGH_M:
@@ -394,8 +387,8 @@ def _furniture(free: shapely.MultiPolygon, max_area: float) -> Bool[np.ndarray, 
     return island & (shapely.area(filled) <= max_area)
 
 
-def _joined(one: Solid, other: Solid) -> Solid:
-    """Both together, without merging vertices."""
+def _concatenate(one: Solid, other: Solid) -> Solid:
+    """Two solids as one, without merging vertices."""
     faces = np.concatenate([one.faces, other.faces + len(one.vertices)])
     return Solid(
         np.concatenate([one.vertices, other.vertices]), faces, np.concatenate([one.kind, other.kind])

@@ -7,7 +7,7 @@ A Mitsuba scene is an XML file with one PLY file per radio material (z up, as in
 BSDF of the plugin `itu-radio-material` for each, of Recommendation ITU-R P.2040, which Sionna RT registers with
 Mitsuba and DiffeRT reads by itself. Both programs know slabs of these materials only: a half-space becomes a slab too
 thick to be seen through, layers become the slab of their outer material that reflects most like them, drywall
-becomes plasterboard, whose newer fit is 2.73 instead of 2.94. `itu_slab` tells what that changes.
+becomes plasterboard, whose newer fit is 2.73 instead of 2.94. `itu_slab` computes what that changes.
 
 Left out: textures; coordinates are stored with 32 bits, as these formats do.
 """
@@ -43,7 +43,7 @@ KIND_COLOURS = np.array(
 
 SUFFIXES = (".glb", ".ply", ".obj", ".stl")
 
-#: What our materials are called in Recommendation ITU-R P.2040, where they have another name.
+#: Names of materials in Recommendation ITU-R P.2040 that differ from ours.
 ITU_TYPES = {"drywall": "plasterboard"}
 #: Thickness of a slab that stands for a half-space [m], and those that layers are compared with.
 THICK_M = 1.0
@@ -103,7 +103,7 @@ class ItuSlab(NamedTuple):
     itu_type: str
     thickness_m: float
     off_db: float
-    """Root mean square of what its reflections differ by, for both polarisations and incidence to 85 degrees [dB]."""
+    """Root mean square difference of reflections, for both polarisations and incidence to 85 degrees [dB]."""
 
 
 @lru_cache
@@ -143,14 +143,14 @@ def _reflected_db(row: Complex[np.ndarray, " l"], frequency_hz: float) -> Float[
 
 
 def export_mitsuba(building: Faces, path: Path, *, frequency_hz: float = 28e9) -> Path:
-    """Write a building as a Mitsuba 3 scene with ITU radio materials, and its meshes in `meshes` beside it.
+    """Write a building as a Mitsuba 3 scene with ITU radio materials, and its meshes in the folder `meshes` next to it.
 
     Each file appears whole or not at all, the XML last: where there is one, all its meshes are there.
 
     Args:
         building: What to write.
         path: XML file, or folder in which to write `scene.xml`.
-        frequency_hz: Where the walls reflect as ours.
+        frequency_hz: Frequency at which the walls reflect alike [Hz].
 
     Returns:
         The XML file.

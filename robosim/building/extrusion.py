@@ -19,12 +19,12 @@ from jaxtyping import Bool, Float, Int, UInt8
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-#: What a face is part of; the last is placed in a building, and not extruded.
+#: Kinds of faces; the last is of placed meshes, which are not extruded.
 WALL, FLOOR, CEILING, FURNITURE, PLACED = range(5)
 
 
 class Solid(NamedTuple):
-    """Triangles and what each is part of."""
+    """Triangles and their kinds."""
 
     vertices: Float[np.ndarray, "n_vertices 3"]
     faces: Int[np.ndarray, "n_faces 3"]
@@ -47,8 +47,8 @@ def extrude(
 ) -> Solid:
     """Closed shell around free space from z = 0 up, with normals into free space.
 
-    Low furniture that touches something else at a single point is left as high as the walls, since free space
-    would be parted there below its lid and one above.
+    Low furniture that touches something else at a single point stays as high as the walls, since free space would be
+    separated there below its lid and connected above.
 
     Args:
         free: Free floor; outer rings counter-clockwise, holes clockwise.
@@ -134,7 +134,7 @@ def _triangulate(
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygons))
     points = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     side, other = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
-    if (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0:  # they all turn the same way
+    if (side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]).sum() < 0:  # all have the same orientation
         points = points[:, ::-1]
     return np.searchsorted(spots[:, 0] + 1j * spots[:, 1], points[:, :, 0] + 1j * points[:, :, 1])
 

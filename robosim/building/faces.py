@@ -1,4 +1,4 @@
-"""Faces of a building by what they are part of and what they are made of."""
+"""Faces of a building by kind and material."""
 
 import hashlib
 
@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from robosim.plans.furnishings.furnishing import Furnishing
 from wireless.em.materials import Material
 
-#: What a face can be; `face_kind` counts along these, as `robosim.building.extrusion` does.
+#: Kinds of faces, which `face_kind` is an index of, as in `robosim.building.extrusion`.
 KINDS = ("wall", "floor", "ceiling", "furniture", "placed")
 
 

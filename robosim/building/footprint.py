@@ -1,7 +1,7 @@
-"""Which floor a thing takes from a body that stands below some height, and which part of a level it fills.
+"""Floor that a placed body takes from robots below some height, and its section at one height.
 
 Seen from above, the part of a surface between two heights is a union of convex polygons; a closed body that goes
-through the whole band is told by its section at the upper height. Both together are exact for closed bodies. Sheets
+through the whole band also has its section at the upper height. Both together are exact for closed bodies. Sheets
 count with `SHEET_M` of thickness, since a line takes no floor.
 
 Left out: bodies whose own surface crosses itself, if they are not oriented: they are filled by the even-odd rule.
@@ -11,21 +11,21 @@ import numpy as np
 import shapely
 from jaxtyping import Float
 
-from robosim.plans.formats.mesh_raster import cut
+from robosim.plans.formats.mesh_raster import cut, section
 from robosim.plans.furnishings.bodies import Bodies
 
-#: Things lower than this are driven over: rugs, doorsills [m].
+#: Robots drive over lower things: rugs, doorsills [m].
 ROLLS_OVER_M = 0.01
 #: Thickness of surfaces that close no volume [m].
 SHEET_M = 1e-3
-#: What reaches into the band by less does not count [m], and areas that are none [m2].
+#: Shorter reaches into the band do not count [m], nor do smaller areas [m2].
 _TOUCH_M, _NOTHING_M2 = 1e-6, 1e-10
 
 
 def footprint(bodies: Bodies, height_m: float) -> shapely.Geometry:
     """The floor over which something is lower than a height, in `map` [m].
 
-    What begins at the very height is not lower than it.
+    Bodies that begin exactly at the height are not lower.
     """
     parts = []
     for triangles, closed, oriented in _each(bodies):
@@ -34,21 +34,19 @@ def footprint(bodies: Bodies, height_m: float) -> shapely.Geometry:
         polygons = cut(triangles[reaches], ROLLS_OVER_M, height_m)[:, :, :2]
         parts.append(_seen_from_above(polygons, closed))
         if closed:
-            parts.append(_filled(*_section(triangles, height_m - _TOUCH_M), oriented))
+            parts.append(_filled(triangles, height_m - _TOUCH_M, oriented))
     return shapely.union_all(parts)
 
 
 def filled(bodies: Bodies, height_m: float) -> shapely.Geometry:
-    """What is solid at one height, seen from above, in `map` [m]; sheets as lines with a thickness."""
+    """Section at one height, seen from above, in `map` [m]; sheets are lines with a thickness."""
     parts = []
     for triangles, closed, oriented in _each(bodies):
-        start, end = _section(triangles, height_m)
         if closed:
-            parts.append(_filled(start, end, oriented))
+            parts.append(_filled(triangles, height_m, oriented))
         else:
-            parts.append(
-                shapely.buffer(shapely.multilinestrings(np.stack([start, end], axis=1)), SHEET_M / 2)
-            )
+            lines = np.stack(section(triangles, height_m)[::-1], axis=1)
+            parts.append(shapely.buffer(shapely.multilinestrings(lines), SHEET_M / 2))
     return shapely.union_all(parts)
 
 
@@ -59,27 +57,6 @@ def _each(bodies: Bodies) -> list[tuple[Float[np.ndarray, "n 3 3"], bool, bool]]
     return [
         (triangles[some], bool(closed), bool(oriented))
         for some, closed, oriented in zip(np.split(order, ends), bodies.closed, bodies.oriented, strict=True)
-    ]
-
-
-def _section(
-    triangles: Float[np.ndarray, "n 3 3"], height: float
-) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
-    """Starts and ends of the lines in which triangles cross a height; neighbours meet in the very same points.
-
-    They go from the side that rises through the height to the one that falls, as seen along the triangle's corners.
-    """
-    above = triangles[:, :, 2] >= height
-    some = above.any(axis=1) & ~above.all(axis=1)
-    start, above = triangles[some], above[some]
-    end, end_above = np.roll(start, -1, axis=1), np.roll(above, -1, axis=1)
-    # From below to above, whichever way the side runs, so that both triangles on it round alike.
-    low, high = np.where(above[..., None], end, start), np.where(above[..., None], start, end)
-    rise = np.where(above == end_above, 1.0, high[:, :, 2] - low[:, :, 2])
-    points = low[:, :, :2] + ((height - low[:, :, 2]) / rise)[..., None] * (high - low)[:, :, :2]
-    each = np.arange(len(points))
-    return points[each, np.argmax(~above & end_above, axis=1)], points[
-        each, np.argmax(above & ~end_above, axis=1)
     ]
 
 
@@ -95,10 +72,9 @@ def _seen_from_above(polygons: Float[np.ndarray, "n 6 2"], closed: bool) -> shap
     return seen.union(shapely.buffer(shapely.union_all(hulls[~flat]), SHEET_M / 2))
 
 
-def _filled(
-    start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"], oriented: bool
-) -> shapely.Geometry:
-    """The inside of closed lines, given by their pieces: where they wind around, or by even and odd."""
+def _filled(triangles: Float[np.ndarray, "n 3 3"], height_m: float, oriented: bool) -> shapely.Geometry:
+    """The section of a closed surface: where its outline winds around if it is oriented, else by even and odd."""
+    end, start = section(triangles, height_m)
     if not len(start):
         return shapely.Polygon()
     lines = shapely.union_all(shapely.linestrings(np.stack([start, end], axis=1)))

@@ -1,4 +1,4 @@
-"""A wall's layers from a YAML file, for whoever has walls that are in no table.
+"""Layers of a wall from a YAML file, for walls that no table has.
 
     name: insulated
     layers:                  # from face to face, the same from both sides
@@ -20,10 +20,10 @@ from wireless.em.materials import Material
 
 
 def read_material(path: Path) -> Material:
-    """A wall of layers from a YAML file; without a name in it, it is called as the file.
+    """A wall of layers from a YAML file; its name is the file's if the file has none in it.
 
     Raises:
-        FileError: If the file is damaged, or a layer is none that a wall may have.
+        FileError: If the file is damaged, or a layer is not valid.
     """
     remedy = "Give layers from face to face, such as layers: [{material: glass, thickness_m: 0.006}]."
     with reading(path, "the layers of a wall", remedy) as file:

@@ -1,16 +1,16 @@
-"""Where free space ends: the walls of a floor plan, as lines.
+"""Free space of a floor plan as polygons, whose boundary is its walls.
 
 ``"cell_edge"`` plans have a wall on every edge between a free cell and another one. Going along such edges
 with the free cell on the left gives closed rings, counter-clockwise around free space and clockwise around
-holes. Where two free cells touch by a corner only, no way leads through: there the line turns so that
-different components stay apart and that every ring is simple, as the OGC rules for polygons ask. A slanted wall one
+holes. Two free cells that touch by a corner only are not connected: there the line turns so that
+different components stay apart and that every ring is simple, as the OGC rules for polygons require. A slanted wall one
 cell thick (`robosim.building.thin_walls`) would fall apart into posts by that rule: before it is straightened, its
 outline passes those corners twice.
 
 ``"cell_centre"`` plans have their walls through the centres of the outermost free cells, on the borders that
 `cv2.findContours` follows (Suzuki and Abe 1985; free space 8-connected). A passage one cell wide then has
-its two walls on one line: it is closed, has no area and is missing in `free_polygons`, but `wall_lines` has
-both its walls, since a traced radio path knows them.
+its two walls on one line: it is closed, has no area and is missing in `free_cells`, but `closed_passages` has
+both its walls, which block radio paths.
 
 By default staircases of ``"cell_edge"`` plans become straight walls (`robosim.building.straight`); walls through
 centres stay as they are, as what was published with them was made with each of their steps. A tolerance of zero
@@ -35,36 +35,22 @@ from robosim.support.checks import check_number
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
 
-def free_polygons(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.MultiPolygon:
-    """Free space of a plan as polygons [m] in `map`, one for each room that no free way leads out of.
+def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.MultiPolygon:
+    """Free space of a plan as polygons in cell coordinates (column, row), one for each connected part.
 
-    The polygons are valid and share at most single points. Vertices lie where walls turn or meet.
+    The polygons are valid and share at most single points. Vertices lie where walls turn or meet, along the grid on
+    whole or half coordinates.
 
     Args:
-        plan: Where the free cells are, and where walls stand between them and the others. Outside of the
-            array nothing is free.
-        tolerance_m: How far a wall may be moved to save corners; None for straight walls under staircases. 0 keeps
-            each corner. One cell takes most steps out of slanted walls, 1.4 cells all, since the corners of steps
-            lie in a band that wide.
+        plan: The free cells, and the position of walls between them and the others. Outside of the array nothing is
+            free.
+        tolerance_m: Largest distance that a wall may be moved to save corners [m]; None for straight walls under
+            staircases. 0 keeps each corner. One cell takes most steps out of slanted walls, 1.4 cells all, since the
+            corners of steps lie in a band that wide.
 
     Raises:
         ValueError: If the tolerance is negative or not finite.
         MapError: If nothing is left, because all passages are one cell wide and walls go through centres.
-    """
-    cells = free_cells(plan, tolerance_m)
-    return shapely.transform(cells, lambda points: placed(plan, points))
-
-
-def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.MultiPolygon:
-    """The same as `free_polygons` in cell coordinates (column, row), where vertices along the grid are halves.
-
-    Args:
-        plan: Where the free cells are.
-        tolerance_m: How far a wall may be moved to save corners [m]; None for straight walls under staircases.
-
-    Raises:
-        ValueError: If the tolerance is negative or not finite.
-        MapError: If there is no free area.
     """
     check_tolerance(tolerance_m)
     if plan.wall_line == "cell_edge" and tolerance_m is None:
@@ -79,40 +65,10 @@ def free_cells(plan: FloorPlan, tolerance_m: float | None = None) -> shapely.Mul
     return simplified(free, tolerance_m / plan.resolution_m) if tolerance_m else free
 
 
-def wall_lines(plan: FloorPlan, tolerance_m: float | None = None) -> list[Float[np.ndarray, "_ 2"]]:
-    """Walls of a plan as closed lines [m] in `map`; the last point repeats the first.
-
-    With walls through cell centres and no tolerance these are the lines of
-    ``cv2.findContours(free, RETR_CCOMP, CHAIN_APPROX_SIMPLE)`` as they come: a passage one cell wide is
-    walked forth and back, so that rings may touch themselves, and the direction of a ring means nothing.
-    Free cells all alone have no line. Otherwise they are the boundaries of `free_polygons`, with free space
-    on the left.
-
-    Args:
-        plan: Where the free cells are.
-        tolerance_m: How far a wall may be moved to save corners; above 0, zero-width passages are dropped. None for
-            straight walls under staircases.
-
-    Raises:
-        ValueError: If the tolerance is negative or not finite.
-        MapError: If there is no free area.
-    """
-    check_tolerance(tolerance_m)
-    if plan.wall_line == "cell_centre" and not tolerance_m:
-        rings = [ring for ring, _ in _contours(plan.free) if len(ring) > 2]
-        return [plan.to_map(ring) for ring in rings]
-    free = shapely.get_rings(shapely.get_parts(free_polygons(plan, tolerance_m)))
-    return [shapely.get_coordinates(ring) for ring in free]
-
-
 def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
     """Ends (column, row), in cell coordinates, of the walls in passages too narrow for `free_cells`.
 
-    Both walls of such a passage stand on each of these segments. There are none but with walls through cell
-    centres and no tolerance.
-
-    Args:
-        plan: Where the free cells are.
+    Both walls of such a passage stand on each of these segments. Only plans with walls through cell centres have any.
     """
     if plan.wall_line == "cell_edge":
         return np.empty((0, 2, 2))
@@ -122,8 +78,8 @@ def closed_passages(plan: FloorPlan) -> Float[np.ndarray, "n 2 2"]:
     return np.concatenate([np.empty((0, 2, 2)), *(np.stack([p[:-1], p[1:]], axis=1) for p in pieces)])
 
 
-def placed(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
-    """`plan.to_map`, but equal points stay equal to the last bit, which matrix products need not grant."""
+def to_map_exactly(plan: FloorPlan, cells: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "n 2"]:
+    """`plan.to_map`, with equal results for equal points, which matrix products do not guarantee."""
     distinct, inverse = np.unique(cells[:, 0] + 1j * cells[:, 1], return_inverse=True)
     return plan.to_map(np.column_stack([distinct.real, distinct.imag]))[inverse]
 
@@ -171,7 +127,7 @@ def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
 
 
 def check_tolerance(tolerance_m: float | None) -> None:
-    """Complain of a tolerance that would do without walls, or is none."""
+    """Raise ValueError for a tolerance that is negative or larger than walls are thick."""
     hint = "m. Leave it out for straight walls under staircases; 0 is the exact outline"
     if tolerance_m is not None:
         check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
@@ -232,24 +188,24 @@ def _trace(
         is_free, 1, axis=1
     )  # east, north, ...: free cell on the left, none on the right
     edges = np.flatnonzero(leaves)  # corner * 4 + direction
-    corner, way = np.divmod(edges, 4)
+    corner, heading = np.divmod(edges, 4)
     width = cells.shape[1] - 1
-    reached = corner + (STEPS @ (1, width))[way]
+    reached = corner + (STEPS @ (1, width))[heading]
 
-    left, right = (way + 1) % 4, (way + 3) % 4
+    left, right = (heading + 1) % 4, (heading + 3) % 4
     goes_left, goes_right = leaves[reached, left], leaves[reached, right]
-    # Both ways: two free cells touch by this corner. The line goes over to the other one if some way around
-    # joins them, and so leaves a ring that is simple; else it stays with the cell it came along.
-    here, other = around[reached, (way + 1) % 4], around[reached, (way + 3) % 4]
+    # If both are possible, two free cells touch by this corner. The line goes over to the other one if they are
+    # connected elsewhere, which makes a simple ring; else it stays with the cell that it came along.
+    here, other = around[reached, (heading + 1) % 4], around[reached, (heading + 3) % 4]
     goes_over = goes_right & (~goes_left | ((here == other) & ~joined[reached]))
-    turn = np.where(goes_over, right, np.where(goes_left, left, way))
+    turn = np.where(goes_over, right, np.where(goes_left, left, heading))
     following = np.searchsorted(edges, reached * 4 + turn)
 
     turns = np.empty(len(edges), bool)
-    turns[following] = turn != way
+    turns[following] = turn != heading
     points = np.column_stack([corner % width, corner // width]) + 1
     lines = _cycles(following.tolist())
-    return [(points[line[turns[line]]], int(around[corner[line[0]], way[line[0]]])) for line in lines]
+    return [(points[line[turns[line]]], int(around[corner[line[0]], heading[line[0]]])) for line in lines]
 
 
 def _cycles(following: list[int]) -> list[Int[np.ndarray, " _"]]:

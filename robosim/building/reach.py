@@ -1,7 +1,7 @@
-"""Where a robot's hull can be, how far it has to drive, and which rooms it cannot enter.
+"""Places that a robot's hull can reach, the distances to drive, and rooms that it cannot enter.
 
-The hull is a disk: its centre may be wherever the free floor, shrunk by the hull's radius, is. That set is
-sampled at the centres of the plan's cells, and its 4-connected parts are what the hull can drive through.
+The hull is a disk: its centre may be on the free floor shrunk by the hull's radius. That set is sampled at the centres
+of the plan's cells, and the hull can drive within its 4-connected parts.
 Distances are travel times of a front that moves at unit speed from a cell through such a part (fast
 marching, exact to a fraction of a cell). Left out: turning, and passages narrower than a cell beyond the
 hull, which the sampling may close.
@@ -25,7 +25,7 @@ from wireless.support.compiled import compiled
 
 #: Smaller pieces of floor are nooks between furniture rather than rooms [m2].
 ROOM_AREA_M2 = 0.5
-#: Space around the hull that lets a robot turn on the spot, which no robot does without swinging aside a little [m].
+#: Space around the hull that a robot needs to turn on the spot, since it also moves aside a little [m].
 TURNING_M = 0.1
 
 
@@ -54,7 +54,7 @@ class Reach:
     floor: Bool[np.ndarray, "ny nx"]
     """Free cells on which nothing stops the robot."""
     overhung: Bool[np.ndarray, "ny nx"]
-    """Those of them over which something hangs all the same."""
+    """Those of them with something above."""
 
     @cached_property
     def n_parts(self) -> int:
@@ -76,7 +76,7 @@ class Reach:
         return wide if wide.any() else cells
 
     def check_room(self) -> None:
-        """Complain if there is no place at all.
+        """Check that there is a place for the hull.
 
         Raises:
             MapError: If the hull fits nowhere.
@@ -126,7 +126,7 @@ class Reach:
     def travel_m(self, point: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:
         """Length of the shortest drive of the hull's centre from a point to each cell [m].
 
-        Infinite where the hull cannot come. A point outside every part counts from the nearest cell of one.
+        Infinite where the hull cannot be. A point outside every part counts from the nearest cell of one.
         """
         cells = np.argwhere(self.parts > 0)
         if not len(cells):
@@ -146,9 +146,9 @@ class Reach:
         return travel
 
     def remaining_m(self, travel: Float[np.ndarray, "ny nx"], point: Float[np.ndarray, "2"]) -> float:
-        """Travel at a point between cell centres: the best way over a cell within two cells of it [m].
+        """Travel at a point between cell centres: the shortest over a cell within two cells of it [m].
 
-        Where none of them is reached, in a passage that the sampling has closed, over the nearest one that is.
+        If none of them is reached, in a passage that the sampling has closed, over the nearest one that is.
         """
         column, row = self.plan.to_cells(np.asarray(point, float)) - 0.5
         best = _over_near_cells(travel, float(column), float(row), self.plan.resolution_m)
@@ -167,7 +167,7 @@ class Reach:
         areas = np.bincount(labels.ravel(), minlength=n + 1)[1:] * self.plan.resolution_m**2
         rooms = []
         for area, deepest in zip(areas, ndimage.maximum_position(depth_m, labels, numbers), strict=True):
-            # Free floor beside the walls is out of the sweep too: only what has room for the hull counts.
+            # Free floor along the walls is not swept either: only parts with room for the hull count.
             if area >= ROOM_AREA_M2 and depth_m[deepest] > self.radius_m:
                 rooms.append(CutOff(float(area), self.plan.to_map(np.array(deepest[::-1]) - 0.5)))
         return sorted(rooms, key=lambda room: -room.area_m2)
@@ -177,12 +177,12 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
     """Where the centre of a disk-shaped hull can be in a building.
 
     Args:
-        building: The walls, and what is placed between them.
+        building: The walls and furnishings.
         radius_m: Radius of the hull [m].
-        height_m: Height of the robot [m], which drives under what hangs higher; None for as high as the ceiling.
+        height_m: Height of the robot [m], which drives under higher things; None for that of the ceiling.
 
     Raises:
-        ValueError: If the radius is none of a robot.
+        ValueError: If the radius is out of the range of robots.
     """
     check_number("radius_m", radius_m, *RADIUS_M)
     plan, free = building.plan, building.floor(building.height_m if height_m is None else height_m)
@@ -204,7 +204,7 @@ def reach(building: Building, radius_m: float, height_m: float | None = None) ->
 def _over_near_cells(
     travel: Float[np.ndarray, "ny nx"], column: float, row: float, resolution_m: float
 ) -> float:
-    """Least travel over a cell within two cells of a place between cells, with the way to its centre [m]."""
+    """Least travel over a cell within two cells of a place, with the distance to its centre [m]."""
     best = math.inf
     iy, ix = round(row), round(column)
     for i in range(max(iy - 2, 0), min(iy + 3, travel.shape[0])):

@@ -1,4 +1,4 @@
-"""Triangles joined to closed shells: corners at one place become vertices, one for each fan of triangles around it.
+"""Closed shells of triangles: corners at one place become vertices, one for each fan of triangles around it.
 
 Where two parts of a surface touch at a point or along a line, each has vertices of its own there, so that every edge
 has exactly two triangles. Around a line with more than two, those belong together that bound the same free space.
@@ -9,11 +9,11 @@ from jaxtyping import Float, Int
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-#: Corners whose coordinates differ by less are one [m].
+#: Corners whose coordinates differ by less are merged [m].
 SAME_M = 1e-8
 
 
-def joined(
+def make_shell(
     corner: Float[np.ndarray, "n 3 3"],
 ) -> tuple[Float[np.ndarray, "v 3"], Int[np.ndarray, "m 3"], Int[np.ndarray, " m"]]:
     """Vertices and faces of triangles that make closed shells, with normals into free space.
@@ -22,7 +22,7 @@ def joined(
         corner: Corners of each triangle [m].
 
     Returns:
-        Vertices, faces, and the triangle of each face: those with two corners at one place are none.
+        Vertices, faces, and the triangle of each face; triangles with two corners at one place are dropped.
 
     Raises:
         RuntimeError: If they leave an edge open.
@@ -31,8 +31,8 @@ def joined(
         1
     ]
     triangle = place.reshape(-1, 3)
-    kept = np.flatnonzero((triangle != np.roll(triangle, -1, axis=1)).all(axis=1))
-    triangle, corner, place = triangle[kept], corner[kept], triangle[kept].ravel()
+    proper = np.flatnonzero((triangle != np.roll(triangle, -1, axis=1)).all(axis=1))
+    triangle, corner, place = triangle[proper], corner[proper], triangle[proper].ravel()
     start, end = triangle.ravel(), np.roll(triangle, -1, axis=1).ravel()
     low, high = np.minimum(start, end), np.maximum(start, end)
     order = np.lexsort((high, low))
@@ -54,7 +54,7 @@ def joined(
     vertices = np.empty((n, 3))
     _, one, again = np.unique(place, return_index=True, return_inverse=True)
     vertices[label] = corner.reshape(-1, 3)[one[again]]
-    return vertices, label.reshape(-1, 3), kept
+    return vertices, label.reshape(-1, 3), proper
 
 
 def _pair(
@@ -67,9 +67,9 @@ def _pair(
 
     def into(side: int) -> Float[np.ndarray, "3"]:
         """Direction into a side's triangle, at right angles to the line."""
-        way = corner[side // 3, (side % 3 + 2) % 3] - corner[side // 3, side % 3]
-        way = way - (way @ along) * along
-        return way / np.linalg.norm(way)
+        direction = corner[side // 3, (side % 3 + 2) % 3] - corner[side // 3, side % 3]
+        direction = direction - (direction @ along) * along
+        return direction / np.linalg.norm(direction)
 
     first = sides[0]
     along = corner[first // 3, (first % 3 + 1) % 3] - corner[first // 3, first % 3]

@@ -5,7 +5,7 @@ that a line can pass between the centres of all the free cells on one side and a
 straight segments; Klette and Rosenfeld 2004, "Digital straightness: a review", Discrete Applied Mathematics 139). The
 lines that do so for one segment form a convex polygon in the plane of slope and offset (its preimage; Dorst and
 Smeulders 1984, IEEE Trans. PAMI 6(4)), whose centroid is the wall. So no wall moves by more than half a cell, measured
-along the grid, and the cells beside it keep their side; at corners, one may be cut by the walls that meet there.
+along the grid, and the cells next to it keep their side; at corners, one may be cut by the walls that meet there.
 
 The longest segments go first. A single step is a corner of the building and stays; so do walls along the grid, and
 the places where straight walls would cross. Neighbouring walls are drawn on to where they meet.
@@ -31,7 +31,7 @@ from scipy.spatial import KDTree
 from robosim.building.rings import polygons_of, together
 from wireless.support.compiled import compiled
 
-#: A slanted wall has more steps to one side than this, or as many and so many cells along it.
+#: A slanted wall has more steps to one side than the first, or as many and at least the second of cells along it.
 _STEPS, _CELLS = 2, 6
 #: A line passes centres of cells by more than this, in cells.
 _LEAST = 1e-9
@@ -39,7 +39,7 @@ _LEAST = 1e-9
 _NEAR = 1.0
 #: Walls are not shorter than this, in cells.
 _SHORT = 0.1
-#: Around a place where straight walls cross, none is made within so many cells; how often that is tried.
+#: Around a place where straight walls cross, none is made within this distance [cells]; number of attempts.
 _APART, _TRIES = 3.0, 20
 
 #: Most corners of a preimage: it has few, but rounding makes several of one where many lines meet. From half of that
@@ -146,9 +146,9 @@ def _rings(outlines: list[Int[np.ndarray, "_ 2"]], thin: Int[np.ndarray, "m 2"])
     """Closed lines of corners edge by edge; edges at points that lines have in common are fixed but at thin walls."""
     points, steps = [], []
     for corners in outlines:
-        way = np.diff(corners, axis=0, append=corners[:1])
-        length = np.abs(way).sum(axis=1)
-        steps.append(np.repeat(way // length[:, None], length, axis=0))
+        side = np.diff(corners, axis=0, append=corners[:1])
+        length = np.abs(side).sum(axis=1)
+        steps.append(np.repeat(side // length[:, None], length, axis=0))
         points.append(corners[0] + np.cumsum(steps[-1], axis=0) - steps[-1])
     every = np.concatenate(points) @ (1, 1j)
     _, where, count = np.unique(every, return_inverse=True, return_counts=True)
@@ -182,10 +182,10 @@ def _walls(ring: Ring, spans: Int[np.ndarray, "m 3"], lines: Float[np.ndarray, "
 def _along_grid(ring: Ring, first: int, end: int) -> list[Wall]:
     """The straight lines of edges among the edges [first, end)."""
     edge = np.arange(first, end) % len(ring.step)
-    way, point = ring.step[edge], ring.point[edge].astype(float)
-    begins = np.flatnonzero((way[1:] != way[:-1]).any(axis=1)) + 1
+    step, point = ring.step[edge], ring.point[edge].astype(float)
+    begins = np.flatnonzero((step[1:] != step[:-1]).any(axis=1)) + 1
     cuts = [0, *begins.tolist(), len(edge)] if len(edge) else []
-    return [Wall(first + a, first + b, point[a], way[a].astype(float), False) for a, b in pairwise(cuts)]
+    return [Wall(first + a, first + b, point[a], step[a].astype(float), False) for a, b in pairwise(cuts)]
 
 
 def _corners(ring: Ring) -> Float[np.ndarray, "m 2"]:
@@ -209,7 +209,7 @@ def _corners(ring: Ring) -> Float[np.ndarray, "m 2"]:
             on_grid.append(2 - before.slanted - after.slanted)
             continue
         joint = ring.point[after.first % len(ring.step)]
-        for wall in (before, after):  # they go on beside each other
+        for wall in (before, after):  # they continue in parallel
             corners.append(wall.place + wall.along * ((joint - wall.place) @ wall.along))
             on_grid.append(1 - wall.slanted)
     return _merged(np.array(corners), on_grid)
@@ -223,19 +223,19 @@ def _merged(corners: Float[np.ndarray, "n 2"], on_grid: list[int]) -> Float[np.n
     gaps = np.abs(corners - np.roll(corners, 1, axis=0)).max(axis=1).tolist()
     short = [(gap, i) for i, gap in enumerate(gaps) if gap < _SHORT]
     heapify(short)
-    kept = np.ones(count, bool)
+    stays = np.ones(count, bool)
     while short and count > 1:
         gap, i = heappop(short)
-        if not kept[i] or gap != gaps[i]:
+        if not stays[i] or gap != gaps[i]:
             continue
         removed = i if on_grid[i] <= on_grid[before[i]] else before[i]
-        kept[removed], count = False, count - 1
+        stays[removed], count = False, count - 1
         left, right = before[removed], after[removed]
         after[left], before[right] = right, left
         gaps[right] = float(np.abs(corners[right] - corners[left]).max())
         if gaps[right] < _SHORT:
             heappush(short, (gaps[right], right))
-    return corners[kept]
+    return corners[stays]
 
 
 def _meeting(ring: Ring, before: Wall, after: Wall) -> Float[np.ndarray, "2"] | None:
@@ -375,7 +375,12 @@ def _farthest(
 
 @compiled
 def _reach(
-    step: Int[np.ndarray, "n2 2"], fixed: Bool[np.ndarray, " n2"], first: int, last: int, axis: int, way: int
+    step: Int[np.ndarray, "n2 2"],
+    fixed: Bool[np.ndarray, " n2"],
+    first: int,
+    last: int,
+    axis: int,
+    sense: int,
 ) -> tuple[int, float, float]:
     """How far one line can go from an edge, and the middle of all that can.
 
@@ -385,7 +390,7 @@ def _reach(
         first: An edge along the axis that is not fixed.
         last: The edge before which it ends at the latest.
         axis: What the line goes along rather: 0 x, 1 y.
-        way: 1 towards later edges, -1 towards earlier ones.
+        sense: 1 towards later edges, -1 towards earlier ones.
 
     Returns:
         The edge after its last one; slope and offset as `_segments` has them.
@@ -395,9 +400,9 @@ def _reach(
     kept, new, half = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2))
     for i in range(4):
         kept[i, 0], kept[i, 1] = _SQUARE[i, 0], _SQUARE[i, 1]
-    count, end, edges, level, side, stepped = 4, first + way, 0, 0, 0, False
-    for i in range(first + way, last, way):
-        across = way * step[i, 1 - axis]
+    count, end, edges, level, side, stepped = 4, first + sense, 0, 0, 0, False
+    for i in range(first + sense, last, sense):
+        across = sense * step[i, 1 - axis]
         if fixed[i] or (across != 0 and (stepped or across == -side)) or step[i, axis] == -forth:
             break
         if across != 0:
@@ -412,7 +417,7 @@ def _reach(
         if some < 3:
             break
         kept, new = new, kept
-        count, end, stepped = some, i + way, False
+        count, end, stepped = some, i + sense, False
     area, slope, offset = 0.0, 0.0, 0.0
     for i in range(2, count):
         a0, a1 = kept[i - 1, 0] - kept[0, 0], kept[i - 1, 1] - kept[0, 1]
@@ -439,9 +444,9 @@ def _clip(
             out[found, 0], out[found, 1] = slope, offset
             found += 1
         if (gap > _LEAST) != (next_gap > _LEAST):
-            way = (gap - _LEAST) / (gap - next_gap)
-            out[found, 0] = slope + (next_slope - slope) * way
-            out[found, 1] = offset + (next_offset - offset) * way
+            share = (gap - _LEAST) / (gap - next_gap)
+            out[found, 0] = slope + (next_slope - slope) * share
+            out[found, 1] = offset + (next_offset - offset) * share
             found += 1
     return found
 

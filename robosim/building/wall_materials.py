@@ -1,4 +1,4 @@
-"""What each wall is made of, where a plan says so cell by cell: a wall takes after the cells behind it.
+"""Materials of walls, if a plan has them cell by cell: a wall has that of the cells behind it.
 
 Walls are cut where that changes, so that each has one material. All is in cell coordinates (column, row).
 """
@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 from robosim.building.rings import polygons_of, rings_of
 from robosim.plans.floorplan import FloorPlan
 
-#: A wall is looked behind at so many places a cell, and so far [cells]: the first cell with a material counts.
+#: Samples of a wall per cell, and distances behind it [cells]: the first cell with a material counts.
 _PLACES, _BEHIND = 4, (0.3, 0.6, 0.9)
 
 

@@ -59,7 +59,7 @@ def live(
     from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
     from robosim.live.results import check_results
-    from robosim.plans.storeys import StoreysPlan
+    from robosim.plans.storey_plans import StoreysPlan
 
     if folder is not None:
         check_results(folder)

@@ -13,7 +13,7 @@ from robosim.commands.speaking import console, tell
 from robosim.commands.terminal import (
     results_in,
 )
-from robosim.logs.mapping import LogConfig
+from robosim.logs.log_mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.progress import tracked
 
@@ -44,9 +44,9 @@ def slam(
         out: Folder for the results; a new one under runs/ if not given.
     """
     from robosim.drawing.logs import draw_maps, draw_ways
-    from robosim.logs.files import read_log
-    from robosim.logs.mapping import map_log, plan_of
-    from robosim.logs.scores import compared, filled_cells
+    from robosim.logs.log_files import read_log
+    from robosim.logs.log_mapping import make_log_plan, map_log
+    from robosim.logs.trajectory_scores import compare_trajectories, count_filled_cells
     from robosim.plans.files import write_ros
     from robosim.support.files import write_json
     from robosim.support.tum import write_tum
@@ -73,9 +73,9 @@ def slam(
             if log.reference is not None:
                 ways["reference"] = log.reference
             for name, poses in ways.items():
-                row: dict[str, Any] = {"cells": filled_cells(log, poses)}
+                row: dict[str, Any] = {"cells": count_filled_cells(log, poses)}
                 if log.reference is not None and name != "reference":
-                    row |= compared(poses, log.reference).plain()
+                    row |= compare_trajectories(poses, log.reference).plain()
                 if name in made:
                     row |= {"loops": made[name].loops, "seconds": made[name].seconds}
                 rows[name] = row
@@ -83,7 +83,7 @@ def slam(
                 write_tum(place / f"{file}.tum", log.times, poses)
                 _add(table, log.name, name, row)
             plans: dict[str, FloorPlan] = {
-                name: plan_of(log, ways[name], how.resolution_m, how.range_m)
+                name: make_log_plan(log, ways[name], how.resolution_m, how.range_m)
                 for name in ("graph", "reference")
                 if name in ways
             }

@@ -15,7 +15,7 @@ import tyro
 from robosim.commands.speaking import console
 from robosim.parts import ReaderPart
 from robosim.plans.floorplan import FloorPlan, MapError, MapReading
-from robosim.plans.storeys import OneStorey, StoreysPlan
+from robosim.plans.storey_plans import OneStorey, StoreysPlan
 from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
@@ -142,7 +142,7 @@ def read(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan:
 
 def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | StoreysPlan:
     """The floor plan, or the building of several storeys, of a name or file."""
-    from robosim.plans.storeys import is_storeys
+    from robosim.plans.storey_plans import is_storeys
     from robosim.plans.storeys_file import read_storeys
     from robosim.support.reading import expanded
 

@@ -22,7 +22,7 @@ from jaxtyping import Float
 
 from robosim.datasets.link_units import Site, prepared
 from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storeys import OneStorey
+from robosim.plans.storey_plans import OneStorey
 from robosim.radio.scene import RadioConfig
 from robosim.support.files import whole_file, write_whole
 from robosim.support.workers import Workers

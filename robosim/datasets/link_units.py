@@ -17,7 +17,7 @@ from jaxtyping import Float
 from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, deepmimo_paths
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storeys import OneStorey
+from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, check_choice, check_numbers

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Float
 from rich.console import Console
 
-from robosim.building.storeys import Storeys
+from robosim.building.multi_storey import Storeys
 from robosim.datasets.link_formats import deepmimo_folder, deepmimo_scene, transmitters_file
 from robosim.datasets.link_progress import LinkProgress, link_progress
 from robosim.datasets.link_units import (
@@ -33,7 +33,7 @@ from robosim.datasets.link_units import (
     unit_path,
 )
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.plans.storeys import OneStorey, StoreysPlan
+from robosim.plans.storey_plans import OneStorey, StoreysPlan
 from robosim.radio.receivers import receiver_grid
 from robosim.radio.scene import RadioScene, built
 from robosim.radio.transmitters import random_transmitters

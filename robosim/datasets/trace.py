@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from rich.console import Console
 
-from robosim.building.storeys import Storeys
+from robosim.building.multi_storey import Storeys
 from robosim.datasets.link_formats import (
     csv_files,
     deepmimo_folder,
@@ -27,7 +27,7 @@ from robosim.datasets.link_progress import link_progress
 from robosim.drawing.radio import choose_link, plot_grid, plot_rays
 from robosim.drawing.storeys import plot_storeys
 from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storeys import OneStorey
+from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_step
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some

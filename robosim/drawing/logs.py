@@ -9,7 +9,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 
 from robosim.logs.robot_log import RobotLog
-from robosim.logs.scores import aligned
+from robosim.logs.trajectory_scores import align_trajectory
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.figures import save_figure
 
@@ -35,7 +35,7 @@ def draw_ways(path: Path, log: RobotLog, ways: Mapping[str, Float[np.ndarray, "n
     """Draw trajectories over each other: aligned to the reference, if there is one."""
     figure, axes = plt.subplots(figsize=(9, 9), layout="compressed")
     for name, poses in ways.items():
-        placed = poses if log.reference is None else aligned(poses, log.reference)
+        placed = poses if log.reference is None else align_trajectory(poses, log.reference)
         axes.plot(placed[:, 0], placed[:, 1], color=_COLOURS[name], lw=1, label=name)
     axes.set_aspect("equal")
     axes.set_xlabel("x [m]")

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from robosim.building.storeys import Storeys
+from robosim.building.multi_storey import Storeys
 from robosim.drawing.radio import RX_COLOUR, TX_COLOUR, WALL, conditions
 from robosim.support.figures import save_figure
 from wireless.paths import Paths

@@ -1,7 +1,7 @@
-"""Alcoves, bays and wings that widen rooms, and wedges that cut their corners: what makes walls slant.
+"""Alcoves, bays and wings that widen rooms, and wedges that cut their corners, for slanted walls.
 
-They are added to rooms that have been laid out: recesses where nothing lies behind a wall, wedges where no
-door and no recess is in the way.
+They are added to rooms that have been laid out: recesses where nothing lies behind a wall, wedges where there is no
+door and no recess.
 """
 
 import numpy as np

@@ -1,16 +1,16 @@
-"""What distinguishes homes from offices, as numbers for layout and furniture of invented buildings."""
+"""Numbers for layout and furniture of homes and offices."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class Style:
-    """What distinguishes homes from offices."""
+    """Layout and furniture of a kind of building."""
 
     aspect: tuple[float, float]
     """Long over short side of the building, least and most."""
     corridor_chance: float
-    """How often a building of four rooms or more has a corridor."""
+    """Chance that a building of four rooms or more has a corridor."""
     corridor_m: tuple[float, float]
     """Width of corridors."""
     narrowest_m: float
@@ -28,7 +28,7 @@ class Style:
     slanted: float
     """Chance of a slanted wall, for each room."""
     crowding: float
-    """How many pieces the usual furniture is, relative to the lists of pieces."""
+    """Number of pieces of the usual furniture, relative to the lists of pieces."""
 
 
 HOME = Style(

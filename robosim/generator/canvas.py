@@ -17,10 +17,10 @@ Window = tuple[slice, slice]
 
 
 class Canvas:
-    """Cells of a plan under construction, solid at first."""
+    """Cells of a plan under construction, all of them solid at first."""
 
     def __init__(self, bounds: Rect, yaw: float, resolution_m: float, margin_m: float = 0.35) -> None:
-        """Make room for a building.
+        """An empty canvas for a building.
 
         Args:
             bounds: What the building occupies in its own frame [m].

@@ -1,11 +1,11 @@
-"""Invented buildings: a floor plan from a seed.
+"""Floor plans of generated buildings, from a seed.
 
 Size and number of rooms are drawn from distributions fitted to scanned homes, rooms are laid out and
-furnished, the whole is turned by an angle and put on a grid. What no robot can enter is closed at the end,
-so that the free space is one piece, and one piece for the centre of the robot's hull too. Furniture is cells, or with
+furnished, the whole is turned by an angle and put on a grid. Places that no robot can enter are closed at the end,
+so that the free space is connected, also for the centre of the robot's hull. Furniture is cells, or with
 ``heights=True`` meshes of true height (`FloorPlan.furnishings`), which leave the same passages.
 
-The same seed and configuration give the same plan, bit for bit. With ``navigable=True`` the same building
+The same seed and configuration give bit-identical plans. With ``navigable=True`` the same building
 comes as the published grids of scanned homes do: free where an agent of 0.1 m radius may stand, with walls
 through the outermost free cells. Left out: storeys, windows, what furniture looks like from above 0.2 m.
 """
@@ -19,10 +19,10 @@ import numpy as np
 
 from robosim.generator.building_style import STYLES
 from robosim.generator.canvas import Canvas
-from robosim.generator.furnish import furnish
-from robosim.generator.furniture import structure
+from robosim.generator.furniture_cells import structure
 from robosim.generator.layout import Layout, lay_out
-from robosim.generator.placing import place_pieces
+from robosim.generator.place_cells import furnish
+from robosim.generator.place_groups import place_pieces
 from robosim.generator.rect import Rect
 from robosim.generator.rooms import hull_places, largest_piece
 from robosim.plans.files import write_ros
@@ -39,7 +39,7 @@ RASTER_M = 0.06
 
 @dataclass(frozen=True, kw_only=True)
 class GeneratorConfig:
-    """What kind of building is invented. What is left at none is drawn from the seed."""
+    """Kind of a generated building. Values of None are drawn from the seed."""
 
     style: Literal["home", "office"] = "home"
     """Home, or office: larger, with wide corridors and desks."""
@@ -95,11 +95,11 @@ class GeneratorConfig:
 
 
 def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> FloorPlan:
-    """Invent a building.
+    """Generate a building.
 
     Args:
-        seed: Which one; equal seeds give equal plans.
-        config: What kind of building.
+        seed: Equal seeds give equal plans.
+        config: Kind of building.
 
     Returns:
         A plan whose free cells are 4-connected, and so are the places of the hull's centre in it. Cells well
@@ -123,7 +123,7 @@ def generate_plan(seed: int, *, config: GeneratorConfig = GeneratorConfig()) -> 
     return replace(plan, furnishings=tuple(placed))
 
 
-#: Seeds and kinds of the plans that come with the package; `write_shipped` makes them anew.
+#: Seeds and kinds of the plans that come with the package, which `write_shipped` writes.
 SHIPPED = {
     "cottage": (22, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
     "loft": (12, GeneratorConfig(area_m2=36, rooms=4, furniture=0.9)),
@@ -142,7 +142,7 @@ def write_shipped(folder: Path) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class _Draft:
-    """What is settled before rooms are laid out."""
+    """Numbers that are drawn before rooms are laid out."""
 
     area_m2: float
     rooms: int
@@ -151,7 +151,7 @@ class _Draft:
 
 
 def _draft(rng: np.random.Generator, config: GeneratorConfig) -> _Draft:
-    """Draw what the configuration leaves open; fixing one thing leaves the draws of the others alone."""
+    """Draw what the configuration leaves open; fixing one value does not change the draws of the others."""
     size, room_size, crowd, turn, empty = (
         rng.random(),
         rng.standard_normal(),
@@ -190,14 +190,7 @@ def _paint(canvas: Canvas, layout: Layout) -> None:
 
 
 def _plan(free: np.ndarray, floor: np.ndarray, name: str, config: GeneratorConfig) -> FloorPlan:
-    """Turn painted cells into a plan in one piece.
-
-    Args:
-        free: Cells without walls and furniture.
-        floor: Cells without walls.
-        name: The plan's name.
-        config: Form of the plan.
-    """
+    """A connected plan of free cells (without walls and furniture) and floor (without walls)."""
     if config.navigable:
         from_wall_m = config.resolution_m * (_distance(free) - 0.5)
         plan = FloorPlan(
@@ -218,14 +211,14 @@ def _plan(free: np.ndarray, floor: np.ndarray, name: str, config: GeneratorConfi
 
 
 def _distance(mask: np.ndarray) -> np.ndarray:
-    """Cells from each cell of a mask to the nearest one that is not of it, centre to centre; 0 elsewhere."""
+    """Distance [cells] from each cell of a mask to the nearest one outside of it, between centres; 0 elsewhere."""
     return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
 def in_one_piece(plan: FloorPlan, hull_radius_m: float) -> FloorPlan:
     """Close what a hull cannot reach from the largest piece of a plan.
 
-    Narrow places in which no hull fits stay open where they hang together with the rest.
+    Narrow places in which no hull fits stay open if they are connected to the rest.
 
     Raises:
         ValueError: If the hull fits nowhere.

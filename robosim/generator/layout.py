@@ -1,4 +1,4 @@
-"""The rooms of an invented building and the openings between them, as geometry without furniture.
+"""Rooms of a generated building and the openings between them, as geometry without furniture.
 
 The pieces of a rectangle (`subdivision`) get a purpose by their size and neighbours. A spanning tree of openings
 joins them, cheapest where one would expect a door (onto the corridor, the living room), and a few more make
@@ -13,7 +13,7 @@ import numpy as np
 from robosim.generator.bays import draw_recesses, draw_wedges
 from robosim.generator.building_style import OFFICE, Style
 from robosim.generator.rect import Polygon, Rect
-from robosim.generator.subdivision import SharedWall, cut, joined, leave_out, shared_walls, to_area
+from robosim.generator.subdivision import SharedWall, cut, largest_connected, leave_out, shared_walls, to_area
 
 #: Wall left standing beside a door, at least [m].
 JAMB_M = 0.08
@@ -23,7 +23,7 @@ SOCIAL = {"living", "dining", "kitchen", "hall", "open office"}
 
 @dataclass(frozen=True, kw_only=True)
 class Room:
-    """A room: its floor before bays are added and corners cut, and what it is for."""
+    """A room: its floor before bays are added and corners cut, and its purpose."""
 
     floor: Rect
     kind: str
@@ -36,7 +36,7 @@ class Opening:
     rooms: tuple[int, int]
     """The two rooms, the one with the lower coordinate first."""
     hole: Rect
-    """What is taken out of the wall; it reaches a little into both rooms."""
+    """The part of the wall that is removed; it reaches a little into both rooms."""
     along_x: bool
     """Whether the wall runs along x."""
     width_m: float
@@ -84,12 +84,12 @@ def lay_out(
     door_m: tuple[float, float],
     style: Style,
 ) -> Layout:
-    """Invent the rooms of a building.
+    """Draw the rooms of a building at random.
 
     Args:
         rng: Source of all chance.
         area_m2: Floor area of all rooms together, without bays, before furniture [m2].
-        rooms: Number of rooms, corridors included. A few less come out where the area is too small for them.
+        rooms: Number of rooms, corridors included; a few less if the area is too small for them.
         door_m: Clear width of doors, least and most [m].
         style: Kind of building.
     """
@@ -100,7 +100,7 @@ def lay_out(
     wall_m = rng.uniform(0.1, 0.2)
     cells = to_area(cells, area_m2, wall_m)
     door_and_jambs_m = door_m[1] + wall_m + 2 * JAMB_M
-    kept = joined(shared_walls(cells, door_and_jambs_m), len(cells))
+    kept = largest_connected(shared_walls(cells, door_and_jambs_m), len(cells))
     cells, is_hall = [cells[i] for i in kept], [is_hall[i] for i in kept]
     walls = shared_walls(cells, door_and_jambs_m)
     floors = [cell.grown(-wall_m / 2) for cell in cells]
@@ -127,7 +127,7 @@ def _kinds(
     *,
     office: bool,
 ) -> list[str]:
-    """What each room is for, by its size and neighbours."""
+    """Purpose of each room, by its size and neighbours."""
     by_size = sorted((i for i in range(len(floors)) if not is_hall[i]), key=lambda i: -floors[i].area)
     kinds = ["hall"] * len(floors)
     for i in by_size:

@@ -72,13 +72,17 @@ def _halves(rng: np.random.Generator, piece: Rect, narrowest_m: float) -> list[R
 
 
 def leave_out(rng: np.random.Generator, cells: list[Rect], is_hall: list[bool], n: int) -> list[int]:
-    """Drop up to n pieces, so that the others still hang together; returns those kept."""
+    """Drop up to n pieces so that the others stay connected; returns the remaining ones."""
     kept = list(range(len(cells)))
     touching = shared_walls(cells, 1.0)
     for i in rng.permutation(len(cells)):
         rest = [k for k in kept if k != i]
         links = [pair for pair in touching if set(pair) <= set(rest)]
-        if len(kept) + n > len(cells) and not is_hall[i] and len(joined(links, len(cells))) == len(rest):
+        if (
+            len(kept) + n > len(cells)
+            and not is_hall[i]
+            and len(largest_connected(links, len(cells))) == len(rest)
+        ):
             kept = rest
     return kept
 
@@ -109,8 +113,8 @@ def shared_walls(cells: list[Rect], shortest_m: float) -> dict[tuple[int, int], 
     return found
 
 
-def joined(links: Iterable[tuple[int, int]], n: int) -> list[int]:
-    """The largest set of pieces that hang together."""
+def largest_connected(links: Iterable[tuple[int, int]], n: int) -> list[int]:
+    """The largest connected set of pieces."""
     group = list(range(n))
     for a, b in links:
         group = [group[a] if g == group[b] else g for g in group]
@@ -119,7 +123,7 @@ def joined(links: Iterable[tuple[int, int]], n: int) -> list[int]:
 
 
 def to_area(cells: list[Rect], area_m2: float, wall_m: float) -> list[Rect]:
-    """Scale pieces so that what walls leave of them has the wanted area together."""
+    """Scale pieces so that, without walls, they have a given area in all."""
     # sum of (w s - t) (h s - t) over all pieces is quadratic in the scale s
     a = sum(cell.area for cell in cells)
     b = -wall_m * sum(sum(cell.size) for cell in cells)

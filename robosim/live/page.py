@@ -23,7 +23,7 @@ from robosim.live.storeys_model import StoreysModel
 from robosim.live.storeys_panel import StoreysPanel
 from robosim.live.tables import page_head
 from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storeys import StoreysPlan
+from robosim.plans.storey_plans import StoreysPlan
 
 if TYPE_CHECKING:
     import viser

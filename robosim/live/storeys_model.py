@@ -7,9 +7,9 @@ import shapely
 from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
-from robosim.building.storeys import StoreysConfig, make_storeys
+from robosim.building.multi_storey import StoreysConfig, make_storeys
 from robosim.live.link_model import CLEARANCE_M, LinkSettings
-from robosim.plans.storeys import StoreysPlan
+from robosim.plans.storey_plans import StoreysPlan
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer
 

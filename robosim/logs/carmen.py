@@ -4,13 +4,13 @@
     FLASER n r1 ... rn x y theta odom_x odom_y odom_theta ...
     ROBOTLASER1 type start fov step range accuracy mode n r1 ... rn m r1 ... rm x y theta odom_x odom_y odom_theta ...
 
-Of FLASER the beams begin at -90 degrees, 1 or 1/2 degree apart. The two poses of a scan are told apart by what they do:
-where the first runs away from the second, it is a reference and the second is odometry; where they keep their distance,
-the first is the laser on the robot.
+Of FLASER the beams begin at -90 degrees, 1 or 1/2 degree apart. If the first pose of a scan drifts away from the
+second, it is a reference and the second is odometry; if their distance is constant, the first is the laser on the
+robot.
 
-A log that a mapping program has written has both poses corrected, and sets odometry back to them after each scan. There
-the displacement is what ODOM lines tell from one scan's corrected pose to the next, and that pose is the reference.
-Where odometry was set anew on the way, nothing is known of the displacement. A last line that was cut off is left out.
+A log that a mapping program has written has both poses corrected, and resets odometry to them after each scan. There
+the displacement is that of the ODOM lines from one scan's corrected pose to the next, and that pose is the reference.
+If odometry was reset in between, the displacement is unknown. A last line that was cut off is left out.
 Reference: the CARMEN robot navigation toolkit, Montemerlo et al., IROS 2003.
 """
 
@@ -38,17 +38,17 @@ _MOST_BYTES, _MOST_BEAMS = 500_000_000, 10_000
 _LONGEST, _FARTHEST_M, _NEAREST_M = 0.99, 79.0, 0.05
 #: Coordinates are no larger [m, rad].
 _FARTHEST = 1e6
-#: Odometry that goes farther from one line to the next was set anew [m]. A robot drives a metre or two a second.
-_SET_ANEW_M = 5.0
-#: Times that rise from scan to scan but for so many are those of the log, put in order.
+#: Odometry that goes farther from one line to the next was reset [m]. A robot drives a metre or two a second.
+_RESET_M = 5.0
+#: With a larger part of times that do not rise from scan to scan, scans are counted instead.
 _OUT_OF_ORDER = 0.1
-#: A pose that keeps within this of another does not run away from it [m, rad].
+#: A pose that stays within this of another does not drift away from it [m, rad].
 _RIGID = 0.02
 
 
 @dataclass(eq=False)
 class _Lines:
-    """What the lines say, in their order."""
+    """Contents of the lines, in their order."""
 
     lines: list[int] = field(default_factory=list)
     """Line of each scan."""
@@ -57,12 +57,12 @@ class _Lines:
     laser: list[Float[np.ndarray, "3"]] = field(default_factory=list)
     robot: list[Float[np.ndarray, "3"]] = field(default_factory=list)
     times: list[float] = field(default_factory=list)
-    moved: list[Float[np.ndarray, "3"]] = field(default_factory=list)
-    """What ODOM lines told since the scan before."""
-    told: list[int] = field(default_factory=list)
-    """In how many lines."""
+    displacement: list[Float[np.ndarray, "3"]] = field(default_factory=list)
+    """Displacement by ODOM lines since the scan before."""
+    n_odometry: list[int] = field(default_factory=list)
+    """Number of these lines."""
     resets: int = 0
-    """Scans after which odometry was set to the scan's pose."""
+    """Scans after which odometry was reset to the scan's pose."""
 
 
 def read_carmen(path: Path) -> RobotLog:
@@ -79,16 +79,16 @@ def read_carmen(path: Path) -> RobotLog:
                 packed = unpacked.read(_MOST_BYTES + 1)
             if len(packed) > _MOST_BYTES:
                 raise ValueError(f"it unpacks to more than {_MOST_BYTES} bytes")
-        lines = _taken_apart(packed.decode("ascii", "replace"))
+        lines = _parse(packed.decode("ascii", "replace"))
         if len(lines.ranges) < 2:
             raise ValueError(f"{len(lines.ranges)} scans in it, expected two at least")
         return _log(path, lines)
 
 
-def _taken_apart(text: str) -> _Lines:
+def _parse(text: str) -> _Lines:
     lines = _Lines()
     last: Float[np.ndarray, 3] | None = None
-    moved, told, fresh = np.zeros(3), 0, False
+    moved, n_odometry, fresh = np.zeros(3), 0, False
     rows = text.splitlines()
     for number, line in enumerate(rows, 1):
         words = line.split()
@@ -99,25 +99,25 @@ def _taken_apart(text: str) -> _Lines:
             pose = _numbers(words[1:4], 3, number)
             if fresh and np.array_equal(pose, lines.robot[-1]):
                 lines.resets += 1
-            elif last is not None and not np.array_equal(pose, last) and not _set_anew(last, pose):
-                moved, told = compose(moved, between(last, pose)), told + 1
+            elif last is not None and not np.array_equal(pose, last) and not _was_reset(last, pose):
+                moved, n_odometry = compose(moved, between(last, pose)), n_odometry + 1
             last, fresh = pose, False
         elif kind in ("FLASER", "ROBOTLASER1"):
             scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
-            for kept, value in zip(
+            for values, value in zip(
                 (lines.bearings, lines.ranges, lines.laser, lines.robot), scan, strict=False
             ):
-                kept.append(value)  # type: ignore[arg-type]
+                values.append(value)  # type: ignore[arg-type]
             lines.lines.append(number)
             lines.times.append(scan[4])
-            lines.moved.append(moved)
-            lines.told.append(told)
-            last, moved, told, fresh = scan[3], np.zeros(3), 0, True
+            lines.displacement.append(moved)
+            lines.n_odometry.append(n_odometry)
+            last, moved, n_odometry, fresh = scan[3], np.zeros(3), 0, True
     return lines
 
 
 def _whole(words: list[str], line: int) -> bool:
-    """Whether the last line was written to its end: a recording that is cut off ends anywhere."""
+    """Whether the last line is complete: a recording may be cut off anywhere."""
     kind = words[0] if words else ""
     try:
         if kind == "ODOM":
@@ -131,8 +131,8 @@ def _whole(words: list[str], line: int) -> bool:
     return True
 
 
-def _set_anew(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:
-    return math.hypot(after[0] - before[0], after[1] - before[1]) > _SET_ANEW_M
+def _was_reset(before: Float[np.ndarray, "3"], after: Float[np.ndarray, "3"]) -> bool:
+    return math.hypot(after[0] - before[0], after[1] - before[1]) > _RESET_M
 
 
 _Scan = tuple[
@@ -170,8 +170,8 @@ def _numbers(words: list[str], count: int, line: int) -> Float[np.ndarray, " n"]
 
 def _count(words: list[str], line: int, least: int = 3) -> int:
     if not words or not words[0].isdigit() or not least <= int(words[0]) <= _MOST_BEAMS:
-        told = words[0] if words else "nothing"
-        raise ValueError(f"line {line} has {told} for a number of beams, expected {least} to {_MOST_BEAMS}")
+        found = words[0] if words else "nothing"
+        raise ValueError(f"line {line} has {found} for a number of beams, expected {least} to {_MOST_BEAMS}")
     return int(words[0])
 
 
@@ -195,17 +195,17 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
     ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
     reference: Float[np.ndarray, "n 3"] | None
     if lines.resets > 0.5 * len(laser):
-        moved, known, reference = np.array(lines.moved), np.array(lines.told) > 0, laser
+        moved, known, reference = np.array(lines.displacement), np.array(lines.n_odometry) > 0, laser
     else:
         apart = np.array([between(b, a) for a, b in zip(laser, robot, strict=True)])
-        runs_away = _spread(apart) > _RIGID
-        track = robot if runs_away else laser
+        drifts = _spread(apart) > _RIGID
+        track = robot if drifts else laser
         steps = [between(a, b) for a, b in pairwise(track)]
         moved = np.array([np.zeros(3), *steps])
-        known = np.array([True, *(not _set_anew(a, b) for a, b in pairwise(track))])
+        known = np.array([True, *(not _was_reset(a, b) for a, b in pairwise(track))])
         moved[~known] = 0.0
-        # A pose that never changes is a field that nobody has filled in.
-        reference = laser if runs_away and _spread(laser) > 0 else None
+        # A pose that never changes was not filled in.
+        reference = laser if drifts and _spread(laser) > 0 else None
     moved[0] = 0.0
     times = _rising(path, np.array(lines.times))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
@@ -214,7 +214,7 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         file=path,
         bearing_rad=lines.bearings[0],
         range_m=ranges,
-        moved=moved,
+        displacement=moved,
         known=known,
         times=times,
         reference=reference,
@@ -222,7 +222,7 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
 
 
 def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Times that rise: the log's, the few that repeat or go back moved after the one before; else scans' numbers."""
+    """Rising times: the log's, with those that repeat or go back moved after the one before; else scans' numbers."""
     late = np.diff(times) <= 0
     if np.isnan(times).all():
         return np.arange(len(times), dtype=float)

@@ -1,4 +1,4 @@
-"""What a robot's log holds of use for mapping: a laser's scans, and what odometry tells between them."""
+"""A robot's log for mapping: scans of a laser, and odometry between them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -28,28 +28,28 @@ def check_bearings(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RobotLog:
-    """A log, one entry a scan."""
+    """A log, with one entry per scan."""
 
     name: str
-    """What reports call it."""
+    """Its name in reports."""
     bearing_rad: Float[np.ndarray, " w"]
     """Directions of the beams in the laser's frame [rad], rising: counter-clockwise, 0 ahead."""
     range_m: Float[np.ndarray, "n w"]
     """How far each beam went [m]; inf where nothing was hit."""
-    moved: Float[np.ndarray, "n 3"]
+    displacement: Float[np.ndarray, "n 3"]
     """Displacement since the scan before by odometry: x, y [m], yaw [rad] in the frame before; 0 for the first."""
     known: Bool[np.ndarray, " n"]
-    """Whether odometry told of it."""
+    """Whether odometry measured it."""
     times: Float[np.ndarray, " n"]
-    """When [s], rising. The number of the scan where the log's own times do not rise."""
+    """Times [s], rising; numbers of the scans if the log's own times do not rise."""
     file: Path | None = None
-    """Where it was read from, for messages."""
+    """The file it was read from, for messages."""
     reference: Float[np.ndarray, "n 3"] | None = None
-    """Poses that the log has from elsewhere: x [m], y [m], yaw [rad]; None if it has none."""
+    """Poses from another source: x [m], y [m], yaw [rad]; None if the log has none."""
 
     def odometry(self) -> Float[np.ndarray, "n 3"]:
         """Poses by odometry alone, from (0, 0, 0)."""
         poses = [np.zeros(3)]
-        for moved in self.moved[1:]:
-            poses.append(compose(poses[-1], moved))
+        for step in self.displacement[1:]:
+            poses.append(compose(poses[-1], step))
         return np.array(poses)

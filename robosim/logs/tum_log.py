@@ -31,7 +31,7 @@ def read_tum_log(path: Path, scans: Path) -> RobotLog:
         file=path,
         bearing_rad=bearing,
         range_m=ranges,
-        moved=np.array([np.zeros(3), *steps]),
+        displacement=np.array([np.zeros(3), *steps]),
         known=np.ones(len(track), bool),
         times=times,
     )

@@ -1,1 +1,1 @@
-"""Floor plans: what one is, and reading and writing it in the formats that others use."""
+"""Floor plans, and reading and writing them in common formats."""

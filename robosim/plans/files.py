@@ -1,6 +1,6 @@
-"""Floor plans to and from files: one door for all formats.
+"""Floor plans to and from files of all formats.
 
-`read_plan` picks the reader by the file's ending:
+`read_plan` chooses the reader by the file's ending:
 
 - ``.yaml``, ``.yml``: ROS map_server map and the image it names (`robosim.plans.formats.ros_map`);
 - ``.pgm``, ``.png`` and other images: light is free; needs the resolution (`robosim.plans.formats.plan_image`);
@@ -9,29 +9,25 @@
 - ``.npy``: NumPy array; needs the resolution (`robosim.plans.formats.plan_array`);
 - ``.glb``, ``.ply``, ``.obj``, ``.stl`` and other meshes: a slice of one storey (`robosim.plans.formats.mesh_slice`).
 
-A bare name is a plan that comes with the package (`robosim.support.assets`). A reader of your own is one of
+A bare name is a plan that comes with the package (`robosim.support.assets`). Further readers are those of
 `robosim.parts.READER`. `write_ros` and `write_png` write.
 """
 
 import stat
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import fields
 from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 from robosim.parts import READER
-from robosim.plans.floorplan import FloorPlan, MapError, MapReading, check_resolution, check_size
-from robosim.plans.formats import mesh_slice
-from robosim.plans.formats.houseexpo import read_houseexpo
-from robosim.plans.formats.mesh_slice import UpAxis, read_mesh
-from robosim.plans.formats.mmwrobotnav import read_mmwrobotnav
-from robosim.plans.formats.plan_array import plan_from_array, read_npy
-from robosim.plans.formats.plan_image import read_image_plan, write_png
-from robosim.plans.formats.ros_map import read_ros, write_ros
-from robosim.plans.storeys import is_storeys
+from robosim.plans.floorplan import FloorPlan, MapError, check_resolution
+from robosim.plans.formats.plan_array import plan_from_array
+from robosim.plans.formats.plan_image import write_png
+from robosim.plans.formats.ros_map import write_ros
+from robosim.plans.reading_options import ReadingOptions
 from robosim.support.assets import shipped_plans
 from robosim.support.parts import Part, told
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
@@ -51,187 +47,83 @@ _READERS = {
     ".npy": "array",
     **dict.fromkeys(MESHES, "mesh"),
 }
+#: Options of one format only, the name in messages and the reader of each.
+_OPTIONS_OF_ONE = {
+    "floor_height_m": ("floor height", "mesh"),
+    "slice_m": ("slice", "mesh"),
+    "up": ("up axis", "mesh"),
+    "unit_m": ("unit", "mesh"),
+    "ground_m": ("ground", "mesh"),
+    "thinnest_wall_m": ("thinnest wall", "image"),
+    "map_reading": ("map reading", "ros"),
+}
+#: Files that are looked at for a hint in a message.
 _FILES_OF_A_HINT = 1000
-
-
-@dataclass(frozen=True, kw_only=True)
-class Said:
-    """What was said of a plan beside its file; readers take what they need."""
-
-    resolution_m: float | None = None
-    """Side of a cell [m]."""
-    floor_height_m: float | None = None
-    """Height of the storey's floor [m]."""
-    slice_m: tuple[float, float] | None = None
-    """Heights above the floor between which nothing may stand in free cells [m]."""
-    up: UpAxis = "auto"
-    """Axis that points up."""
-    unit_m: float | None = None
-    """Unit of length [m]; None for metres, if the mesh is of a plausible size then."""
-    ground_m: float | None = None
-    """Height of level ground to add below a mesh without a floor [m]."""
-    thinnest_wall_m: float | None = None
-    """Thickness below which dark strokes of a picture are no walls [m]."""
-    allow_large: bool = False
-    """Whether a picture or array may be of a building longer than `robosim.plans.floorplan.LARGEST_M`."""
-    map_reading: MapReading = "common"
-    """How greys of a ROS map become unknown."""
 
 
 @runtime_checkable
 class PlanReader(Protocol):
     """Reads floor plans of one format."""
 
-    def __call__(self, path: Path, said: Said) -> FloorPlan:
+    def __call__(self, path: Path, options: ReadingOptions) -> FloorPlan:
         """The plan in a file. `MapError`, a ValueError, says what is wrong with one that is damaged."""
 
 
-def read_plan(
-    path: str | Path,
-    *,
-    resolution_m: float | None = None,
-    floor_height_m: float | None = None,
-    slice_m: tuple[float, float] | None = None,
-    up: UpAxis = "auto",
-    unit_m: float | None = None,
-    ground_m: float | None = None,
-    thinnest_wall_m: float | None = None,
-    allow_large: bool = False,
-    map_reading: MapReading = "common",
-    reader: Part = "auto",
-) -> FloorPlan:
+def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> FloorPlan:
     """Read a floor plan from a file of any known format, or a shipped one by its name.
 
     Args:
         path: The file, or the name of a shipped plan.
-        resolution_m: Side of a cell [m]. Needed for images and arrays, which do not say; otherwise 0.05 for
-            grids, HouseExpo and meshes. A ROS map says itself.
-        floor_height_m: For meshes: height of the storey's floor [m]; the lowest storey if not given.
-        slice_m: For meshes: heights above the floor between which nothing may stand in free cells [m];
-            0.2 to 1.5 if not given.
-        up: For meshes: the axis that points up; "auto" is y for glTF and z for others.
-        unit_m: For meshes: the file's unit of length [m], for example 0.001 for millimetres; metres if not given, and
-            an error if the building is implausibly large then.
-        ground_m: For meshes without a floor: height of level ground below all of it [m].
-        thinnest_wall_m: For images: dark strokes thinner than this are not walls but text, door arcs or furniture, and
-            are dropped [m]; all are walls if not given.
-        allow_large: For images and arrays: confirms a building longer than 500 m.
-        map_reading: For ROS maps: "common" reads a common grey as unknown where map_server's thresholds would make it
-            free, with a warning; "letter" goes by the thresholds alone.
-        reader: Who reads it, of `robosim.parts.READER`; "auto" goes by the file's ending.
+        reader: Reader, of `robosim.parts.READER`; "auto" chooses by the file's ending.
+        **options: Fields of `robosim.plans.reading_options.ReadingOptions`: resolution_m, floor_height_m, slice_m, up,
+            unit_m, ground_m, thinnest_wall_m, allow_large, map_reading.
 
     Returns:
-        The plan; rows of images, which grow downwards, are turned so that y grows upwards.
+        The plan; rows of images, which grow downwards, are reversed so that y grows upwards.
 
     Raises:
         MapError: If there is no such file, its kind is unknown, an option does not apply to it, or its
             content is damaged or senseless. The message names the file, the value and the fix.
         ValueError: If there is no such reader.
+        TypeError: If there is no such option.
     """
     path = _resolve(path, any_ending=reader != "auto")
-    said = Said(
-        resolution_m=resolution_m,
-        floor_height_m=floor_height_m,
-        slice_m=slice_m,
-        up=up,
-        unit_m=unit_m,
-        ground_m=ground_m,
-        thinnest_wall_m=thinnest_wall_m,
-        allow_large=allow_large,
-        map_reading=map_reading,
-    )
+    chosen = ReadingOptions(**options)
     if reader == "auto":
         reader = _READERS[path.suffix.lower()]
     read: PlanReader = READER.make(reader, field="reader")
     if isinstance(reader, str) and reader in READER.shipped:
-        _check_said(path, said, reader)
+        _check_options(path, chosen, reader)
     try:
-        if resolution_m is not None:
-            check_resolution(resolution_m)
-        plan = read(path, said)
+        if chosen.resolution_m is not None:
+            check_resolution(chosen.resolution_m)
+        plan = read(path, chosen)
         if not isinstance(plan, FloorPlan):
             raise MapError(f"reader {told(reader)} gave a {type(plan).__name__}, expected a FloorPlan")
         return plan
     except MapError as error:
-        # What is wrong with the plan as such is said by its name; the user knows it by its file.
+        # Errors of a plan as such name the plan; the user knows it by its file.
         if shown(path) in str(error):
             raise
         raise MapError(f"{shown(path)}: {error}") from error
 
 
-def _check_said(path: Path, said: Said, reader: str) -> None:
-    """Refuse what a reader that comes with this package would not look at."""
-    if said.resolution_m is not None and reader == "ros":
+def _check_options(path: Path, options: ReadingOptions, reader: str) -> None:
+    """Raise MapError for an option that a shipped reader would ignore."""
+    if options.resolution_m is not None and reader == "ros":
         raise MapError(
             f"{shown(path)}: a ROS map says its resolution itself. Leave the option out, or edit the file."
         )
-    options = (
-        ("floor height", said.floor_height_m, None, "mesh"),
-        ("slice", said.slice_m, None, "mesh"),
-        ("up axis", said.up, "auto", "mesh"),
-        ("unit", said.unit_m, None, "mesh"),
-        ("ground", said.ground_m, None, "mesh"),
-        ("thinnest wall", said.thinnest_wall_m, None, "image"),
-        ("map reading", said.map_reading, "common", "ros"),
-    )
-    kinds = {"ros": "ROS map"}
-    for name, value, default, of in options:
-        if value != default and reader != of:
-            raise MapError(
-                f"{shown(path)}: {name} is {value}, but this is no {kinds.get(of, of)}. Leave the option out."
-            )
-
-
-def ros_map(path: Path, said: Said) -> FloorPlan:
-    """A ROS map_server map."""
-    if is_storeys(path):
-        raise MapError(
-            f"{shown(path)}: is a building of several storeys, expected one floor plan. Give one of the plans that it "
-            "lists; `robosim trace` and `robosim dataset` take the whole building."
-        )
-    return read_ros(path, map_reading=said.map_reading)
-
-
-def image(path: Path, said: Said) -> FloorPlan:
-    """A picture in which light is free."""
-    return read_image_plan(
-        path, said.resolution_m, thinnest_wall_m=said.thinnest_wall_m, allow_large=said.allow_large
-    )
-
-
-def array(path: Path, said: Said) -> FloorPlan:
-    """A NumPy array."""
-    plan = read_npy(path, said.resolution_m)
-    if not said.allow_large:
-        check_size(plan.shape, plan.resolution_m)
-    return plan
-
-
-def navigation_grid(path: Path, said: Said) -> FloorPlan:
-    """A grid of mmwRobotNav."""
-    return read_mmwrobotnav(path, said.resolution_m or 0.05)
-
-
-def house(path: Path, said: Said) -> FloorPlan:
-    """A plan of HouseExpo."""
-    return read_houseexpo(path, said.resolution_m or 0.05)
-
-
-def storey(path: Path, said: Said) -> FloorPlan:
-    """A slice of a mesh."""
-    return read_mesh(
-        path,
-        resolution_m=said.resolution_m or mesh_slice.RESOLUTION_M,
-        floor_height_m=said.floor_height_m,
-        slice_m=said.slice_m or mesh_slice.SLICE_M,
-        up=said.up,
-        unit_m=said.unit_m,
-        ground_m=said.ground_m,
-    )
+    for field in fields(options):
+        name, only = _OPTIONS_OF_ONE.get(field.name, ("", reader))
+        value = getattr(options, field.name)
+        if value != field.default and reader != only:
+            kind = "ROS map" if only == "ros" else only
+            raise MapError(f"{shown(path)}: {name} is {value}, but this is no {kind}. Leave the option out.")
 
 
 def _resolve(path: str | Path, *, any_ending: bool = False) -> Path:
-    """The file that is meant, of a known kind unless any will do."""
+    """The file of a path or a shipped plan's name; its ending must be known unless `any_ending`."""
     file = expanded(path)
     if _is_folder(file):
         raise MapError(f"{shown(file)}: is a folder, expected one floor plan.{_plans_inside(file)}")
@@ -251,7 +143,7 @@ def _resolve(path: str | Path, *, any_ending: bool = False) -> Path:
 
 
 def _is_folder(path: Path) -> bool:
-    """Whether a path, which may be no path at all, is a folder."""
+    """Whether a path is a folder; raises MapError for what cannot be a path."""
     try:
         return stat.S_ISDIR(path.stat().st_mode)
     except FileNotFoundError:
@@ -264,8 +156,8 @@ def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
     """A hint at files and shipped plans with a similar name."""
     names = {name: name for name in shipped}
     with suppress(OSError):
-        beside = [p for p in file.parent.iterdir() if p.suffix.lower() in _READERS]
-        names.update({p.name: str(p) for p in beside})
+        siblings = [p for p in file.parent.iterdir() if p.suffix.lower() in _READERS]
+        names.update({p.name: str(p) for p in siblings})
         names.update({Path(name).stem: full for name, full in list(names.items()) if full not in shipped})
     near = get_close_matches(file.name, names, 2, cutoff=0.7)
     if near:
@@ -274,7 +166,7 @@ def _did_you_mean(file: Path, shipped: dict[str, Path]) -> str:
 
 
 def _plans_inside(folder: Path) -> str:
-    # A hint is not worth a walk through a whole disk.
+    # A hint is not worth reading a whole disk.
     inside = _plans_in(folder, most=_FILES_OF_A_HINT)
     if not inside:
         return ""
@@ -283,7 +175,7 @@ def _plans_inside(folder: Path) -> str:
 
 
 def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]:
-    """Files of floor plans: those given, shipped ones by name, and all that lie in given folders, in order.
+    """Files of floor plans: given ones, shipped ones by name, and all in given folders, in order.
 
     In folders, ROS maps, mmwRobotNav grids and HouseExpo files count; images, arrays and meshes do not, since
     they need options or belong to a map.
@@ -307,7 +199,7 @@ def find_plans(plans: Sequence[str | Path], reader: Part = "auto") -> list[Path]
 
 
 def _plans_in(folder: Path, most: int | None = None) -> list[Path]:
-    """Floor plans in a folder and those below, by name, among so many files at most."""
+    """Floor plans in a folder and its subfolders, sorted, among the first `most` files."""
     marks = {".yaml": b"image:", ".yml": b"image:", ".json": b'"verts"', ".out": b""}
     return sorted(
         p
@@ -317,7 +209,7 @@ def _plans_in(folder: Path, most: int | None = None) -> list[Path]:
 
 
 def _holds(path: Path, mark: bytes) -> bool:
-    """Whether a file has a mark in it, so that other files of the same ending are passed over."""
+    """Whether a file contains a mark; other files of the same ending are skipped."""
     if not mark:
         return True
     try:

@@ -1,9 +1,9 @@
-"""A floor plan: which cells of a plane are free, occupied or unknown, and where they lie.
+"""A floor plan: a grid of free, occupied and unknown cells, and its place in `map`.
 
 Cells follow ROS: ``occupancy[iy, ix]`` has y upwards, and the origin is the pose, in the `map` frame, of
 the lower-left corner of cell (0, 0), so that the centre of that cell lies half a cell further.
 
-Walls stand where free space ends. Two customs exist, told apart by ``wall_line``: most plans have their
+Walls stand where free space ends. There are two conventions, chosen by ``wall_line``: most plans have their
 walls on the edges between free and other cells (``"cell_edge"``). The navigable areas published with
 mmwRobotNav were turned to walls through the centres of the outermost free cells (``"cell_centre"``), and
 a margin (``eroded_m``, the radius of the agent they were made for) had been taken off them before.
@@ -27,16 +27,16 @@ if TYPE_CHECKING:
 FREE, OCCUPIED, UNKNOWN = 0, 1, 2
 
 WallLine = Literal["cell_edge", "cell_centre"]
-#: How greys of a ROS map become unknown: by what is common, or by the letter of map_server's rule.
+#: Unknown cells of a ROS map: by common greys, or by the letter of map_server's rule.
 MapReading = Literal["common", "letter"]
 
 #: Larger plans are taken for a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
 MAX_CELLS = 36_000_000
-#: Sides of cells, places and angles beyond these are taken for a mistake of the unit [m, m, rad].
+#: Sides of cells, coordinates and angles beyond these are treated as mistakes of the unit [m, m, rad].
 RESOLUTIONS_M, FARTHEST_M, MOST_YAW = (0.001, 10.0), 1e7, 1e3
-#: Buildings whose scale a person gives are no longer than this unless that is confirmed [m].
+#: Longest building whose scale the user gives, unless it is confirmed [m].
 LARGEST_M = 500.0
-#: Letters of a name: file systems take 255, and what files are called goes on after it.
+#: Letters of a name: file systems allow 255, and names of files are longer.
 _LONGEST_NAME = 200
 
 
@@ -45,7 +45,7 @@ class MapError(FileError):
 
 
 def check_resolution(resolution_m: float) -> None:
-    """Refuse a side of a cell [m] that no floor plan has.
+    """Check the side of a cell [m].
 
     Raises:
         MapError: If it is beyond `RESOLUTIONS_M`.
@@ -59,7 +59,7 @@ def check_resolution(resolution_m: float) -> None:
 
 
 def check_size(shape: tuple[int, ...], resolution_m: float) -> None:
-    """Raise MapError for a building of so many rows and columns that is longer than `LARGEST_M`."""
+    """Raise MapError for a building, of `shape` rows and columns, that is longer than `LARGEST_M`."""
     longest_m = max(shape) * resolution_m
     if longest_m > LARGEST_M:
         raise MapError(
@@ -80,18 +80,18 @@ class FloorPlan:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """x [m], y [m], yaw [rad] in `map` of the lower-left corner of cell (0, 0)."""
     name: str = "plan"
-    """What reports and pictures call it."""
+    """Its name in reports and pictures."""
     wall_line: WallLine = "cell_edge"
     """Where walls stand: on the edges of free cells, or through the centres of the outermost ones."""
     eroded_m: float = 0.0
     """Margin that was already taken off the free area [m]."""
     material: UInt8[np.ndarray, "ny nx"] | None = None
-    """What walls beside each occupied cell are made of: index into `materials` from 1 on, 0 for what the building
-    says; None for that everywhere."""
+    """Material of the walls at each occupied cell: index into `materials` from 1 on, 0 for the building's default;
+    None for the default everywhere."""
     materials: tuple[str, ...] = ()
     """Radio materials of walls, by name or as files of layers."""
     furnishings: tuple[Furnishing, ...] = ()
-    """What is placed in the building, at its own height; cells know nothing of it."""
+    """Meshes placed in the building, which are not in the cells."""
 
     def __post_init__(self) -> None:
         if (
@@ -164,7 +164,7 @@ class FloorPlan:
         return None
 
     def digest(self) -> str:
-        """A text that changes with whatever of a plan a building depends on; seeds are made of it too."""
+        """A text that changes with everything that a building depends on; seeds are derived from it too."""
         seen = hashlib.sha256(repr((self.shape, self.resolution_m, self.origin, self.wall_line)).encode())
         seen.update(self.occupancy.tobytes())
         if self.material is not None:
@@ -216,7 +216,7 @@ class FloorPlan:
             shades[self.occupancy], cmap="gray", vmin=0, vmax=255, origin="lower", extent=(0, nx, 0, ny)
         )
         image.set_transform(placed + axes.transData)
-        # What an image covers is told without regard to how it was turned.
+        # The limits of an image do not take its rotation into account.
         corners = self.to_map(np.array([[0.0, 0], [nx, 0], [nx, ny], [0, ny]]))
         axes.set(
             xlim=(corners[:, 0].min(), corners[:, 0].max()), ylim=(corners[:, 1].min(), corners[:, 1].max())
@@ -252,6 +252,6 @@ def grid_size(
             f"{what} goes from {lower} to {upper} m, more than {MAX_CELLS:.2g} cells of {resolution_m:g} m or too far "
             "away. Are its coordinates in metres? If so, pass a coarser resolution."
         )
-    # A rounding error more than a whole number of cells does not make another one.
+    # A rounding error above a whole number of cells does not add another one.
     nx, ny = (int(n) for n in np.maximum(np.ceil(cells - 1e-3), 1) + 2)
     return nx, ny

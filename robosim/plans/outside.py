@@ -1,9 +1,8 @@
-"""Free space around a building: white paper round a drawn floor plan, or the ground that a modelled house stands on.
+"""Free space around a building: white paper around a drawn floor plan, or the ground of a modelled house.
 
-Nothing in such a plan says that one is a room and the other is not. But the ground around a house has no wall along its
-rim, and doors are narrower than the space around a house. So where most of the rim of all free space, the boundary of
-its convex hull, has no wall, all that can be reached from the rim through openings wider than a door is outside. A
-frame of unknown cells around a picture is no wall.
+Such a plan does not mark rooms. But the ground around a house has no wall along its rim, and is wider than doors. So if
+most of the rim of all free space, the boundary of its convex hull, has no wall, everything that can be reached from the
+rim through openings wider than a door is outside. A frame of unknown cells around a picture is no wall.
 """
 
 import logging
@@ -31,7 +30,7 @@ _NOOK_M2 = 2.0
 
 
 def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells around the building, which count as no floor; the first time, a warning says how many there are."""
+    """Free cells around the building, which do not count as floor; found once per plan, with a warning."""
     if plan not in _FOUND:
         _FOUND[plan] = found = find_outside(plan)
         if found.any():
@@ -45,7 +44,7 @@ def outside_of(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
 
 
 def find_outside(plan: FloorPlan) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells of a plan that lie outside of the building; none where walls stand along most of the rim."""
+    """Free cells of a plan that lie outside of the building; none if walls stand along most of the rim."""
     free, wall = plan.free, plan.occupancy == OCCUPIED
     nothing = np.zeros_like(free)
     within = hull_of(free)
@@ -81,7 +80,7 @@ def hull_of(cells: Bool[np.ndarray, "ny nx"]) -> Bool[np.ndarray, "ny nx"]:
 
 
 def grown(cells: Bool[np.ndarray, "ny nx"], by: int) -> Bool[np.ndarray, "ny nx"]:
-    """Cells and all that are so many from them."""
+    """Cells and all others within a distance of `by` cells along both axes."""
     return cv2.dilate(cells.astype(np.uint8), np.ones((2 * by + 1, 2 * by + 1), np.uint8)) > 0
 
 

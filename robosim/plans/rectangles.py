@@ -1,14 +1,12 @@
-"""Outlines of cells as few rectangles.
+"""Solids of a plan as few rectangles.
 
-The walls of a plan that was not simplified run along a lattice: axis-aligned, and with walls through the
-centres of cells also at 45 degrees, along diagonals of its squares. Each square is then free, solid, or
-half solid. Solid squares beside free space are covered greedily by rectangles that grow as far as the
-solid goes; what lies deep inside costs nothing and may be covered or not. The half squares along a slope
-become one turned rectangle, half a diagonal thick, where the solid behind them allows; it always does
-where walls come from cells.
+The walls of a plan that was not simplified follow a lattice: axis-aligned, and with walls through the centres of
+cells also at 45 degrees, along diagonals of its squares. Each square is then free, solid, or half solid. Solid
+squares next to free space are covered greedily by rectangles that grow as far as the solid goes. The half squares
+along a slope become one rotated rectangle, half a diagonal thick, if the solid behind them allows; it always does if
+walls come from cells.
 
-Units are squares of the lattice throughout. Left out: the fewest possible rectangles, which are hard to
-find and would save little.
+Units are squares of the lattice throughout. Left out: the fewest possible rectangles.
 """
 
 from itertools import product
@@ -46,7 +44,7 @@ def lattice_solids(
     if not np.logical_or.reduce([full, none, *halves.values()]).all():
         return None
     slopes = [_slopes(solid, corner, half) for corner, half in halves.items() if half.any()]
-    boxes = np.vstack([_cover(full, _beside_free(solid)), *(boxes for boxes, _ in slopes)])
+    boxes = np.vstack([_cover(full, _next_to_free(solid)), *(boxes for boxes, _ in slopes)])
     boxes[:, :2] += lowest
     return boxes, [triangle + lowest for _, triangles in slopes for triangle in triangles]
 
@@ -73,15 +71,15 @@ def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> Bo
     return free
 
 
-def _beside_free(solid: Bool[np.ndarray, "ny nx 4"]) -> Bool[np.ndarray, "ny nx"]:
+def _next_to_free(solid: Bool[np.ndarray, "ny nx 4"]) -> Bool[np.ndarray, "ny nx"]:
     """Solid squares with a free quarter across one of their sides."""
     free = np.pad(~solid, ((1, 1), (1, 1), (0, 0)))
-    beside = free[1:-1, 2:, WEST] | free[2:, 1:-1, SOUTH] | free[1:-1, :-2, EAST] | free[:-2, 1:-1, NORTH]
-    return beside & solid.all(axis=-1)
+    is_next = free[1:-1, 2:, WEST] | free[2:, 1:-1, SOUTH] | free[1:-1, :-2, EAST] | free[:-2, 1:-1, NORTH]
+    return is_next & solid.all(axis=-1)
 
 
 def _half(corner: tuple[int, int]) -> Bool[np.ndarray, "4"]:
-    """Solid quarters of a square whose half beside `corner` is solid."""
+    """Solid quarters of a square whose half at `corner` is solid."""
     x, y = corner
     return np.array([x == 1, y == 1, x == 0, y == 0])
 
@@ -123,12 +121,9 @@ def _run(strip: Bool[np.ndarray, " _"]) -> int:
 def _slopes(
     solid: Bool[np.ndarray, "ny nx 4"], corner: tuple[int, int], half: Bool[np.ndarray, "ny nx"]
 ) -> tuple[Float[np.ndarray, "_ 5"], list[Float[np.ndarray, "_ 2"]]]:
-    """Turned rectangles behind the slopes of half squares, and triangles where none fits.
+    """Rotated rectangles behind the slopes of half squares, and triangles if none fits.
 
-    Args:
-        solid: Quarters of squares.
-        corner: Solid corner (x, y) of the half squares, each 0 or 1.
-        half: Which squares are solid beside that corner only; none at the border.
+    The half squares are solid at a corner (x, y, each 0 or 1) only; none are at the border.
     """
     x, y = corner
     iy, ix = np.nonzero(half)
@@ -153,8 +148,10 @@ def _slopes(
     last = np.append(first[1:], len(ix)) - 1
     left, right = ends[np.argsort(ends[:, 0])]
     start = np.column_stack([ix[first], iy[first]]) + left
-    way = np.column_stack([ix[last], iy[last]]) + right - start
-    centre = start + way / 2 + (np.array(corner) - 0.5) / 2
+    slope = np.column_stack([ix[last], iy[last]]) + right - start
+    centre = start + slope / 2 + (np.array(corner) - 0.5) / 2
     n = len(first)
-    sizes = np.column_stack([np.hypot(*way.T) / 2, np.full(n, np.sqrt(2) / 4), np.full(n, climb * np.pi / 4)])
+    sizes = np.column_stack(
+        [np.hypot(*slope.T) / 2, np.full(n, np.sqrt(2) / 4), np.full(n, climb * np.pi / 4)]
+    )
     return np.hstack([centre, sizes]), triangles

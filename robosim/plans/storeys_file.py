@@ -2,7 +2,7 @@
 
     name: house
     storeys:
-      - plan: ground.yaml          # any floor plan, beside this file, or a shipped one by name
+      - plan: ground.yaml          # any floor plan, relative to this file, or a shipped one by name
         height: 2.6                # from floor to ceiling [m], 2.5 if not given
         slab: 0.3                  # thickness of the slab over it [m], 0.3 if not given
         material: concrete         # of that slab, if it differs from what the command says of floors and ceilings
@@ -20,7 +20,14 @@ from pathlib import Path
 from robosim.parts import MATERIAL
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MAX_CELLS, FloorPlan, MapError
-from robosim.plans.storeys import MOST_STOREYS, STOREYS_FILE, STOREYS_REMEDY, Ring, StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import (
+    MOST_STOREYS,
+    STOREYS_FILE,
+    STOREYS_REMEDY,
+    Ring,
+    StoreyPlan,
+    StoreysPlan,
+)
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading, shown
 from robosim.support.text_in import MOST_YAML, parse_yaml
@@ -79,10 +86,10 @@ def read_storeys(path: Path) -> StoreysPlan:
 
 
 def _storey(folder: Path, given: _Storey, plans: dict[str, FloorPlan]) -> StoreyPlan:
-    """One entry of the list, its plan among those that were read before or added to them."""
-    beside = folder / given.plan
+    """One entry of the list; its plan is read once and added to `plans`."""
+    file = folder / given.plan
     if given.plan not in plans:
-        plans[given.plan] = read_plan(beside if beside.exists() else given.plan)
+        plans[given.plan] = read_plan(file if file.exists() else given.plan)
     plan = plans[given.plan]
     x, y, yaw = plan.origin
     material = given.material

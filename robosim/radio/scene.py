@@ -8,9 +8,9 @@ import shapely
 from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig, make_building
-from robosim.building.storeys import Storeys, StoreysConfig, make_storeys
+from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
-from robosim.plans.storeys import OneStorey
+from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_height, raised, receiver_grid
 from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
 from wireless.tracing.tracer import Tracer, TracerConfig

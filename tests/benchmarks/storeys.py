@@ -15,9 +15,9 @@ from jaxtyping import Float
 from rich.console import Group
 from rich.table import Table
 
-from robosim.building.storeys import Storeys, make_storeys
+from robosim.building.multi_storey import Storeys, make_storeys
 from robosim.plans.files import read_plan
-from robosim.plans.storeys import StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from robosim.support.files import write_json
 from wireless.paths import Paths
 from wireless.tracing.stack_scene import StackScene

@@ -67,7 +67,7 @@ BOARD, WOOL = Layer(thickness_m=0.013, material="plasterboard"), Layer(thickness
 WALL = Material("insulated", (BOARD, WOOL, BOARD))
 
 
-def read(path, said):
+def read(path, options):
     """Plans drawn with letters, a quarter of a metre each, north on top."""
     rows = [[letter == "." for letter in line] for line in path.read_text().split()]
     cells = np.kron(np.array(rows[::-1]), np.ones((5, 5), bool))

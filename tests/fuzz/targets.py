@@ -12,7 +12,7 @@ import torch
 from rich.console import Console
 
 from robosim.building.material_file import read_material
-from robosim.building.storeys import make_storeys
+from robosim.building.multi_storey import make_storeys
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
@@ -22,7 +22,7 @@ from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.own_plan import MOST_BYTES, plan_of
 from robosim.live.results import read_recording, read_searches, recording_of
-from robosim.logs.files import read_log
+from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import read_furnishings

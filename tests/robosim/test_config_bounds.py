@@ -20,7 +20,7 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.ablations import configured
 from robosim.generator.generate import GeneratorConfig
 from robosim.navigation import make_navigator
-from robosim.plans.formats.mesh_slice import UpAxis
+from robosim.plans.reading_options import UpAxis
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
@@ -31,7 +31,7 @@ from wireless.em.materials import Layer
 #: Frozen dataclasses with numbers by default that are no configurations.
 EXEMPT = {
     "Row": "a measurement, in which not-a-number stands for what was not measured",
-    "Said": "what was said of a plan, checked where it is read, with the file's name",
+    "ReadingOptions": "checked where a plan is read, with the file's name",
     "Suite": "what a file holds, checked where it is read or drawn, with the file's name",
 }
 #: What must be given to make one of them.

@@ -1,11 +1,11 @@
-"""What is drawn on a picture of a floor plan beside its walls: text, door arcs, furniture, the edge of the paper.
+"""Parts of a picture of a floor plan that are no walls: text, door arcs, furniture, the edge of the paper.
 
-Strokes are told from walls by their thickness only: what a disk of the thickness of a wall does not fit into is dropped
-(a morphological opening; Serra 1982). Which thickness that is, only a person can say, since some plans have walls of a
-single line; where a picture has strokes much thinner than its walls, a warning names the option.
+Strokes differ from walls by their thickness only: where a disk of the thickness of a wall does not fit, they are
+dropped (a morphological opening; Serra 1982). The user chooses that thickness, since some plans have walls of a
+single line; a warning names the option if a picture has strokes much thinner than its walls.
 
-A frame around everything else, to which nothing is attached, is the edge of the paper or of the drawing and no wall,
-where there is a building within it. It is read as paper.
+A frame around a building, to which nothing is attached, is the edge of the paper or of the drawing. It is read as
+paper.
 """
 
 import logging
@@ -25,11 +25,11 @@ logger = logging.getLogger(__name__)
 
 #: Thicknesses that are tried for that of most walls [cells].
 _THICKNESSES = (2, 3, 4, 6, 8, 12, 16)
-#: With less of its dark cells in strokes half as thick as its walls, a picture has no strokes that matter.
+#: With a smaller share of dark cells in strokes half as thick as its walls, a picture needs no warning.
 _STROKES = 0.02
-#: Smudged edges of walls are so wide [cells].
+#: Width of smudged edges of walls [cells].
 _SMUDGED = 2
-#: A frame spans so much of a picture, and bends inwards by no more than so much of it.
+#: Least extent of a frame, and how far it may bend inwards, as parts of the picture.
 _SPAN, _BEND = 0.8, 0.01
 
 
@@ -68,7 +68,7 @@ def without_strokes(
 def _without_blots(
     dark: Bool[np.ndarray, "h w"], walls: Bool[np.ndarray, "h w"], cells: int
 ) -> Bool[np.ndarray, "h w"]:
-    """Walls without the places where strokes of a letter meet: small remains of what was dropped otherwise."""
+    """Walls without small remains of dropped strokes, such as places where strokes of a letter meet."""
     _, shape = cv2.connectedComponents(dark.astype(np.uint8), connectivity=8)
     count, label, stats, _ = cv2.connectedComponentsWithStats(walls.astype(np.uint8), connectivity=8)
     shape_of = np.zeros(count, np.int64)
@@ -102,16 +102,16 @@ def _warn_of_strokes(dark: Bool[np.ndarray, "h w"], resolution_m: float, path: P
 def _opened(
     mask: Bool[np.ndarray, "h w"], cells: int, beyond: Literal["edge", "constant"] = "edge"
 ) -> Bool[np.ndarray, "h w"]:
-    """Those cells that a disk of a diameter [cells] covers from within.
+    """Morphological opening with a disk of a diameter [cells].
 
-    Beyond the picture a wall goes on (`beyond="edge"`), and what is grey does not ("constant").
+    Beyond the picture a wall continues (`beyond="edge"`), and grey does not ("constant").
     """
     if cells < 2:
         return mask
     offset = np.arange(cells) - (cells - 1) / 2
     disk = (np.hypot(offset, offset[:, None]) < (cells - 1) / 2 + 0.3).astype(np.uint8)
     padded = np.pad(mask, cells, mode=beyond).astype(np.uint8)
-    # An even disk has no middle cell: dilated about the opposite one, it comes back to its place.
+    # An even disk has no middle cell: dilation about the opposite one undoes the shift.
     eroded = cv2.erode(padded, disk, anchor=(cells // 2,) * 2)
     return cv2.dilate(eroded, disk, anchor=(cells - 1 - cells // 2,) * 2)[cells:-cells, cells:-cells] > 0
 
@@ -136,7 +136,7 @@ def without_frame(
 
 
 def _frame_of(blocked: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"] | None:
-    """Cells of a frame around the other blocked cells, which bends inwards nowhere; None if there is none."""
+    """Cells of a straight frame around the other blocked cells; None if there is none."""
     _, label, stats, _ = cv2.connectedComponentsWithStats(blocked.astype(np.uint8), connectivity=8)
     spans = stats[1:, [cv2.CC_STAT_HEIGHT, cv2.CC_STAT_WIDTH]] >= _SPAN * np.array(blocked.shape)
     for number in 1 + np.flatnonzero(spans.all(axis=1)):

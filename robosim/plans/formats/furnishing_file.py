@@ -1,4 +1,4 @@
-"""What is placed in a building, as a YAML file: a list of pieces of furniture and of meshes, each at its place.
+"""Furnishings of a building as a YAML file: a list of pieces of furniture and of meshes, each at its place.
 
     - piece: table              # one of robosim.plans.furnishings.pieces.PIECES, and any of its sizes
       width_m: 1.6
@@ -33,13 +33,13 @@ from robosim.plans.formats.mesh_slice import turned_up
 from robosim.plans.formats.plan_image import write_whole
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import PIECES, make_piece
+from robosim.plans.reading_options import UpAxis
 from robosim.support.checks import check_choice, check_number
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import names_code, told
 from robosim.support.reading import FileError, reading, shown
 from robosim.support.text_in import check_object, parse_yaml
 
-Up = Literal["auto", "y", "z"]
 Origin = Literal["middle", "own"]
 
 #: Entries of a file, and triangles of all its meshes together.
@@ -67,12 +67,12 @@ class _MeshEntry(_Entry):
 
     mesh: str
     unit_m: float = 1.0
-    up: Up = "auto"
+    up: UpAxis = "auto"
     origin: Origin = "middle"
 
 
 def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
-    """What a file says is placed in a building.
+    """The furnishings that a file lists.
 
     Raises:
         FileError: If it, or a file that it names, is damaged, or an entry makes no sense.
@@ -99,36 +99,27 @@ def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
 def furnishing_from_file(
     mesh: str | Path,
     *,
-    at: tuple[float, float],
-    z_m: float = 0.0,
-    yaw_rad: float = 0.0,
     unit_m: float = 1.0,
-    up: Up = "auto",
+    up: UpAxis = "auto",
     origin: Origin = "middle",
-    name: str | None = None,
-    material: Any = "wood",
-    colour: tuple[int, int, int] = Furnishing.colour,
+    **placement: Any,
 ) -> Furnishing:
     """A mesh file at a place.
 
     Args:
         mesh: STL, OBJ, PLY, GLB, GLTF or OFF.
-        at: Where it stands, x, y [m] in `map`.
-        z_m: How high above the floor its origin lies [m].
-        yaw_rad: By what it is turned, counter-clockwise [rad].
         unit_m: The file's unit of length [m].
         up: The axis that points up; "auto" is y for glTF and z for others.
         origin: "middle" of its lowest level, or the file's "own".
-        name: What messages call it; the file's name if not given.
-        material: Its radio material.
-        colour: Red, green and blue, 0 to 255.
+        **placement: Fields of `Furnishing`: at, its place x, y [m] in `map`; z_m; yaw_rad; name, that of the file if
+            not given; material; colour.
 
     Raises:
         FileError: If the file is damaged, or has no triangles.
         ValueError: If an option has a senseless value.
     """
     mesh = Path(mesh)
-    check_choice("up", up, get_args(Up))
+    check_choice("up", up, get_args(UpAxis))
     check_choice("origin", origin, get_args(Origin))
     check_number("unit_m", unit_m, *_UNIT_M)
     remedy = "Export it again, as GLB, PLY, OBJ or STL."
@@ -138,20 +129,12 @@ def furnishing_from_file(
         if origin == "middle":
             low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
             triangles = triangles - [*(low + high)[:2] / 2, low[2]]
-    return Furnishing(
-        mesh=_mesh_of(triangles),
-        at=at,
-        z_m=z_m,
-        yaw_rad=yaw_rad,
-        name=name or mesh.stem,
-        material=material,
-        colour=colour,
-        said={"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin},
-    )
+    said = {"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin}
+    return Furnishing(mesh=_mesh_of(triangles), said=said, **{"name": mesh.stem, **placement})
 
 
 def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Path:
-    """Write a file that `read_furnishings` reads back; meshes from memory go into OBJ files beside it.
+    """Write a file that `read_furnishings` reads back; meshes from memory go into OBJ files in its folder.
 
     Angles are written in degrees, so that they may come back changed in the last digit.
     """
@@ -160,9 +143,9 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
     for number, one in enumerate(furnishings, 1):
         said = dict(one.said)
         if not said:
-            beside = path.with_name(f"{path.stem}-{number}.obj")
-            write_whole(beside, _obj(one.mesh))
-            said = {"mesh": beside.name, "up": "z", "origin": "own"}
+            file = path.with_name(f"{path.stem}-{number}.obj")
+            write_whole(file, _obj(one.mesh))
+            said = {"mesh": file.name, "up": "z", "origin": "own"}
         material = told(one.material)
         if names_code(material):
             raise MapError(
@@ -224,7 +207,7 @@ def _furnishing(keys: dict[str, Any], folder: Path) -> Furnishing:
 
 
 def _place(entry: _Entry, folder: Path) -> dict[str, Any]:
-    """What all entries may say."""
+    """The keys that all entries have in common."""
     place: dict[str, Any] = {"at": entry.at, "z_m": entry.z_m, "yaw_rad": float(np.radians(entry.yaw_deg))}
     for key in ("name", "colour"):
         if getattr(entry, key) is not None:

@@ -1,9 +1,9 @@
 """Houses of HouseExpo: one JSON file each, with the outline of the floor.
 
-`verts` lists the corners of one polygon in metres. It runs along all walls, around inner ones through slits,
-so that its inside is the free floor of all rooms. A cell is free if its centre lies inside, by the even-odd
-rule; the rest is occupied. Coordinates of the file become those of `map`, y upwards (the data set's own
-viewer draws y downwards). Left out: `room_category`, the rectangles of room types.
+`verts` lists the corners of one polygon in metres. It follows all walls, inner ones through slits, so that its inside
+is the free floor of all rooms. A cell is free if its centre lies inside, by the even-odd rule; the rest is occupied.
+Coordinates of the file become those of `map`, y upwards (the data set's viewer draws y downwards). Left out:
+`room_category`, the rectangles of room types.
 
 Reference: Li et al., "HouseExpo: a large-scale 2D indoor layout dataset for learning-based algorithms on
 mobile robots", IROS 2020.
@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError, grid_size
 from robosim.plans.formats.scanline import winding_numbers
+from robosim.plans.reading_options import ReadingOptions
 from robosim.support.reading import reading
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
 
@@ -27,13 +28,14 @@ _REMEDY = (
 )
 
 
-def read_houseexpo(path: Path, resolution_m: float = RESOLUTION_M) -> FloorPlan:
-    """Floor plan from a HouseExpo file, with a margin of one occupied cell around the house.
+def read_houseexpo(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from a HouseExpo file, with a margin of one occupied cell around the house; uses `resolution_m`.
 
     Raises:
         MapError: If the file is no such JSON, a corner is not two finite numbers, or the house is absurdly
             large or smaller than a cell.
     """
+    resolution_m = options.resolution_m or RESOLUTION_M
     with reading(
         path, "a HouseExpo file, which is JSON", _REMEDY, most_bytes=MOST_JSON, kind=MapError
     ) as file:

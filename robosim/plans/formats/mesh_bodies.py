@@ -1,9 +1,9 @@
-"""Which places of a mesh are inside of something that stands in a room, whichever way its faces are turned.
+"""Places of a mesh that are inside of something that stands in a room, whatever the orientation of its faces.
 
-Many files have faces that point anywhere. What closed surfaces places are in tells without them: whoever is in a
-cupboard is in all that somebody in the room around it is in, and in the cupboard too. Of two rooms that are closed
-surfaces of their own neither is in the other. Where a room is in none, as between solid walls or under the open sky,
-faces have to tell a body, which they point out of, from another room.
+Many files have faces of any orientation, so places are compared by the closed surfaces that contain them: a place in a
+cupboard is inside of all surfaces that contain the room around it, and of the cupboard. Of two rooms that are closed
+surfaces of their own neither contains the other. If no surface contains a room, as between solid walls or under the
+open sky, only the faces distinguish a body, which they point out of, from another room.
 """
 
 import numpy as np
@@ -15,18 +15,18 @@ from wireless.geometry.closed import Sides
 
 
 def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:
-    """Whether places are in bodies that others of them, around, are not in.
+    """Whether places are in bodies within the surroundings of other places.
 
     Args:
         triangles: Corners of the mesh's triangles [m].
-        places: A place in each room and in whatever may be a body [m].
+        places: A place in each room and in each possible body [m].
     """
     within, points_out = _within(triangles, places)
     kinds, kind = np.unique(within, axis=0, return_inverse=True)
     body = np.zeros(len(kinds), bool)
     for k in np.argsort(kinds.sum(axis=1), kind="stable"):
         around = (kinds <= kinds[k]).all(axis=1) & ~body
-        # Of a hollow body one is in the inner surface too.
+        # The inside of a hollow body is in its inner surface too.
         around &= (kinds[k].sum() - kinds.sum(axis=1)) % 2 == 1
         if around.any() and not kinds[around].any():
             around &= points_out[kind == k].all()

@@ -1,9 +1,9 @@
 """Triangles of a mesh file, whatever its format.
 
-Polygons of OBJ, OFF, PLY and STL are cut into triangles by `robosim.plans.formats.polygons`. The rest is read by
-trimesh, which believes what a file declares. glTF can declare far more than it holds: accessors over the same
-bytes again and again, or over none; nodes that repeat a mesh, in chains; buffers in other files of any kind. All of
-that is counted first. Numbers that no building has are refused.
+Polygons of OBJ, OFF, PLY and STL are cut into triangles by `robosim.plans.formats.polygons`. The other formats are read
+by trimesh, which trusts what a file declares. glTF can declare far more than it holds: repeated accessors over the same
+bytes, or over none; nodes that repeat a mesh, in chains; buffers in other files of any kind. All of that is counted
+first. Numbers that no building has are rejected.
 
 Reference: glTF 2.0 specification, 3.5 to 3.7 (scenes, buffers, meshes).
 """
@@ -31,18 +31,18 @@ Triangles = Float[np.ndarray, "n 3 3"]
 
 #: Larger files are not meshes of buildings; reading them whole would only exhaust the memory [bytes].
 MOST_BYTES = 300_000_000
-#: Triangles that any file may have; those of a larger one may be as many as fit in it, 16 bytes each.
+#: Triangles that any file may have; a larger file may have as many as fit in it, 16 bytes each.
 _MOST_TRIANGLES = 1_000_000
-#: Parts of meshes in a scene, each counted where it is shown; entries of a list; nodes within each other.
+#: Most parts of meshes in a scene, each counted where it is shown; entries of a list; nested nodes.
 _MOST_PARTS, _MOST_ENTRIES, _MOST_DEEP = 10_000, 100_000, 100
 _BYTES_OF = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}
 _NUMBERS_OF = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
 _DRACO = "KHR_draco_mesh_compression"
-#: Extensions that change nothing of the triangles, or that are read.
+#: Extensions that do not change triangles, or that are read.
 _READ_EXTENSIONS = re.compile(
     r"KHR_(draco_mesh_compression|mesh_quantization|materials_\w+|texture_\w+|lights_\w+)"
 )
-#: Values that stand for 1 in normalised integers, by type; mode of triangle fans.
+#: Values of normalised integers that mean 1, by type; mode of triangle fans.
 _LARGEST, _FAN = {5120: 127.0, 5121: 255.0, 5122: 32767.0, 5123: 65535.0}, 6
 #: Formats whose polygons are read here; the others have triangles only.
 _POLYGONS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
@@ -53,12 +53,12 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
 
     Args:
         content: What the file holds.
-        path: The file, by whose ending its format is known, and beside which lie others that it names.
+        path: The file: its ending is the format, and other files that it names are in its folder.
         unit_m: Its unit of length [m].
 
     Raises:
-        ValueError: In a few words, of triangles that are none, too many or too far away.
-        Exception: Whatever a damaged file makes its loader raise.
+        ValueError: In a few words, if there are no triangles, too many, or one is too far away.
+        Exception: Any error of the loader of a damaged file.
     """
     suffix = path.suffix.lower()
     polygons = _POLYGONS.get(suffix)
@@ -94,10 +94,10 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
 
 
 class _Beside(Mapping[str, bytes]):
-    """Files that a glTF file names: plain ones in its folder or below, each read when asked for."""
+    """Files that a glTF file names, in its folder or below, each read when needed."""
 
     def __init__(self, file: Path, lengths: Mapping[str, int]):
-        """Those beside a file, which have so many bytes at least."""
+        """Files in the folder of `file`, with the least number of bytes of each."""
         self._file, self._lengths, self._left = file, lengths, MOST_BYTES
 
     def __len__(self) -> int:
@@ -129,10 +129,10 @@ def _json_of_glb(content: bytes) -> bytes:
 
 
 def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, int]]:
-    """Refuse a scene that declares far more than the file and those beside it can hold, or what is not supported.
+    """Raise ValueError for a scene that declares far more than its files can hold, or what is not supported.
 
     Returns:
-        The scene, and the names of files beside it with how many bytes they must have.
+        The scene, and the names of other files with their least number of bytes.
     """
     if len(text) > MOST_JSON and b"base64," not in text:
         raise ValueError(f"its JSON has {len(text)} bytes, expected at most {MOST_JSON}")
@@ -165,7 +165,7 @@ def _check_gltf(text: bytes, n_bytes: int) -> tuple[dict[str, Any], dict[str, in
 
 
 def _scale_normalised(tree: dict[str, Any]) -> bool:
-    """Give meshes whose positions are normalised integers a node of the scale that they stand for; whether any has.
+    """Give meshes whose positions are normalised integers a node with their scale; whether there are any.
 
     trimesh reads such positions as plain numbers (KHR_mesh_quantization; glTF 2.0, 3.6.2.2).
     """
@@ -199,7 +199,7 @@ def _scale_normalised(tree: dict[str, Any]) -> bool:
 
 
 def _with_json(content: bytes, tree: dict[str, Any], suffix: str) -> bytes:
-    """A glTF file with another scene in it."""
+    """A glTF file with its scene replaced."""
     text = json.dumps(tree).encode()
     if suffix == ".gltf":
         return text
@@ -240,7 +240,7 @@ def _count(entry: dict[str, Any], key: str) -> int:
 
 
 def _placed(mesh: Any, T_scene_mesh: Float[np.ndarray, "4 4"]) -> Triangles:
-    """Triangles of a mesh where the scene has it; none of what is no mesh."""
+    """Triangles of a mesh at its place in the scene; none for other geometry."""
     if len(faces := getattr(mesh, "faces", ())) == 0 or np.shape(faces)[1:] != (3,):
         return np.empty((0, 3, 3))
     corners = trimesh.transform_points(np.asarray(mesh.vertices, np.float64), T_scene_mesh)
@@ -252,7 +252,7 @@ def _placed(mesh: Any, T_scene_mesh: Float[np.ndarray, "4 4"]) -> Triangles:
 
 
 def _check_count(scene: trimesh.Scene, n_bytes: int) -> None:
-    """Refuse a scene whose repeated meshes come to more triangles than memory should be spent on."""
+    """Raise ValueError for a scene whose repeated meshes have too many triangles in all."""
     count = 0
     for node in scene.graph.nodes_geometry:
         count += len(getattr(scene.geometry[scene.graph[node][1]], "faces", ()))

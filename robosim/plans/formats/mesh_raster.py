@@ -1,4 +1,4 @@
-"""Which cells of a grid the surfaces of a mesh reach into, between two heights. Exact, not sampled.
+"""Cells of a grid that the surfaces of a mesh reach into, between two heights. Exact, not sampled.
 
 A triangle cut by two horizontal planes is a convex polygon; seen from above it is still convex, at worst a
 line. Within one row of cells it then covers one interval of x, so that the cells it touches are the run from
@@ -51,7 +51,7 @@ def cells_touched(
 
 
 def blocks(triangles: Float[np.ndarray, "n 3 3"]) -> Iterator[Float[np.ndarray, "m 3 3"]]:
-    """All triangles, some at a time: what is worked out of one takes ten times its room."""
+    """All triangles, some at a time, since intermediate results take ten times their memory."""
     for first in range(0, len(triangles), AT_ONCE):
         yield triangles[first : first + AT_ONCE]
 
@@ -89,21 +89,21 @@ def cut(triangles: Float[np.ndarray, "n 3 3"], low: float, high: float) -> Float
 def section(
     triangles: Float[np.ndarray, "n 3 3"], height: float
 ) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m 2"]]:
-    """Starts and ends of the lines in which triangles cross a height, the back of the surface on the left.
+    """Starts and ends of the lines in which triangles cross a height; neighbours meet in the very same points.
 
-    Around the inside of closed surfaces they go counter-clockwise.
+    The back of the surface is on the left: around the inside of closed surfaces they go counter-clockwise.
     """
     above = triangles[:, :, 2] >= height
     crossing = above.any(axis=1) & ~above.all(axis=1)
     start, above = triangles[crossing], above[crossing]
     end, end_above = np.roll(start, -1, axis=1), np.roll(above, -1, axis=1)
-    dz = np.where(above == end_above, 1.0, end[:, :, 2] - start[:, :, 2])
-    share = np.clip((height - start[:, :, 2]) / dz, 0, 1)[..., None]
-    points = (start + share * (end - start))[:, :, :2]
+    # From below to above, in whichever direction the side runs, so that both triangles on it round alike.
+    low, high = np.where(above[..., None], end, start), np.where(above[..., None], start, end)
+    rise = np.where(above == end_above, 1.0, high[:, :, 2] - low[:, :, 2])
+    points = low[:, :, :2] + ((height - low[:, :, 2]) / rise)[..., None] * (high - low)[:, :, :2]
     each = np.arange(len(points))
-    return points[each, np.argmax(above & ~end_above, axis=1)], points[
-        each, np.argmax(~above & end_above, axis=1)
-    ]
+    falls, rises = np.argmax(above & ~end_above, axis=1), np.argmax(~above & end_above, axis=1)
+    return points[each, falls], points[each, rises]
 
 
 def _whole(

@@ -1,14 +1,14 @@
-"""Floor plan of one storey of a triangle mesh: what stands between two heights above its floor.
+"""Floor plan of one storey of a triangle mesh: a slice between two heights above its floor.
 
 A cell is free if there is floor under its centre and no surface reaches into it between the two heights;
 occupied if one does; unknown otherwise. Small holes in a scanned floor are free. Closed pockets of
-floor inside solid walls are not free: leaving there, one comes out of more solids than one goes into. Nor are those
+floor inside solid walls are not free: a line from there to the outside leaves more solids than it enters. Nor are those
 inside of closed bodies that stand in a room (`robosim.plans.formats.mesh_bodies`).
 
 glTF (.glb, .gltf) has y upwards by its standard, and x, -z become the plan's x, y; other formats have no
-standard and are taken to have z upwards, as in robotics. Many files break this custom: the other one of the
-two axes is taken if it makes the largest floor more than twice as large. Nor do most formats say their unit of
-length, which is a metre unless told otherwise.
+standard and are read with z upwards, as in robotics. Many files differ: the other one of the two axes is used if it
+makes the largest floor more than twice as large. The unit of length, which most formats do not say, is a metre by
+default.
 Left out: doors that are closed in the mesh stay closed; floors steeper than 45 degrees.
 
 Reference: glTF 2.0 specification, 3.4 (axes and units).
@@ -17,7 +17,7 @@ Reference: glTF 2.0 specification, 3.4 (axes and units).
 import logging
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Literal, get_args
+from typing import get_args
 
 import numpy as np
 import trimesh
@@ -27,31 +27,31 @@ from scipy import ndimage
 from robosim.plans.floorplan import FREE, LARGEST_M, OCCUPIED, UNKNOWN, FloorPlan, MapError, grid_size
 from robosim.plans.formats.mesh_bodies import in_bodies
 from robosim.plans.formats.mesh_file import MOST_BYTES, Triangles, load_triangles
+from robosim.plans.formats.mesh_floors import LEVEL_COSINE, MeshFloor, area_below_air, find_floors
 from robosim.plans.formats.mesh_raster import blocks, cells_touched, cut, section, unit_normals
 from robosim.plans.formats.scanline import Windings
-from robosim.plans.formats.storeys import LEVEL_COSINE, Storey, area_below_air, find_storeys
+from robosim.plans.reading_options import ReadingOptions, UpAxis
 from robosim.support.reading import reading
 
 logger = logging.getLogger(__name__)
 
-UpAxis = Literal["auto", "y", "z"]
-
 RESOLUTION_M = 0.05
-#: Heights above the floor between which nothing may stand: above doorsills and rugs, below lintels [m].
-SLICE_M = (0.2, 1.5)
+DEFAULTS = ReadingOptions()
+#: Heights above the floor between which walls are measured where no slice is chosen [m].
+SLICE_M = DEFAULTS.slice_m
 #: The floor may dip this far below its usual height [m].
 _DIP_M = 0.2
-#: A storey asked for may lie this far from the height given [m].
+#: Largest distance of a storey from a given height [m].
 _NEAR_M = 0.5
 #: Holes in a scanned floor up to this size are closed [m2].
 _HOLE_M2 = 0.1
-#: The least free area that is believed to be all there is [m2].
+#: Least free area of a building [m2].
 _LEFT_M2 = 1.0
 #: A closed surface is a wall and no room if it is thinner [m].
 _THICKEST_WALL_M = 0.35
 #: A surface of less than this share of the floor is not the floor.
 _FLOOR_SHARE = 0.2
-#: Faces of larger meshes are taken as they point: to follow them from neighbour to neighbour takes too long.
+#: Faces of larger meshes are not repaired, which would take too long.
 _MOST_REPAIRED = 200_000
 #: No storey is taller, floor to floor [m].
 _TALLEST_M = 40.0
@@ -59,35 +59,15 @@ _GLTF = (".glb", ".gltf")
 _OTHER = {"y": "z", "z": "y"}
 
 
-def read_mesh(
-    path: Path,
-    *,
-    resolution_m: float = RESOLUTION_M,
-    floor_height_m: float | None = None,
-    slice_m: tuple[float, float] = SLICE_M,
-    up: UpAxis = "auto",
-    unit_m: float | None = None,
-    ground_m: float | None = None,
-) -> FloorPlan:
-    """Floor plan of a storey of a mesh file that trimesh reads (GLB, PLY, OBJ, STL and others).
-
-    Args:
-        path: The mesh.
-        resolution_m: Side of a cell [m].
-        floor_height_m: Height of the storey's floor above the mesh's own zero [m], to within half a metre;
-            the lowest storey if not given.
-        slice_m: Heights above the floor between which nothing may stand in free cells [m].
-        up: Axis that points up; "auto" is y for glTF and z for all others, unless the other one of the two
-            has a floor more than twice as large.
-        unit_m: The mesh's unit of length [m], for example 0.001 for millimetres; None for metres, unless storeys would
-            be taller than `_TALLEST_M`, or the mesh longer than `LARGEST_M`.
-        ground_m: Height of level ground below all of the mesh [m], which is the floor then; None for the mesh's own.
+def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan of a storey of a mesh file (GLB, PLY, OBJ, STL and others that trimesh reads).
 
     Raises:
         MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
             found, or none near the height asked for.
         ValueError: If an option has a senseless value.
     """
+    up, unit_m = options.up, options.unit_m
     if up not in get_args(UpAxis):
         raise ValueError(f"up is {up!r}, expected one of {', '.join(get_args(UpAxis))}.")
     if unit_m is not None and not (np.isfinite(unit_m) and unit_m > 0):
@@ -95,19 +75,12 @@ def read_mesh(
     remedy = "Export it again, as GLB, PLY, OBJ or STL."
     with reading(path, "a mesh", remedy, most_bytes=MOST_BYTES, kind=MapError) as file:
         triangles = load_triangles(file.read(), path, unit_m or 1.0)
-        axis = up if up != "auto" else _likely_up(path, triangles, ground_m is None)
+        axis = up if up != "auto" else _likely_up(path, triangles, options.ground_m is None)
         triangles = turned_up(triangles, axis)
         try:
             if unit_m is None:
                 _check_size(triangles)
-            return plan_from_triangles(
-                triangles,
-                resolution_m=resolution_m,
-                floor_height_m=floor_height_m,
-                slice_m=slice_m,
-                ground_m=ground_m,
-                name=path.stem,
-            )
+            return plan_from_triangles(triangles, options, name=path.stem)
         except MapError as error:
             raise MapError(
                 f"{error} The {axis} axis was taken to point up, and the unit of length for {unit_m or 1:g} m; if "
@@ -116,13 +89,13 @@ def read_mesh(
 
 
 def _check_size(triangles: Triangles) -> None:
-    """Refuse a mesh that cannot be in metres.
+    """Reject a mesh that cannot be in metres.
 
     Raises:
         MapError: If it is longer than any building, or taller than its storeys can be.
     """
     x, y, z = np.ptp(triangles.reshape(-1, 3), axis=0)
-    tall = z > _TALLEST_M and z > _TALLEST_M * len(find_storeys(triangles, *SLICE_M))
+    tall = z > _TALLEST_M and z > _TALLEST_M * len(find_floors(triangles, *SLICE_M))
     if tall or max(x, y) > LARGEST_M:
         raise MapError(
             f"a building {x:.4g} m long, {y:.4g} m wide and {z:.4g} m high? Pass its unit of length: unit_m=0.001 "
@@ -147,7 +120,7 @@ def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
         return usual
     largest = {
         axis: max(
-            (s.area_m2 for s in find_storeys(turned_up(triangles, axis), *SLICE_M) if s.has_walls), default=0
+            (s.area_m2 for s in find_floors(turned_up(triangles, axis), *SLICE_M) if s.has_walls), default=0
         )
         for axis in _OTHER
     }
@@ -176,46 +149,40 @@ def _likely_up(path: Path, triangles: Triangles, has_floor: bool) -> str:
 
 
 def plan_from_triangles(
-    triangles: Triangles,
-    *,
-    resolution_m: float = RESOLUTION_M,
-    floor_height_m: float | None = None,
-    slice_m: tuple[float, float] = SLICE_M,
-    ground_m: float | None = None,
-    name: str = "plan",
+    triangles: Triangles, options: ReadingOptions = DEFAULTS, *, name: str = "plan"
 ) -> FloorPlan:
-    """Floor plan of a storey of triangles in memory, z upwards [m]; options as for `read_mesh`.
+    """Floor plan of a storey of triangles in memory, z upwards [m].
 
     Raises:
         MapError: If no floor is found, or none near the height asked for, or nothing of it is free.
         ValueError: If the slice is empty or does not lie above the floor.
     """
-    low, high = slice_m
+    low, high = options.slice_m
+    resolution_m = options.resolution_m or RESOLUTION_M
     if not 0 < low < high < np.inf:
         raise ValueError(
             f"slice_m is ({low:g}, {high:g}), expected two heights above the floor [m], the lower first."
         )
-    if ground_m is None:
-        found = find_storeys(triangles, low, high)
-        storeys = [storey for storey in found if storey.has_walls] or found
-        if not storeys:
+    if options.ground_m is None:
+        found = find_floors(triangles, low, high)
+        floors = [floor for floor in found if floor.has_walls] or found
+        if not floors:
             lowest = triangles[..., 2].min()
             raise MapError(
                 "no floor found: no level surface with free air above covers much of the mesh. If it "
                 f"has walls alone, pass the height that they stand at: ground_m={lowest:.2f} (--ground {lowest:.2f})."
             )
-        height_m = choose_storey(storeys, floor_height_m).height_m
+        height_m = choose_floor(floors, options.floor_height_m).height_m
         triangles = _facing_up(triangles, height_m)
     else:
-        height_m = ground_m
-        triangles = np.concatenate([triangles, _ground(triangles, ground_m)])
-    plan = _slice(triangles, height_m, low, high, resolution_m)
-    if not plan[0].any():
+        height_m = options.ground_m
+        triangles = np.concatenate([triangles, _ground(triangles, height_m)])
+    free, occupied, origin = _slice(triangles, height_m, low, high, resolution_m)
+    if not free.any():
         raise MapError(
             f"nothing is free between {low:g} and {high:g} m above the floor at {height_m:.2f} m. "
             "Choose another slice or another floor height."
         )
-    free, occupied, origin = plan
     states = np.where(free, FREE, np.where(occupied, OCCUPIED, UNKNOWN)).astype(np.uint8)
     return FloorPlan(occupancy=states, resolution_m=resolution_m, origin=(*origin, 0.0), name=name)
 
@@ -228,10 +195,10 @@ def _ground(triangles: Triangles, height_m: float) -> Float[np.ndarray, "2 3 3"]
 
 
 def _facing_up(triangles: Triangles, height_m: float) -> Triangles:
-    """Triangles with surfaces turned over that are inside out: floors that face down, and walls that face inwards.
+    """Triangles with inverted surfaces turned over: floors that face down, and walls that face inwards.
 
     Each connected surface is judged by itself; where more than two faces meet in an edge, one body stands on another.
-    Surfaces whose faces point anywhere are put right before, in meshes that are small enough for that.
+    Inconsistent faces of surfaces are repaired first, in meshes that are small enough.
     """
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3))
     if not mesh.is_winding_consistent and len(triangles) <= _MOST_REPAIRED:
@@ -260,7 +227,7 @@ def _is_inverted_wall(
     length: Float[np.ndarray, " n"],
     surface: Int[np.ndarray, " n"],
 ) -> Bool[np.ndarray, " s"]:
-    """Which surfaces close a thin volume, as of a wall, and face into it; none where rooms are such surfaces too."""
+    """Which surfaces enclose a thin volume, as of a wall, and face into it; none if rooms are such surfaces too."""
     n = int(surface.max()) + 1
     area = np.bincount(surface, length, n)
     total = np.stack([np.bincount(surface, axis, n) for axis in normals.T])
@@ -274,21 +241,21 @@ def _is_inverted_wall(
     return inwards & thin & ~(inwards & ~thin).any()
 
 
-def choose_storey(storeys: list[Storey], floor_height_m: float | None) -> Storey:
-    """The storey nearest to a height, or the lowest one; says so where there is a choice.
+def choose_floor(floors: list[MeshFloor], floor_height_m: float | None) -> MeshFloor:
+    """The floor nearest to a height, or the lowest one, with a warning if there are others.
 
     Raises:
         MapError: If no floor lies within half a metre of the height.
     """
-    found = ", ".join(f"{storey.height_m:.2f} m ({storey.area_m2:.0f} m2)" for storey in storeys)
+    found = ", ".join(f"{floor.height_m:.2f} m ({floor.area_m2:.0f} m2)" for floor in floors)
     if floor_height_m is None:
-        if len(storeys) > 1:
+        if len(floors) > 1:
             logger.warning("floors found at %s; the lowest is taken. Choose by the floor height.", found)
-        return storeys[0]
-    storey = min(storeys, key=lambda storey: abs(storey.height_m - floor_height_m))
-    if not abs(storey.height_m - floor_height_m) <= _NEAR_M:
+        return floors[0]
+    nearest = min(floors, key=lambda floor: abs(floor.height_m - floor_height_m))
+    if not abs(nearest.height_m - floor_height_m) <= _NEAR_M:
         raise MapError(f"floor height is {floor_height_m:g} m, but floors were found at {found}.")
-    return storey
+    return nearest
 
 
 def _slice(
@@ -325,17 +292,17 @@ def _slice(
 def _with_holes_closed(
     free: Bool[np.ndarray, "ny nx"], occupied: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells with the small holes beside them, in which nothing stands.
+    """Free cells with adjacent small holes, in which nothing stands.
 
-    The inside of a column is no such hole: only its occupied cells lie beside free ones.
+    The inside of a column is no such hole: only its occupied cells are next to free ones.
     """
     hole, n = ndimage.label(~free & ~occupied)
     small = np.bincount(hole.ravel(), minlength=n + 1) * resolution_m**2 <= _HOLE_M2
-    beside = np.zeros(n + 1, bool)
-    beside[hole[ndimage.binary_dilation(free)]] = True
+    is_adjacent = np.zeros(n + 1, bool)
+    is_adjacent[hole[ndimage.binary_dilation(free)]] = True
     at_border = np.zeros(n + 1, bool)
     at_border[np.concatenate([hole[0], hole[-1], hole[:, 0], hole[:, -1]])] = True
-    closed = small & beside & ~at_border
+    closed = small & is_adjacent & ~at_border
     closed[0] = False
     return free | closed[hole]
 
@@ -343,10 +310,10 @@ def _with_holes_closed(
 def _inside_solids(triangles: Triangles, height: float, shape: tuple[int, int]) -> Bool[np.ndarray, "ny nx"]:
     """Cells at whose centre a height is inside a solid; x and y of the triangles in cells.
 
-    Going sideways from there one leaves more solids, through surfaces that face away, than one enters, and so
-    does one going up. Closed solids need one of the two; sheets, which bound no solid, seldom pass both: a
-    room has walls that face it or a ceiling that does. Going up, only what lies above the height is looked
-    at, so that one sum over the edges of all triangles there will do.
+    A line sideways from there leaves more solids, through surfaces that face away, than it enters, and so does a line
+    upwards. For closed solids one of the two would do; sheets, which bound no solid, seldom pass both: a room has
+    walls or a ceiling that face it. Upwards, only triangles above the height count, so that one sum over their edges
+    is enough.
     """
     sideways = Windings(shape)
     for block in blocks(triangles):
@@ -369,9 +336,9 @@ def _covers(
 def _without_pockets(
     free: Bool[np.ndarray, "ny nx"], solid: Bool[np.ndarray, "ny nx"], resolution_m: float
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts that lie inside solids by most of their cells.
+    """Free cells without the closed parts most of whose cells lie inside solids.
 
-    Where hardly anything would be left, the mesh is a shell of sheets, and the parts are its rooms.
+    If hardly anything would be left, the mesh is a shell of sheets, and the parts are its rooms.
     """
     part, n = ndimage.label(free)
     size = np.bincount(part[free], minlength=n + 1)
@@ -385,12 +352,9 @@ def _without_bodies(
     triangles: Triangles,
     places: Callable[[Float[np.ndarray, "n 2"]], Float[np.ndarray, "n 3"]],
 ) -> Bool[np.ndarray, "ny nx"]:
-    """Free cells without the closed parts that are in something that stands in another, such as a cupboard.
+    """Free cells without the closed parts that are inside of a body in another part, such as a cupboard.
 
-    Args:
-        free: Free cells.
-        triangles: Of the mesh [m].
-        places: Tells where the middles of cells, by row and column, are in the slice [m].
+    `places` converts rows and columns of cells to their middles in the slice [m].
     """
     part, n = ndimage.label(free)
     if n < 2:

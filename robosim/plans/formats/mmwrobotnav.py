@@ -5,7 +5,7 @@ area, which is navigable too. A cell measures 0.05 m; the centre of the cell in 
 lies at x = 0.05 c, y = -0.05 r. The area is what an agent of radius 0.1 m could stand on, so that margin is
 missing, and the published radio data had its walls through the centres of the outermost navigable cells.
 
-Taken too: blanks instead of or around commas, commas at the end of rows, empty lines, and numbers as
+Accepted too: blanks instead of or around commas, commas at the end of rows, empty lines, and numbers as
 `numpy.savetxt` writes them.
 
 Reference: Yin et al., "Millimeter wave wireless assisted robot navigation with link state classification",
@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, FloorPlan, MapError
+from robosim.plans.reading_options import ReadingOptions
 from robosim.support.reading import reading
 
 RESOLUTION_M = 0.05
@@ -27,12 +28,13 @@ ERODED_M = 0.1
 _MOST_BYTES = 150_000_000
 
 
-def read_mmwrobotnav(path: Path, resolution_m: float = RESOLUTION_M) -> FloorPlan:
-    """Floor plan from a top-down grid; both kinds of navigable cells are free.
+def read_mmwrobotnav(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from a top-down grid; both kinds of navigable cells are free. Uses `resolution_m`.
 
     Raises:
         MapError: If the file cannot be read, rows differ in length, or a value is not 0, 1 or 2.
     """
+    resolution_m = options.resolution_m or RESOLUTION_M
     with reading(path, "a top-down grid of mmwRobotNav", most_bytes=_MOST_BYTES, kind=MapError) as file:
         values = parse_grid(file.read())
         return FloorPlan(
@@ -85,7 +87,7 @@ def _row(line: bytes) -> list[bytes]:
 
 
 class _Values(dict[bytes, int]):
-    """0, 1, 2, or -1 for anything else, by the word; a file has few different words, each looked at once."""
+    """0, 1, 2, or -1 for anything else, by the word; each different word is parsed once."""
 
     def __missing__(self, word: bytes) -> int:
         try:

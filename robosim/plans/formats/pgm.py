@@ -2,7 +2,7 @@
 
 A header gives width, height and the value of white, with comments from `#` to the end of the line
 anywhere between them. Samples of P5 take one byte, or two (the high one first) where white is above 255.
-Values above white are taken for white, and what follows the last sample is ignored, as other readers do.
+Values above white count as white, and bytes after the last sample are ignored, as other readers do.
 Left out: several images in one file.
 
 Reference: Netpbm, "pgm format specification" (2016).
@@ -60,7 +60,7 @@ def _plain_samples(raster: memoryview, count: int, white: int) -> np.ndarray:
     strange = text.translate(None, b"0123456789 \t\r\n\v\f")
     if strange:
         raise ValueError(f"{strange[:1]!r} among the samples, expected decimal numbers only")
-    # In pieces that end between numbers, since these take four times the room while they are parsed.
+    # In pieces that end between numbers, since parsing takes four times the memory.
     parts, start, found = [np.empty(0, np.uint16)], 0, 0
     while start < len(text) and found < count:
         blank = _BETWEEN.search(text, start + _PIECE)

@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Shaped, UInt8
 
-from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError
+from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
 from robosim.plans.formats.plan_image import FREE_THRESH, OCCUPIED_THRESH
+from robosim.plans.reading_options import ReadingOptions
 from robosim.support.arrays_in import parse_npy
 from robosim.support.reading import reading
 
@@ -37,7 +38,7 @@ def plan_from_array(
         array: Cells, (ny, nx), y upwards.
         resolution_m: Side of a cell [m].
         origin: x [m], y [m], yaw [rad] of the lower-left corner of cell (0, 0).
-        name: What reports call the plan.
+        name: The plan's name in reports.
         free_thresh: Probability below which a cell is free.
         occupied_thresh: Probability above which a cell is occupied.
 
@@ -87,18 +88,21 @@ def _from_probabilities(
     return states
 
 
-def read_npy(path: Path, resolution_m: float | None) -> FloorPlan:
-    """Floor plan from a `.npy` file, by the rules of `plan_from_array`.
+def read_npy(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from a `.npy` file, by the rules of `plan_from_array`; uses `resolution_m` and `allow_large`.
 
     Raises:
         MapError: If the resolution is not given, the file is no array of numbers or damaged, or as
             `plan_from_array` does.
     """
-    if resolution_m is None:
+    if options.resolution_m is None:
         raise MapError(
             f"{path}: an array does not say how large a cell is. Pass the resolution, for example 0.05 "
             "for 5 cm (resolution_m=0.05, or --resolution 0.05)."
         )
     what = "one NumPy array of numbers"
     with reading(path, what, "Write it with numpy.save.", most_bytes=_MOST_BYTES, kind=MapError) as file:
-        return plan_from_array(parse_npy(file.read()), resolution_m, name=path.stem)
+        plan = plan_from_array(parse_npy(file.read()), options.resolution_m, name=path.stem)
+    if not options.allow_large:
+        check_size(plan.shape, plan.resolution_m)
+    return plan

@@ -1,8 +1,8 @@
 """Images of floor plans: decoding to exact grey levels, and occupancy from how dark a pixel is.
 
-A pixel is as dark as the mean of its red, green and blue; the darker, the surer it is occupied. Values stay
-integers (the sum of the colour channels) until they meet the thresholds, so that 16-bit images keep their
-depth and no rounding decides a cell. Decoded are portable graymaps and whatever Pillow reads: PNG of every
+A pixel is as dark as the mean of its red, green and blue; darkness is the probability of being occupied. Values stay
+integers (the sum of the colour channels) until they are compared with the thresholds, so that 16-bit images keep their
+depth and no rounding decides a cell. Decoded are portable graymaps and all that Pillow reads: PNG of every
 kind, BMP, TIFF, GIF, JPEG, WebP. JPEG blurs edges; avoid it.
 Left out: colour profiles, orientation tags, all frames but the first.
 """
@@ -20,6 +20,7 @@ from PIL import Image
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan, MapError, check_size
 from robosim.plans.formats.drawing import without_frame, without_strokes
 from robosim.plans.formats.pgm import decode_pgm, encode_pgm, is_pgm
+from robosim.plans.reading_options import ReadingOptions
 from robosim.support.files import whole_file
 from robosim.support.images_in import opened_image, silenced
 from robosim.support.reading import reading
@@ -69,8 +70,8 @@ def decode_image(content: bytes) -> PlanImage:
     """Decode the bytes of an image.
 
     Raises:
-        ValueError: If they are none, or too large.
-        Exception: Whatever damaged content makes its decoder raise.
+        ValueError: If they are no image, or too large.
+        Exception: Any error of the decoder of damaged content.
     """
     if is_pgm(content):
         samples, white = decode_pgm(content)
@@ -136,30 +137,19 @@ def looked_up(state: Shaped[np.ndarray, " n"], light: UInt[np.ndarray, "h w"]) -
     return found
 
 
-def read_image_plan(
-    path: Path,
-    resolution_m: float | None,
-    *,
-    thinnest_wall_m: float | None = None,
-    allow_large: bool = False,
-) -> FloorPlan:
+def read_image_plan(path: Path, options: ReadingOptions) -> FloorPlan:
     """Floor plan from an image alone: light is free, dark occupied, grey and transparent unknown.
 
-    A frame around the drawing is read as paper (`robosim.plans.formats.drawing`).
-
-    Args:
-        path: The image. Its lower left corner becomes the origin of `map`.
-        resolution_m: Metres per pixel.
-        thinnest_wall_m: Dark strokes thinner than this are not walls, and become free [m]; None to keep all.
-        allow_large: Whether the plan may be larger than `LARGEST_M`.
+    The lower left corner of the image becomes the origin of `map`. A frame around the drawing is read as paper
+    (`robosim.plans.formats.drawing`). Uses `resolution_m`, `thinnest_wall_m` and `allow_large`.
 
     Raises:
         MapError: If the scale is not given or makes an implausibly large building, or the image cannot be read or has
             no free pixel.
     """
-    if resolution_m is None:
-        beside = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]
-        hint = f"Read {beside[0]} instead, or pass" if beside else "Pass"
+    if options.resolution_m is None:
+        maps = [p for p in (path.with_suffix(".yaml"), path.with_suffix(".yml")) if p.is_file()]
+        hint = f"Read {maps[0]} instead, or pass" if maps else "Pass"
         raise MapError(
             f"{path}: an image does not say how large a pixel is. {hint} the resolution, for example 0.05 "
             "for 5 cm (resolution_m=0.05, or --resolution 0.05)."
@@ -167,18 +157,18 @@ def read_image_plan(
     image = read_image(path)
     states = three_states(image.light, image.white, False, FREE_THRESH, OCCUPIED_THRESH)
     states[image.see_through] = UNKNOWN
-    if not allow_large:
-        check_size(states.shape, resolution_m)
-    states = without_frame(states, resolution_m, path)
-    states = without_strokes(states, thinnest_wall_m, resolution_m, path)
-    return FloorPlan(occupancy=states[::-1].copy(), resolution_m=resolution_m, name=path.stem)
+    if not options.allow_large:
+        check_size(states.shape, options.resolution_m)
+    states = without_frame(states, options.resolution_m, path)
+    states = without_strokes(states, options.thinnest_wall_m, options.resolution_m, path)
+    return FloorPlan(occupancy=states[::-1].copy(), resolution_m=options.resolution_m, name=path.stem)
 
 
 def write_png(plan: FloorPlan, path: str | Path) -> None:
     """Write the occupancy as a PNG (free 254, occupied 0, unknown 205), whole or not at all.
 
-    It is grey, but where walls are of materials of their own, which have the colours of `colours_of`. Reads back the
-    same by `read_image_plan` with the plan's resolution; origin, names and materials are not kept.
+    It is grey, except for walls with materials, which have the colours of `colours_of`. `read_image_plan` with the
+    plan's resolution reads the same occupancy; origin, names and materials are not written.
     """
     buffer, pixels = io.BytesIO(), GREY[plan.occupancy[::-1]]
     if plan.material is not None:
@@ -190,7 +180,7 @@ def write_png(plan: FloorPlan, path: str | Path) -> None:
 
 
 def colours_of(count: int) -> list[tuple[int, int, int]]:
-    """So many colours (red, green, blue) that are dark enough to be walls, and far from each other."""
+    """Colours (red, green, blue) that are dark enough to be walls, and far from each other."""
     hues = (0.62 + 0.618034 * np.arange(count)) % 1.0
     shades = (hsv_to_rgb(hue, 1.0, 0.5 + 0.2 * (i % 2)) for i, hue in enumerate(hues))
     return [(round(150 * r), round(150 * g), round(150 * b)) for r, g, b in shades]
@@ -202,6 +192,6 @@ def write_pgm(plan: FloorPlan, path: str | Path) -> None:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write bytes to a file that appears whole or not at all; its folder is made if need be."""
+    """Write bytes to a file that appears whole or not at all; its folder is created if it is missing."""
     with whole_file(path) as partial:
         partial.write_bytes(content)

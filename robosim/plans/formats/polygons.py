@@ -1,8 +1,8 @@
 """Polygons of OBJ, OFF, PLY and STL files, and the triangles that they are made of.
 
 A polygon may be concave, and may have more corners than its neighbours. Convex ones are fanned; others are cut into
-ears in the plane that Newell's normal fits best (M. Held, FIST, Algorithmica 30, 2001; by the library earcut), so that
-also holes that are joined to the rim by a bridge come out right.
+ears in the plane that Newell's normal fits best (M. Held, FIST, Algorithmica 30, 2001; by the library earcut), which
+also handles holes that a bridge joins to the rim.
 
 Read are: of OBJ faces with texture and normal references, indices counted from the end, vertices between faces and
 colours behind vertices; of OFF all prefixes for colours, normals and texture, comments, and counts on the first line;
@@ -32,7 +32,7 @@ class Polygons(NamedTuple):
     """Number of corners of each polygon."""
 
 
-#: Prefixes of OFF by what stands behind a vertex; "4" and "n" have other dimensions.
+#: Prefixes of OFF by the values that follow a vertex; "4" and "n" have other dimensions.
 _OFF = re.compile(rb"(?:\s|#[^\n]*\n)*(ST)?(C)?(N)?(4)?(n)?OFF\b")
 #: Bytes of a binary STL file before its triangles, and each of them; lines of vertices of one in text.
 _STL_HEAD = 84
@@ -46,9 +46,9 @@ _PLY_TYPES = dict(zip(_PLY_NAMES.split(), 2 * _PLY_KINDS, strict=True))
 _PLY_FORMATS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 #: Bytes of a header, and properties of an element, that no file exceeds.
 _LONGEST_HEADER, _MOST_PROPERTIES = 100_000, 100
-#: Lines of an OBJ file that are vertices and faces, and what stands beside a vertex in a face or behind it all.
+#: Lines of vertices and faces of an OBJ file; references after a vertex in a face; comments.
 _OBJ_SHAPES = re.compile(rb"^[ \t]*([vf][ \t][^\n]*)", re.MULTILINE)
-_OBJ_BESIDE, _OBJ_COMMENT = re.compile(rb"/[^\s]*"), re.compile(rb"#[^\n]*")
+_OBJ_REFERENCES, _OBJ_COMMENT = re.compile(rb"/[^\s]*"), re.compile(rb"#[^\n]*")
 _LONGEST_LINE = 20_000
 
 
@@ -64,7 +64,7 @@ def read_obj(content: bytes) -> Polygons:
     if max(map(len, lines), default=0) > _LONGEST_LINE:
         raise ValueError(f"a face has more corners than fit in {_LONGEST_LINE} bytes")
     is_vertex = np.array([line[:1] == b"v" for line in lines], bool)
-    words = [_OBJ_BESIDE.sub(b"", line).split()[1:] for line in lines]
+    words = [_OBJ_REFERENCES.sub(b"", line).split()[1:] for line in lines]
     vertices = _rows([words[i][:3] for i in np.flatnonzero(is_vertex)])
     faces = [words[i] for i in np.flatnonzero(~is_vertex)]
     count = np.array(list(map(len, faces)), np.int64)
@@ -277,7 +277,7 @@ def _checked(
 
 
 def triangulate(polygons: Polygons) -> Float[np.ndarray, "t 3 3"]:
-    """Triangles of all polygons, in their order where all have as many corners; two corners make none."""
+    """Triangles of all polygons, in order if all have equally many corners; two corners make none."""
     vertices, corner, count = polygons
     start = np.cumsum(count) - count
     parts = [np.empty((0, 3), np.int64)]

@@ -1,8 +1,8 @@
-"""Which grey of a ROS map stands for unknown, by how often greys occur.
+"""The grey of a ROS map that means unknown, by how often greys occur.
 
 Programs that save maps write unknown as 205 (map_saver), or another grey from 200 to 210; some write 127 or 128.
-Retouching, resampling and lossy compression spread such greys a little, and add a few others. So unknown is a common
-grey, darker than another common one that is free, with a gap between the two in which there are hardly any cells.
+Retouching, resampling and lossy compression spread such greys a little, and add a few others. Unknown is therefore a
+common grey, darker than another common one that is free, with a gap between the two that has hardly any cells.
 """
 
 from typing import NamedTuple
@@ -13,31 +13,31 @@ from jaxtyping import Bool, Int
 
 from robosim.plans.formats.plan_image import GREY, PlanImage, looked_up
 
-#: Greys among which unknown is looked for, those of map_saver first.
+#: Ranges of greys that may mean unknown, those of map_saver first.
 _GREYS = (198, 212), (100, 225)
 #: A grey is common from this part of the cells on, and stands out from greys of a quarter of its cells.
 _COMMON, _GAP = 0.001, 0.25
 #: Part of the cells that is nearly all.
 _NEARLY = 0.95
-#: With more of the cells than this between dark ones and unknown, a map has shades rather than three states.
+#: With a larger part of the cells between dark ones and unknown, a map has shades rather than three states.
 _DARK, _SHADES = 48, 0.25
-#: Greys are counted together with those so far from them; those so far below may be of the same area.
+#: Greys are counted together with those this far from them; those this far below may belong to the same area.
 _SPREAD, _AROUND = 2, 16
 
 
 class UnknownGrey(NamedTuple):
-    """A grey that stands for unknown."""
+    """A grey that means unknown."""
 
     grey: int
     """The grey, of 255."""
     cells: Bool[np.ndarray, "h w"]
-    """Cells of this grey and of those that are rather like it than like free ones, or darker."""
+    """Cells of this grey, of those nearer to it than to free ones, and darker ones."""
     free_thresh: float
     """A `free_thresh` that makes it unknown by map_server's rule."""
 
 
 def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
-    """The grey that stands for unknown in a map, darker than what is free; None if no grey stands out.
+    """The grey that means unknown in a map, darker than free cells; None if no grey stands out.
 
     Args:
         image: The map.
@@ -55,7 +55,7 @@ def unknown_grey(image: PlanImage, negate: bool) -> UnknownGrey | None:
         if not len(rare) or near[grey] <= _COMMON * total:
             continue
         if counts[_DARK : grey - _AROUND].sum() > _SHADES * total:
-            continue  # greys of all kinds, none of which stands for a state
+            continue  # many greys, none of which means a state
         free = rare[0] + int(near[rare[0] :].argmax())
         between = near[grey : free + 1]
         if counts[rare[0] :].sum() <= _COMMON * total or between.min() > _GAP * min(near[grey], near[free]):
@@ -82,7 +82,7 @@ def has_saved_greys(image: PlanImage) -> bool:
 
 
 def has_shades_of_alpha(image: PlanImage) -> bool:
-    """Whether many cells are neither opaque nor transparent, so that an alpha channel says more than what is drawn."""
+    """Whether many cells are neither opaque nor transparent, so that the alpha channel carries information."""
     return image.alpha is not None and bool(np.isin(image.alpha, (0, image.opaque)).mean() < _NEARLY)
 
 

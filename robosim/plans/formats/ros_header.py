@@ -1,4 +1,4 @@
-"""The YAML file of a ROS map: its keys, each checked, with a message that teaches where one is wrong.
+"""The YAML file of a ROS map: its keys, each checked, with messages that say what is expected.
 
 Needed are `image`, `resolution`, `origin`, `negate`, `occupied_thresh` and `free_thresh`, as by map_server;
 `mode` may be missing, and so may the yaw in `origin`. `name`, `wall_line`, `eroded_m`, `materials` and `furnishings`
@@ -8,7 +8,7 @@ the file of what is placed in the building (`robosim.plans.formats.furnishing_fi
     materials: {"#0000ff": glazing, "#008000": door, "#800000": my_wall.yaml}
     furnishings: room-furnishings.yaml
 
-What the values do to the image is told in `robosim.plans.formats.ros_map`.
+`robosim.plans.formats.ros_map` describes how they apply to the image.
 """
 
 import logging
@@ -40,7 +40,7 @@ _TRUE, _FALSE = ("1", "true", "yes", "on", "y"), ("0", "false", "no", "off", "n"
 
 @dataclass(frozen=True, kw_only=True)
 class RosHeader:
-    """What the YAML file says, checked."""
+    """The checked contents of the YAML file."""
 
     image: Path
     resolution_m: float
@@ -55,7 +55,7 @@ class RosHeader:
     materials: dict[tuple[int, int, int], str]
     """Radio material of each colour (red, green, blue) that has one; files with their folder."""
     furnishings: Path | None
-    """File of what is placed in the building."""
+    """File of furnishings."""
 
 
 def read_header(path: Path) -> RosHeader:
@@ -68,7 +68,7 @@ def read_header(path: Path) -> RosHeader:
 
 
 class _Keys:
-    """The keys of one YAML file, each fetched with a check and a message that teaches."""
+    """The keys of one YAML file, each read with a check."""
 
     def __init__(self, path: Path, keys: dict[Any, Any]):
         self.path, self.keys = path, keys
@@ -203,15 +203,15 @@ def _image_path(keys: _Keys) -> Path:
         if path.exists():
             return path
         same_name = keys.path.parent / Path(value).name
-        beside = [p.name for p in keys.path.parent.iterdir()]
+        names = [p.name for p in keys.path.parent.iterdir()]
         hint = (
-            f"Did you mean '{same_name.name}', which lies beside the YAML file?"
+            f"Did you mean '{same_name.name}', which is in the folder of the YAML file?"
             if same_name.is_file()
             else None
         )
     except OSError:
-        hint, beside = None, []
-    near = get_close_matches(Path(value).name, beside, 1)
+        hint, names = None, []
+    near = get_close_matches(Path(value).name, names, 1)
     hint = hint or (
         f"Did you mean '{near[0]}'?" if near else "A relative path counts from the YAML file's folder."
     )

@@ -10,10 +10,10 @@ probability p of a cell being occupied is (255 - value) / 255, or value / 255 if
 - `raw`: the value itself is the percentage, above 100 unknown; `negate` does not matter. Percentages become
   states by map_saver's rule: free up to `free_thresh`, occupied from `occupied_thresh` on, both rounded.
 
-The letter of this rule is often not what a map means: Nav2's map_saver writes unknown as 205 together with
+This rule often contradicts the meaning of a map: Nav2's map_saver writes unknown as 205 together with
 `free_thresh: 0.25`, which makes it free; programs that save an alpha channel make every opaque 205 free; and a picture
-of these greys in mode raw has free walls. So maps are read by what is common (`robosim.plans.formats.ros_greys`), and a
-warning says so wherever that differs from the letter. `map_reading="letter"` goes by the letter.
+of these greys in mode raw has free walls. So maps are read by common greys (`robosim.plans.formats.ros_greys`), with a
+warning if that differs from the rule. `map_reading="letter"` applies the rule.
 `name`, `wall_line`, `eroded_m`, `materials` and `furnishings` are keys of our own, which map_server ignores. Pixels of
 a colour that stands for a radio material are walls, however light they are.
 
@@ -44,27 +44,31 @@ from robosim.plans.formats.plan_image import (
 )
 from robosim.plans.formats.ros_greys import has_saved_greys, has_shades_of_alpha, unknown_grey
 from robosim.plans.formats.ros_header import RosHeader, read_header
+from robosim.plans.reading_options import ReadingOptions
+from robosim.plans.storey_plans import is_storeys
+from robosim.support.reading import shown
 
 logger = logging.getLogger(__name__)
 
-#: How far each of red, green and blue may be from the colour of a material, as programs that draw round them.
+#: Largest difference of red, green and blue from the colour of a material, since programs round them.
 COLOUR_OFF = 4
 
 
-def read_ros(path: Path, *, map_reading: MapReading = "common") -> FloorPlan:
-    """Floor plan from a map_server YAML file and the image that it names.
-
-    Args:
-        path: The YAML file.
-        map_reading: Whether greys become unknown by what is common, or by the letter of map_server's rule.
+def read_ros(path: Path, options: ReadingOptions) -> FloorPlan:
+    """Floor plan from a map_server YAML file and the image that it names; uses `map_reading`.
 
     Raises:
         MapError: If either file is missing or damaged, a key is missing or has a senseless value, or no cell
             is free.
     """
+    if is_storeys(path):
+        raise MapError(
+            f"{shown(path)}: is a building of several storeys, expected one floor plan. Give one of the plans that it "
+            "lists; `robosim trace` and `robosim dataset` take the whole building."
+        )
     header = read_header(path)
     image = read_image(header.image)
-    states, material = occupancy_of(image, header, path, map_reading), None
+    states, material = occupancy_of(image, header, path, options.map_reading), None
     if header.materials:
         material = _materials_of(image, header, path)
         states[material > 0] = OCCUPIED
@@ -175,16 +179,15 @@ def _raw_states(image: PlanImage, free_thresh: float, occupied_thresh: float) ->
 
 
 def write_ros(plan: FloorPlan, path: str | Path, *, image: Literal["pgm", "png"] = "pgm") -> None:
-    """Write a plan as map_server YAML, and its image beside it under the same name.
+    """Write a plan as map_server YAML, and its image in the same folder under the same name.
 
-    Reads back the same bit for bit. Each of the two files appears whole or not at all, the image first. What is placed
-    in the building goes into a third one, NAME-furnishings.yaml.
+    Reading gives a bit-identical plan. Each of the two files appears whole or not at all, the image first. Furnishings
+    go into a third one, NAME-furnishings.yaml.
 
     Args:
         plan: What to write.
-        path: The YAML file; its folder is made if need be.
-        image: Format of the image: P5 graymap or PNG; PNG for a plan with materials of walls, whose files of layers
-            are named as they are.
+        path: The YAML file; its folder is created if it is missing.
+        image: Format of the image: P5 graymap or PNG; a plan with materials of walls is always written as PNG.
 
     Raises:
         ValueError: If `path` does not end in .yaml or .yml, or the image format is another one.

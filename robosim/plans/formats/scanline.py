@@ -1,9 +1,9 @@
-"""How many times polygons wind around the centres of the cells of a grid.
+"""Winding numbers of polygons around the centres of the cells of a grid.
 
-Going along a row of centres, each edge that is crossed changes the winding number of all centres to its
-right: by one up or down, as the edge goes down or up. Running sums along the rows do all of them at once. An
-edge counts in the rows whose centre y lies from its lower end to just below its upper one, so that no corner
-is crossed twice and polygons that share an edge neither overlap nor leave a gap.
+Along a row of centres, each edge that is crossed changes the winding number of all centres to its right: by one up or
+down, as the edge goes down or up. Running sums along the rows compute all of them at once. An edge counts in the rows
+whose centre y lies from its lower end to just below its upper one, so that no corner is crossed twice and polygons
+that share an edge neither overlap nor leave a gap.
 
 Reference: Foley et al., "Computer Graphics: Principles and Practice", 2nd ed., 3.6 (scan conversion).
 """
@@ -15,7 +15,7 @@ from jaxtyping import Float, Int
 
 #: Pairs of a shape and a row that are worked on at once, to bound the memory.
 PAIRS_AT_ONCE = 500_000
-#: Pairs that are worked on at all, beside some for each shape: no walls cross so many rows, and it takes 5 s.
+#: Most pairs in all (5 s of work), and additional ones for each shape: no building has more.
 _MOST_PAIRS, _PAIRS_OF_ONE = 20_000_000, 30
 
 
@@ -39,16 +39,16 @@ def winding_numbers(
 
 
 class Windings:
-    """Winding numbers of polygons that come one after the other."""
+    """Sums up winding numbers of polygons."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
-        """No polygons yet, on a grid of so many rows and columns."""
+        """No polygons yet, on a grid of `shape` rows and columns."""
         self.shape = shape
         self._change = np.zeros((shape[0], shape[1] + 1), np.int32)
         self._work = Work()
 
     def add(self, start: Float[np.ndarray, "n 2"], end: Float[np.ndarray, "n 2"]) -> None:
-        """Add the edges of polygons, each polygon whole in the end; raises as `winding_numbers` does."""
+        """Add edges, which make whole polygons in the end; raises as `winding_numbers` does."""
         height, width = self.shape
         rises = end[:, 1] > start[:, 1]
         low = np.where(rises[:, None], start, end)
@@ -68,10 +68,10 @@ class Windings:
 
 
 class Work:
-    """How many pairs of shapes and rows may still be worked on."""
+    """Budget of pairs of shapes and rows."""
 
     def __init__(self) -> None:
-        """As many as any building has."""
+        """The budget of one building."""
         self._left = _MOST_PAIRS
 
     def parts(self, counts: Int[np.ndarray, " n"]) -> Iterator[slice]:

@@ -18,7 +18,7 @@ def solid_of_boxes(boxes: Sequence[Box]) -> trimesh.Trimesh:
 
     Boxes that share no more than a side or a corner make a surface of which more than two faces meet there.
     """
-    corners = np.round(np.array(boxes, float), 9)  # planes that rounding has parted are one
+    corners = np.round(np.array(boxes, float), 9)  # planes that differ by rounding are one
     planes = [np.unique(corners[:, :, axis]) for axis in range(3)]
     filled = np.zeros([len(along) + 1 for along in planes], bool)  # a rim of cells that are in no box
     for low, high in corners:
@@ -27,13 +27,13 @@ def solid_of_boxes(boxes: Sequence[Box]) -> trimesh.Trimesh:
     for axis in range(3):
         one, other = (axis + 1) % 3, (axis + 2) % 3
         step = np.diff(filled.astype(np.int8), axis=axis)
-        for way in (-1, 1):  # leaving a box along the axis, and entering one
-            index = np.argwhere(step == way)
+        for change in (-1, 1):  # leaving a box along the axis, and entering one
+            index = np.argwhere(step == change)
             cell = np.repeat(index[:, None], 4, axis=1)
             for corner, (u, v) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
                 cell[:, corner, one] += u - 1
                 cell[:, corner, other] += v - 1
-            quads.append(cell if way < 0 else cell[:, ::-1])
+            quads.append(cell if change < 0 else cell[:, ::-1])
     cell = np.concatenate(quads)
     points = np.stack([planes[axis][cell[:, :, axis]] for axis in range(3)], axis=-1).reshape(-1, 3)
     vertices, number = np.unique(points, axis=0, return_inverse=True)

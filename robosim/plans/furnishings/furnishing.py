@@ -1,4 +1,4 @@
-"""A mesh at a place in a building: a table, a shelf, anything that a robot sees and hears over and under."""
+"""A mesh at a place in a building: a table, a shelf, anything that sensors and radio waves pass over and under."""
 
 import math
 from collections.abc import Mapping
@@ -26,13 +26,13 @@ class Furnishing:
     """Triangles [m] in a frame of its own: z up, the floor at z = 0. Closed bodies may turn their normals either way;
     a mesh may have several bodies, and sheets of no thickness."""
     at: tuple[float, float]
-    """Where its origin stands, x, y [m] in `map`."""
+    """Place of its origin, x, y [m] in `map`."""
     z_m: float = 0.0
-    """How high above the floor its z = 0 lies [m]."""
+    """Height of its z = 0 above the floor [m]."""
     yaw_rad: float = 0.0
-    """By what it is turned about its z axis, counter-clockwise [rad]."""
+    """Rotation about its z axis, counter-clockwise [rad]."""
     name: str = "furnishing"
-    """What messages call it."""
+    """Its name in messages."""
     material: MaterialPart = "wood"
     """Its radio material."""
     colour: tuple[int, int, int] = (166, 124, 82)
@@ -40,7 +40,7 @@ class Furnishing:
     source: str = ""
     """File and entry that place it, for messages; empty for one from memory."""
     said: Mapping[str, Any] = field(default_factory=dict)
-    """What a file says in place of the mesh, such as {"piece": "table"}; empty for a mesh from memory."""
+    """Keys of a file in place of the mesh, such as {"piece": "table"}; empty for a mesh from memory."""
 
     def __post_init__(self) -> None:
         if not self.name.strip() or not self.name.isprintable() or len(self.name) > 200:
@@ -75,7 +75,7 @@ class Furnishing:
         return f"<Furnishing {self.name!r} at ({self.at[0]:g}, {self.at[1]:g}) m: {len(self.mesh.faces)} triangles>"
 
     def to_map(self, points: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-        """Points of its own frame in `map` [m]. Heights stay what they are, but for `z_m`."""
+        """Points of its own frame in `map` [m]."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         turned = np.asarray(points, float) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
         return turned + np.array([*self.at, self.z_m])

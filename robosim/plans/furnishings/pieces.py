@@ -48,7 +48,7 @@ def _slab(width_m: float, depth_m: float, low_m: float, high_m: float) -> Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A top on four legs; what is lower than its underside passes below."""
+    """A top on four legs; things lower than its underside pass below."""
 
     width_m: float = 1.4
     """Along x [m]."""
@@ -294,14 +294,14 @@ class Plant:
             axis=-1,
         )
         vertices = np.vstack([xyz.reshape(-1, 3), [(0, 0, 0), (0, 0, 1)]])
-        here, beside = np.arange(n), (np.arange(n) + 1) % n
-        faces = [np.column_stack([beside, here, np.full(n, len(vertices) - 2)])]
+        here, following = np.arange(n), (np.arange(n) + 1) % n
+        faces = [np.column_stack([following, here, np.full(n, len(vertices) - 2)])]
         for k in range(len(ring) - 1):
             low, high = k * n, (k + 1) * n
-            faces.append(np.column_stack([low + here, low + beside, high + beside]))
-            faces.append(np.column_stack([low + here, high + beside, high + here]))
+            faces.append(np.column_stack([low + here, low + following, high + following]))
+            faces.append(np.column_stack([low + here, high + following, high + here]))
         last = (len(ring) - 1) * n
-        faces.append(np.column_stack([last + here, last + beside, np.full(n, len(vertices) - 1)]))
+        faces.append(np.column_stack([last + here, last + following, np.full(n, len(vertices) - 1)]))
         made = trimesh.Trimesh(vertices, np.concatenate(faces), process=False)
         if self.subdivisions:
             made = made.subdivide_loop(iterations=self.subdivisions)
@@ -321,7 +321,7 @@ PIECES: dict[str, type[PieceOfFurniture]] = {
     "cupboard": Cupboard,
     "plant": Plant,
 }
-#: What they are made of and painted like; the others are of wood in its colour.
+#: Their materials and colours; the others are of wood in its colour.
 _MATERIAL = {
     "plant": "wood",
     "sofa": "chipboard",
@@ -354,11 +354,11 @@ def make_piece(
 
     Args:
         piece: One of `PIECES`.
-        at: Where its middle stands, x, y [m] in `map`.
-        yaw_rad: By what it is turned, counter-clockwise [rad]; its back is at -y.
-        z_m: How high above the floor it stands [m].
-        name: What messages call it; the piece's name if not given.
-        material: Its radio material; what such pieces are usually made of if not given.
+        at: Place of its middle, x, y [m] in `map`.
+        yaw_rad: Its rotation, counter-clockwise [rad]; its back is at -y.
+        z_m: Its height above the floor [m].
+        name: Its name in messages; the piece's name if not given.
+        material: Its radio material; the usual one of such pieces if not given.
         colour: Red, green and blue, 0 to 255.
         sizes: Fields of the piece, such as width_m.
 

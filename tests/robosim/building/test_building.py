@@ -7,8 +7,8 @@ import trimesh
 from scipy.ndimage import gaussian_filter
 
 from robosim.building.building import KINDS, BuildingConfig, make_building
-from robosim.building.outline import wall_lines
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from tests.outlines import wall_lines
 
 CELL_M = 0.05
 WALL_LINES = ["cell_edge", "cell_centre"]

@@ -8,8 +8,8 @@ import pytest
 import shapely
 from scipy.ndimage import gaussian_filter
 
-from robosim.building.outline import free_polygons, wall_lines
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from tests.outlines import free_polygons, wall_lines
 
 WALL_LINES = ["cell_edge", "cell_centre"]
 

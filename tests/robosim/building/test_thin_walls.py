@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robosim.building.building import make_building
-from robosim.building.outline import _rings_and_thin_walls, free_polygons
+from robosim.building.outline import _rings_and_thin_walls
 from robosim.building.straight import _reach, _rings, _segments
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from tests.outlines import free_polygons
 from tests.robosim.building.test_outline import noise, plan_from
 from wireless import Tracer, TracerConfig
 

@@ -11,7 +11,6 @@ import pytest
 from scipy import ndimage
 
 from robosim.building.building import make_building
-from robosim.building.outline import free_polygons
 from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
 from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
@@ -26,6 +25,7 @@ from tests.benchmarks.plan_statistics import (
     perimeter_m,
     plan_statistics,
 )
+from tests.outlines import free_polygons
 
 NAVIGABLE = GeneratorConfig(navigable=True)
 EMPTY = GeneratorConfig(furniture=0)

@@ -6,7 +6,7 @@ import pytest
 from robosim.building.building import BuildingConfig
 from robosim.live.link_model import LinkSettings
 from robosim.live.storeys_model import StoreysModel
-from robosim.plans.storeys import StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from tests.plans import room
 
 pytest.importorskip("viser", reason="needs viser: pip install -e '.[live]'")

@@ -4,7 +4,7 @@ import pytest
 
 from robosim.plans.files import read_plan, write_ros
 from robosim.plans.floorplan import MapError
-from robosim.plans.storeys import is_storeys
+from robosim.plans.storey_plans import is_storeys
 from robosim.plans.storeys_file import read_storeys
 from tests.plans import room
 

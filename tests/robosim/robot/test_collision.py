@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import shapely
 
-from robosim.building.outline import free_polygons
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.plans.rectangles import free_quarters
 from robosim.robot.collision import check_pose, wall_segments, wall_solids
+from tests.outlines import free_polygons
 from tests.plans import room
 
 # Far less than physics can feel; GEOS' buffers are off by more than 1e-9 at 10 km from the origin.

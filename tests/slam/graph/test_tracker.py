@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from robosim.logs.scores import compared
+from robosim.logs.trajectory_scores import compare_trajectories
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose
@@ -53,7 +53,9 @@ def test_loops_close_and_put_the_past_right(closed):
     matched, _ = driven(loops=False)
     assert tracker.closed > 5
     assert off_m.max() < 0.2
-    with_loops, without = (compared(one.poses(), np.array(WAY)).rpe_m for one in (tracker, matched))
+    with_loops, without = (
+        compare_trajectories(one.poses(), np.array(WAY)).rpe_m for one in (tracker, matched)
+    )
     assert with_loops < min(0.03, 0.6 * without)
 
 

@@ -10,6 +10,7 @@ import trimesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.formats.mesh_slice import plan_from_triangles
+from robosim.plans.reading_options import ReadingOptions
 
 
 def box(low, high):
@@ -28,7 +29,7 @@ def walls(height_m=2.7, thickness_m=0.2, size=(6.0, 4.0), z_m=0.0):
 
 
 def free_m2(triangles, **options):
-    return plan_from_triangles(np.asarray(triangles), **options).free.sum() * 0.05**2
+    return plan_from_triangles(np.asarray(triangles), ReadingOptions(**options)).free.sum() * 0.05**2
 
 
 def written(triangles, tmp_path, name="a.stl"):

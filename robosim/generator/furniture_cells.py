@@ -1,13 +1,12 @@
-"""Pieces of furniture, and which of them stand in what kind of room.
+"""Furniture as cells up to the ceiling, by the kind of room.
 
-A piece is a handful of convex polygons in plan, drawn anew each time: sizes vary within what shops sell,
-chairs are not pushed back neatly. How many there are of each depends on the room's kind and size; the
-numbers were set so that furnished plans resemble scanned homes (`python -m tests.benchmarks plans`), not taken
-from a survey.
+A piece is a few convex polygons in plan, drawn at random each time, in sizes that shops sell. The number of each
+depends on the room's kind and size; the numbers were chosen so that furnished plans resemble scanned homes
+(`python -m tests.benchmarks plans`), not taken from a survey.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -21,24 +20,30 @@ Maker = Callable[[np.random.Generator], Piece]
 
 
 class Entry(NamedTuple):
-    """How a piece occurs in a room."""
+    """How often and where pieces of one kind stand in a room."""
 
-    make: Maker
+    make: Callable[[np.random.Generator], Any]
+    """Makes a random piece."""
     place: str
     """"wall", "corner" or "free"."""
     each: float = 0.0
     """Chance that a room has one."""
     per_10_m2: float = 0.0
-    """How many more there are for each 10 m2 of floor, on average."""
+    """Mean number of additional ones for each 10 m2 of floor."""
+
+    def draw_count(self, rng: np.random.Generator, area_m2: float, density: float) -> int:
+        """A random number of pieces for a room; `density` scales the mean."""
+        n = int(rng.random() < self.each * density)
+        return n + int(rng.poisson(self.per_10_m2 * area_m2 / 10 * density))
 
 
 def entries(kind: str) -> list[Entry]:
-    """What stands in a room of a kind, in the order in which it is put there: large things first."""
+    """Furniture of a kind of room in the order in which it is placed: large pieces first."""
     return _STRUCTURE + _BY_KIND[kind] + _SMALL
 
 
 def structure(kind: str) -> list[Entry]:
-    """What of it is part of the building: stubs of wall, and columns."""
+    """The entries that are part of the building: stubs of wall, and columns."""
     return _STRUCTURE
 
 
@@ -59,7 +64,7 @@ def disk(diameter_m: float, x_m: float = 0.0, y_m: float = 0.0) -> Polygon:
 
 
 def _sized(width_m: tuple[float, float], depth_m: tuple[float, float]) -> Maker:
-    """Maker of boxes: wardrobes, shelves, counters and all else that is one."""
+    """Maker of boxes, such as wardrobes, shelves and counters."""
     return lambda rng: [box(rng.uniform(*width_m), rng.uniform(*depth_m), y_m=-0.02)]
 
 

@@ -9,11 +9,11 @@ import shapely
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.export import export_mesh, export_mitsuba
 from robosim.building.faces import KINDS
-from robosim.building.storeys import StoreysConfig, make_storeys
+from robosim.building.multi_storey import StoreysConfig, make_storeys
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.pieces import make_piece
-from robosim.plans.storeys import StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from robosim.radio.scene import RadioConfig, RadioScene
 from tests.plans import room, turned
 from wireless.tracing.stack_scene import StackScene

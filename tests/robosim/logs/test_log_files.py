@@ -9,9 +9,9 @@ import pytest
 from evo.tools import file_interface
 
 from robosim.cli import main
-from robosim.logs.files import read_log
-from robosim.logs.mapping import LogConfig, map_log, plan_of
-from robosim.logs.scores import aligned, compared, filled_cells
+from robosim.logs.log_files import read_log
+from robosim.logs.log_mapping import LogConfig, make_log_plan, map_log
+from robosim.logs.trajectory_scores import align_trajectory, compare_trajectories, count_filled_cells
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED
 from robosim.support.reading import FileError
@@ -31,7 +31,7 @@ def test_a_raw_log_has_odometry_and_no_reference(tmp_path, packed):
     assert log.range_m.shape == (len(WAY), BEAMS)
     told = DRIVE.told
     steps = [between(a, b) for a, b in pairwise(told)]
-    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-5)
+    np.testing.assert_allclose(log.displacement[1:], steps, atol=1e-5)
     np.testing.assert_allclose(log.bearing_rad, np.radians(np.arange(-90, 91)), atol=1e-9)
 
 
@@ -42,7 +42,7 @@ def test_a_corrected_log_has_both(tmp_path):
     assert log.reference is not None
     np.testing.assert_allclose(log.reference, WAY, atol=1e-5)
     steps = [between(a, b) for a, b in pairwise(DRIVE.told)]
-    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-4)
+    np.testing.assert_allclose(log.displacement[1:], steps, atol=1e-4)
     assert log.known[1:].all()
 
 
@@ -53,13 +53,13 @@ def test_the_newer_lines_are_read(tmp_path):
     log = read_log(path)
     assert log.reference is None
     lasers = [compose(pose, np.array([0.1, 0.0, 0.0])) for pose in DRIVE.told]
-    np.testing.assert_allclose(log.moved[1:], [between(a, b) for a, b in pairwise(lasers)], atol=1e-5)
+    np.testing.assert_allclose(log.displacement[1:], [between(a, b) for a, b in pairwise(lasers)], atol=1e-5)
 
 
 def test_a_trajectory_with_scans_is_a_log_too(tmp_path):
     log = read_log(*DRIVE.write_tum(tmp_path))
     steps = [between(a, b) for a, b in pairwise(DRIVE.told)]
-    np.testing.assert_allclose(log.moved[1:], steps, atol=1e-6)
+    np.testing.assert_allclose(log.displacement[1:], steps, atol=1e-6)
     with pytest.raises(ValueError, match="give the scans"):
         read_log(tmp_path / "odometry.tum")
 
@@ -114,7 +114,7 @@ def test_odometry_that_was_set_anew_tells_nothing(tmp_path):
     path.write_text(_scans([(39, 0, 0), (40, 0, 0), (0, 0, 0), (1, 0, 0)], [1, 2, 3, 4]))
     log = read_log(path)
     assert log.known.tolist() == [True, True, False, True]
-    np.testing.assert_allclose(log.moved[:, 0], [0, 1, 0, 1])
+    np.testing.assert_allclose(log.displacement[:, 0], [0, 1, 0, 1])
     lines = []
     for k, scan in enumerate(_scans([(0, 0, 0), (1, 0, 0), (2, 0, 0)], [1, 2, 3]).splitlines()):
         end = 90 if k == 1 else k + 1
@@ -122,7 +122,7 @@ def test_odometry_that_was_set_anew_tells_nothing(tmp_path):
     path.write_text("\n".join(lines) + "\n")
     log = read_log(path)
     assert log.known.tolist() == [False, True, False]
-    np.testing.assert_allclose(log.moved[:, 0], [0, 1, 0])
+    np.testing.assert_allclose(log.displacement[:, 0], [0, 1, 0])
 
 
 def test_a_few_times_out_of_order_leave_the_others(tmp_path):
@@ -146,7 +146,7 @@ def test_a_pose_that_nobody_filled_in_is_no_reference(tmp_path):
     path.write_text(_scans(poses, range(5), laser=[(0, 0, 0)] * 5))
     log = read_log(path)
     assert log.reference is None
-    np.testing.assert_allclose(log.moved[1:, 0], 1.0)
+    np.testing.assert_allclose(log.displacement[1:, 0], 1.0)
 
 
 def test_the_way_and_the_map_are_found(tmp_path):
@@ -156,11 +156,14 @@ def test_the_way_and_the_map_are_found(tmp_path):
     log = read_log(path)
     mapped = map_log(log)
     assert log.reference is not None
-    scores, odometry = compared(mapped.poses, log.reference), compared(log.odometry(), log.reference)
+    scores, odometry = (
+        compare_trajectories(mapped.poses, log.reference),
+        compare_trajectories(log.odometry(), log.reference),
+    )
     assert scores.rpe_m < 0.03 < odometry.rpe_m
     assert scores.rpe_deg < 0.5 < odometry.rpe_deg
-    assert filled_cells(log, mapped.poses) < filled_cells(log, log.odometry())
-    plan = plan_of(log, aligned(mapped.poses, log.reference), 0.05, 25.0)
+    assert count_filled_cells(log, mapped.poses) < count_filled_cells(log, log.odometry())
+    plan = make_log_plan(log, align_trajectory(mapped.poses, log.reference), 0.05, 25.0)
 
     def cell(x: float, y: float) -> int:
         ix, iy = ((np.array([x, y]) - plan.origin[:2]) / plan.resolution_m).astype(int)
@@ -205,13 +208,13 @@ def test_a_real_building_comes_out_as_published(shared):
     part = replace(
         log,
         range_m=log.range_m[first],
-        moved=log.moved[first],
+        displacement=log.displacement[first],
         known=log.known[first],
         times=log.times[first],
         reference=log.reference[first],
     )
     assert part.reference is not None
-    scores = compared(map_log(part).poses, part.reference)
+    scores = compare_trajectories(map_log(part).poses, part.reference)
     assert scores.rpe_m < 0.06
     assert scores.rpe_deg < 0.6
 
@@ -226,10 +229,10 @@ def test_whole_buildings_come_out_as_published(shared, name, rpe_m, rpe_deg):
     log = read_log(shared / "data" / "robot-logs" / f"{name}-corrected.log.gz")
     assert log.reference is not None
     poses = map_log(log).poses
-    scores = compared(poses, log.reference)
+    scores = compare_trajectories(poses, log.reference)
     assert scores.rpe_m < rpe_m
     assert scores.rpe_deg < rpe_deg
-    assert filled_cells(log, poses) < 1.02 * filled_cells(log, log.reference)
+    assert count_filled_cells(log, poses) < 1.02 * count_filled_cells(log, log.reference)
 
 
 def test_scans_of_other_bearings_are_named_by_their_line(tmp_path):

@@ -11,8 +11,9 @@ from robosim.building.building import BuildingConfig, make_building
 from robosim.building.export import export_mesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
+from robosim.plans.formats.mesh_floors import find_floors
 from robosim.plans.formats.mesh_slice import plan_from_triangles
-from robosim.plans.formats.storeys import find_storeys
+from robosim.plans.reading_options import ReadingOptions
 
 #: '.' is free; one cell is 0.1 m. Two rooms with a door, a column, a wall one cell thick and a diagonal one.
 PICTURE = """
@@ -116,7 +117,7 @@ def test_turned_buildings_lose_no_wall_and_less_than_a_cell(turn):
     mesh = solids()
     matrix = trimesh.transformations.rotation_matrix(turn, [0, 0, 1])
     mesh.apply_transform(matrix)
-    sliced = plan_from_triangles(np.array(mesh.triangles), resolution_m=0.05)
+    sliced = plan_from_triangles(np.array(mesh.triangles), ReadingOptions(resolution_m=0.05))
     c, s = np.cos(turn), np.sin(turn)
 
     def state(mask):
@@ -143,7 +144,7 @@ def test_a_noisy_scan_with_holes_keeps_its_walls():
     vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, 0.05)
     vertices = vertices + rng.normal(0, 0.004, vertices.shape)
     triangles = vertices[faces][rng.random(len(faces)) > 0.1]
-    sliced = plan_from_triangles(triangles, resolution_m=0.1)
+    sliced = plan_from_triangles(triangles, ReadingOptions(resolution_m=0.1))
     got = free_at(plan(), sliced)
     assert not (got & ~plan().free).any()
     assert (plan().free & ~got).sum() < 0.35 * plan().free.sum()
@@ -159,7 +160,7 @@ def two_storeys():
 
 def test_the_lowest_storey_is_taken_and_the_others_are_named(caplog):
     with caplog.at_level(logging.WARNING):
-        sliced = plan_from_triangles(np.array(two_storeys().triangles), resolution_m=0.1)
+        sliced = plan_from_triangles(np.array(two_storeys().triangles), ReadingOptions(resolution_m=0.1))
     assert "0.00 m (5 m2), 2.70 m (5 m2)" in caplog.text
     assert sliced.free.sum() == 29 * 16
 
@@ -180,7 +181,7 @@ def test_heights_without_a_floor_are_said(tmp_path):
 
 def test_a_storey_is_a_floor_with_walls_and_no_table():
     """A room of 4 m x 3 m: 12 m2 with 14 m of wall; the table top in it is no storey."""
-    (storey,) = find_storeys(room(table=0.75), 0.2, 1.5)
+    (storey,) = find_floors(room(table=0.75), 0.2, 1.5)
     assert storey.height_m == pytest.approx(0.0, abs=1e-9)
     assert storey.area_m2 == pytest.approx(12.0)
     assert storey.walls_m == pytest.approx(14.0)
@@ -188,11 +189,11 @@ def test_a_storey_is_a_floor_with_walls_and_no_table():
 
 def test_a_high_shelf_in_a_hall_is_no_storey():
     """A surface of 1 m2 at 2 m, with 3 m of the hall's walls above it: too small beside the floor's 12 m2."""
-    assert len(find_storeys(room(table=2.0, height_m=5.0), 0.2, 1.5)) == 1
+    assert len(find_floors(room(table=2.0, height_m=5.0), 0.2, 1.5)) == 1
 
 
 def test_a_roof_has_no_walls():
-    storeys = find_storeys(np.array(solids().triangles), 0.2, 1.5)
+    storeys = find_floors(np.array(solids().triangles), 0.2, 1.5)
     assert [(round(s.height_m, 6), s.has_walls) for s in storeys] == [(0.0, True), (2.7, False)]
 
 
@@ -211,17 +212,20 @@ def room(table=None, height_m=2.5):
 @pytest.mark.parametrize(("table", "n_missing"), [(None, 0), (0.1, 0), (0.75, 100), (1.6, 0)])
 def test_only_what_stands_in_the_slice_counts(table, n_missing):
     """A rug at 0.1 m and a shelf at 1.6 m leave the floor free; a table top of 1 m2 at 0.75 m does not."""
-    sliced = plan_from_triangles(room(table), resolution_m=0.1)
+    sliced = plan_from_triangles(room(table), ReadingOptions(resolution_m=0.1))
     assert sliced.free.sum() == 40 * 30 - n_missing
 
 
 def test_the_slice_can_be_chosen():
-    assert plan_from_triangles(room(1.6), resolution_m=0.1, slice_m=(0.3, 1.7)).free.sum() == 40 * 30 - 100
+    assert (
+        plan_from_triangles(room(1.6), ReadingOptions(resolution_m=0.1, slice_m=(0.3, 1.7))).free.sum()
+        == 40 * 30 - 100
+    )
 
 
 def test_meshes_inside_out_are_turned(caplog):
     with caplog.at_level(logging.WARNING):
-        assert plan_from_triangles(room()[:, ::-1], resolution_m=0.1).free.sum() == 40 * 30
+        assert plan_from_triangles(room()[:, ::-1], ReadingOptions(resolution_m=0.1)).free.sum() == 40 * 30
     assert "inside out" in caplog.text
 
 
@@ -231,7 +235,7 @@ def test_rooms_under_single_sheets_stay(tmp_path):
     triangles = np.array(shell.triangles)
     floor = shell.face_normals[:, 2] < -0.5
     triangles[floor] = triangles[floor][:, ::-1]
-    assert plan_from_triangles(triangles, resolution_m=0.1).free.sum() > 37 * 27
+    assert plan_from_triangles(triangles, ReadingOptions(resolution_m=0.1)).free.sum() > 37 * 27
 
 
 def box(low, high, inwards=False):
@@ -249,7 +253,7 @@ def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
     if faces == "both":
         cupboard = np.concatenate([cupboard, cupboard[:, ::-1]])
     whole = np.concatenate([box((0, 0, 0), (4, 3, 2.5), room_inwards), cupboard])
-    sliced = plan_from_triangles(whole, resolution_m=0.1)
+    sliced = plan_from_triangles(whole, ReadingOptions(resolution_m=0.1))
     assert 1000 <= sliced.free.sum() <= 1100
     cells = sliced.to_cells(np.mgrid[1.15:1.9:0.1, 1.15:1.9:0.1].reshape(2, -1).T)
     inside = np.floor(cells).astype(int)
@@ -259,16 +263,18 @@ def test_the_inside_of_a_closed_cupboard_is_not_free(room_inwards, faces):
 def test_rooms_that_are_closed_surfaces_stay():
     """Two rooms as shells of their own, also beside open ground; a cupboard in the smaller one; a room in a room."""
     rooms = [box((0, 0, 0), (4, 3, 2.5), True), box((4.2, 0, 0), (7, 3, 2.5), True)]
-    both = plan_from_triangles(np.concatenate(rooms), resolution_m=0.1).free.sum()
+    both = plan_from_triangles(np.concatenate(rooms), ReadingOptions(resolution_m=0.1)).free.sum()
     assert both > 38 * 28 + 26 * 28
     cupboard = box((5, 1, 0), (6, 2, 2))
-    less = plan_from_triangles(np.concatenate([*rooms, cupboard]), resolution_m=0.1).free.sum()
+    less = plan_from_triangles(
+        np.concatenate([*rooms, cupboard]), ReadingOptions(resolution_m=0.1)
+    ).free.sum()
     assert 100 <= both - less <= 144
     hollow = [box((1, 1, 0), (3, 2.5, 2.4)), box((1.1, 1.1, 0), (2.9, 2.4, 2.3), True)]
-    with_pod = plan_from_triangles(np.concatenate([rooms[0], *hollow]), resolution_m=0.1)
+    with_pod = plan_from_triangles(np.concatenate([rooms[0], *hollow]), ReadingOptions(resolution_m=0.1))
     assert with_pod.free.sum() > 39 * 29 - 21 * 16 + 16 * 11
     ground = [[(-9, -9, 0), (9, -9, 0), (9, 9, 0)], [(-9, -9, 0), (9, 9, 0), (-9, 9, 0)]]
-    outside = plan_from_triangles(np.concatenate([rooms[0], ground]), resolution_m=0.1)
+    outside = plan_from_triangles(np.concatenate([rooms[0], ground]), ReadingOptions(resolution_m=0.1))
     x, y = np.floor(outside.to_cells(np.array([[2.0, 1.5]]))[0]).astype(int)
     assert outside.free[y, x]
 
@@ -283,7 +289,7 @@ def test_small_holes_in_the_floor_are_closed_but_not_stairwells():
         strips = [((0, 0), (4, a)), ((0, b), (4, 3)), ((0, a), (a, b)), ((b, a), (4, b))]
         corners = [[(x0, y0, 0), (x1, y0, 0), (x1, y1, 0), (x0, y1, 0)] for (x0, y0), (x1, y1) in strips]
         floor = np.array([[c[i] for i in face] for c in corners for face in ((0, 1, 2), (0, 2, 3))], float)
-        sliced = plan_from_triangles(np.concatenate([walls, floor]), resolution_m=0.1)
+        sliced = plan_from_triangles(np.concatenate([walls, floor]), ReadingOptions(resolution_m=0.1))
         assert sliced.free.sum() == 40 * 30 - n_missing
 
 
@@ -366,4 +372,4 @@ def test_a_lone_wall_has_no_floor(tmp_path):
 @pytest.mark.parametrize("slice_m", [(0.0, 1.0), (1.0, 0.5), (0.2, float("inf")), (0.2, float("nan"))])
 def test_senseless_slices_are_refused(slice_m):
     with pytest.raises(ValueError, match="slice_m"):
-        plan_from_triangles(room(), slice_m=slice_m)
+        plan_from_triangles(room(), ReadingOptions(slice_m=slice_m))

@@ -1,10 +1,10 @@
-"""The storeys of a building's mesh: large level surfaces below free air, with walls above them.
+"""Floors of a building's mesh: large level surfaces below free air, with walls above them.
 
-Heights are found where most level area with free air above lies within a decimetre or so, whichever way it faces:
-many files have faces that point anywhere, and closed boxes for rooms. Undersides of slabs have no air above them. What
-covers little of the mesh is no floor, such as the ground below walls alone. Tables, beds and steps are too small, and
-whatever lies less than a storey above or below a larger surface is taken for a part of the
-same storey. A roof has air above it too, but no walls stand on it.
+A floor is a height with much level area within a decimetre or so that has free air above, whatever its orientation:
+many files have faces of any orientation, and closed boxes for rooms. Undersides of slabs have no air above them.
+Surfaces that cover little of the mesh are no floor, such as the ground below walls alone. Tables, beds and steps are
+too small, and surfaces less than a storey above or below a larger one belong to the same storey. A roof has air above
+it too, but no walls stand on it.
 Left out: split levels less than a storey apart are one storey, of which only the larger part counts.
 """
 
@@ -14,11 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Int
 
 from robosim.plans.formats.mesh_raster import AT_ONCE, blocks
+from robosim.support.ray_casting import make_ray_scene
 
 #: Surfaces less steep than this are floors, ceilings or table tops (cosine of 45 degrees).
 LEVEL_COSINE = 0.7
@@ -28,18 +27,18 @@ _SPREAD_M = 0.1
 _STOREY_M = 1.8
 #: The smallest floor, as a share of the largest one.
 _SMALLEST_SHARE = 0.2
-#: How much of the convex hull of its own corners, and of that of all of the mesh, a floor covers at least: the ground
-#: that walls stand on is a seventh of the former, a table far less of the latter.
+#: Least share of the convex hull of its own corners, and of that of the mesh, that a floor covers: the ground that
+#: walls stand on covers a seventh of the former, a table far less of the latter.
 _LEAST_OF_OWN, _LEAST_OF_ALL = 0.25, 0.1
-#: Points that are looked up from: to a square metre, and in all; and from how far above the surface [m].
-_LOOKS_PER_M2, _MOST_LOOKS, _OFF_M = 10.0, 200_000, 0.01
-#: More are none of a building.
+#: Points from which rays go up: per square metre, and in all; and their height above the surface [m].
+_RAYS_PER_M2, _MOST_RAYS, _OFF_M = 10.0, 200_000, 0.01
+#: Most storeys of a building.
 _MOST_STOREYS = 300
 
 
 @dataclass(frozen=True, kw_only=True)
-class Storey:
-    """One floor of a building."""
+class MeshFloor:
+    """One floor of a building in a mesh."""
 
     height_m: float
     """Height of the floor, in the mesh's own coordinates [m]."""
@@ -54,7 +53,7 @@ class Storey:
         return self.walls_m >= self.area_m2**0.5
 
 
-def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: float) -> list[Storey]:
+def find_floors(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: float) -> list[MeshFloor]:
     """Floors of a mesh with z upwards, the lowest first.
 
     Args:
@@ -63,7 +62,7 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         high_m: Height up to which they are [m].
 
     Raises:
-        ValueError: If there are more than any building has.
+        ValueError: If there are more than a building has.
     """
     level, walls = _surfaces(triangles)
     order = np.argsort(triangles[level, :, 2].mean(axis=1), kind="stable")
@@ -76,7 +75,7 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         for area in (air, np.maximum(facing, 0), np.maximum(-facing, 0))
     )
     whole = shapely.MultiPoint(triangles[:, :, :2].reshape(-1, 2)).convex_hull.area
-    storeys: list[Storey] = []
+    storeys: list[MeshFloor] = []
     left = air > 0
     while left.any():
         best = int(np.argmax(np.where(left, around, -1.0)))
@@ -91,8 +90,8 @@ def find_storeys(triangles: Float[np.ndarray, "n 3 3"], low_m: float, high_m: fl
         walls_m = walls.length_m(height + low_m, height + high_m)
         if len(storeys) == _MOST_STOREYS:
             raise ValueError(f"more than {_MOST_STOREYS} storeys")
-        storeys.append(Storey(height_m=height, area_m2=float(max(up[best], down[best])), walls_m=walls_m))
-    return sorted(storeys, key=lambda storey: storey.height_m)
+        storeys.append(MeshFloor(height_m=height, area_m2=float(max(up[best], down[best])), walls_m=walls_m))
+    return sorted(storeys, key=lambda floor: floor.height_m)
 
 
 def area_below_air(
@@ -100,25 +99,24 @@ def area_below_air(
 ) -> Float[np.ndarray, " k"]:
     """Area of some triangles with nothing above them up to a height, seen from above [m2].
 
-    Points all over each are looked up from, one to a tenth of a square metre or so, as many as `_MOST_LOOKS` allows.
+    Rays go up from points spread over each triangle, about one per tenth of a square metre, at most `_MOST_RAYS`.
     """
     corner = triangles[which]
     a, b = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
     area = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) / 2
-    per_m2 = min(_LOOKS_PER_M2, _MOST_LOOKS / max(float(area.sum()), 1e-9))
-    looks = np.maximum(np.ceil(area * per_m2), 1).astype(np.int64)
-    owner = np.repeat(np.arange(len(which)), looks)
+    per_m2 = min(_RAYS_PER_M2, _MOST_RAYS / max(float(area.sum()), 1e-9))
+    n_rays = np.maximum(np.ceil(area * per_m2), 1).astype(np.int64)
+    owner = np.repeat(np.arange(len(which)), n_rays)
     # Evenly spread: multiples of the plastic number's powers (M. Roberts' R2 sequence), folded into the triangle.
     share = np.outer(np.arange(len(owner)) + 0.5, [0.7548776662, 0.5698402910]) % 1
     share = np.where(share.sum(axis=1, keepdims=True) > 1, 1 - share, share)
     middle = triangles.reshape(-1, 3).mean(axis=0)
     origin = corner[owner, 0] - middle + share[:, :1] * a[owner] + share[:, 1:] * b[owner]
     origin[:, 2] += _OFF_M
-    scene = EmbreeScene(robust=True)
-    shape = TriangleMesh(scene, (triangles - middle).astype(np.float32))  # noqa: F841 (the scene holds no reference)
+    scene = make_ray_scene(triangles - middle)
     upwards = np.tile(np.array([0, 0, 1], np.float32), (len(origin), 1))
     free = scene.run(origin.astype(np.float32), upwards, output=True)["tfar"] > high_m
-    return area * np.bincount(owner, free, len(which)) / looks
+    return area * np.bincount(owner, free, len(which)) / n_rays
 
 
 def _within(

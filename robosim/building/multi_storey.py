@@ -1,10 +1,9 @@
 """A building of several storeys: floor plans over each other, slabs between them, and openings in these.
 
-Each storey is what its plan alone would make (`robosim.building.building`), put on its own height. Where a slab has
-an opening, its top and underside are left out and its rim is a wall. An opening reaches as far as the floors below
-and above are both free, so that it may be drawn generously up to walls. All of it is one mesh: a closed shell around
-each free volume with normals into it, whose walls, floors and ceilings meet in common vertices; then what is placed
-in the storeys.
+Each storey is the building of its plan alone (`robosim.building.building`), at its own height. Where a slab has an
+opening, its top and underside are left out and its rim is a wall. An opening is clipped to where the floors below and
+above are both free. All of it is one mesh: a closed shell around each free volume with normals into it, whose walls,
+floors and ceilings meet in common vertices; then the furnishings of the storeys.
 
 Left out: stairs, furniture lower than its storey, passages of no width, the outsides of walls and slabs.
 """
@@ -18,22 +17,22 @@ import trimesh
 from jaxtyping import Float, Int, UInt8
 from scipy.spatial import cKDTree
 
-from robosim.building.building import Building, BuildingConfig, furnished, make_building, material_of
+from robosim.building.building import Building, BuildingConfig, make_building, material_of, with_furnishings
 from robosim.building.extrusion import CEILING, FLOOR, FURNITURE, WALL
 from robosim.building.faces import Faces, plain_mesh
 from robosim.building.rings import polygons_of, rings_of
-from robosim.building.shell import joined
+from robosim.building.shell import make_shell
 from robosim.parts import MaterialPart
 from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.plans.storeys import Ring, StoreyPlan, StoreysPlan
+from robosim.plans.storey_plans import Ring, StoreyPlan, StoreysPlan
 from wireless.em.materials import Material
 
 logger = logging.getLogger(__name__)
 
 #: Corners of openings this close to corners or walls are on them [m].
 _ON_M = 1e-9
-#: What is left of an opening between walls counts from this size on [m2].
+#: Smaller parts of openings between walls are dropped [m2].
 _LEAST_M2 = 0.01
 
 
@@ -78,19 +77,19 @@ class Storeys(Faces):
     """Storeys over each other in three dimensions, in the `map` frame: z up, the lowest floor at z = 0."""
 
     plan: StoreysPlan
-    """What it was made from."""
+    """Its plans."""
     storeys: tuple[Storey, ...]
     """From the lowest up."""
     mesh: trimesh.Trimesh
     """All faces, with normals into free space."""
     face_kind: UInt8[np.ndarray, " n_faces"]
-    """What each face is: index into `robosim.building.faces.KINDS`; rims of slabs are walls."""
+    """Kind of each face: index into `robosim.building.faces.KINDS`; rims of slabs are walls."""
     materials: tuple[str | Material, ...]
     """Radio materials of the faces."""
     face_material: UInt8[np.ndarray, " n_faces"]
-    """What each face is made of: index into `materials`."""
+    """Material of each face: index into `materials`."""
     furnishings: tuple[Furnishing, ...] = ()
-    """What is placed in the storeys, at its height above the lowest floor, in the order of its faces."""
+    """Furnishings of the storeys, with heights above the lowest floor, in the order of their faces."""
 
     def __repr__(self) -> str:
         return f"<Storeys {self.plan.name!r}: {len(self.storeys)}, {len(self.mesh.faces)} faces>"
@@ -114,7 +113,7 @@ class _Part:
     def add(
         self, corner: Float[np.ndarray, "n 3 3"], kind: Int[np.ndarray, " n"], material: list[str | Material]
     ) -> None:
-        """Take in some faces."""
+        """Add faces."""
         self.corner.append(corner)
         self.kind.append(kind)
         self.material += material
@@ -137,7 +136,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
     ]
     free = [building.free for building in alone]
     opening = [
-        _opening(plan.told, number, one, free[number], free[number + 1])
+        _opening(plan.label, number, one, free[number], free[number + 1])
         for number, one in enumerate(plan.storeys[:-1])
     ]
     free, opening = _noded(free, opening)
@@ -156,7 +155,7 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             rim = _upright(_segments(opening[i]), high, plan.floor_m(i + 1))
             of_rim = own or material_of(config.slab_material, "slab_material")
             part.add(rim, np.full(len(rim), WALL), [of_rim] * len(rim))
-    vertices, faces, kept = joined(np.concatenate(part.corner))
+    vertices, faces, triangle = make_shell(np.concatenate(part.corner))
     materials = tuple(dict.fromkeys(part.material))
     number_of = {one: number for number, one in enumerate(materials)}
     of_face = np.array([number_of[one] for one in part.material], np.uint8)
@@ -168,16 +167,16 @@ def make_storeys(plan: StoreysPlan, *, config: StoreysConfig | None = None) -> S
             for i, building in enumerate(alone)
         ),
         mesh=plain_mesh(vertices, faces, {"plan": plan.name, "frame": "map"}),
-        face_kind=np.concatenate(part.kind).astype(np.uint8)[kept],
+        face_kind=np.concatenate(part.kind).astype(np.uint8)[triangle],
         materials=materials,
-        face_material=of_face[kept],
+        face_material=of_face[triangle],
     )
     raised = tuple(
         replace(thing, z_m=thing.z_m + storey.floor_m)
         for storey in bare.storeys
         for thing in storey.building.furnishings
     )
-    return replace(bare, **furnished(bare, raised)._asdict()) if raised else bare
+    return with_furnishings(bare, raised)
 
 
 def _noded(
@@ -207,20 +206,20 @@ def _hole(
     name: str, number: int, ring: Ring, below: shapely.MultiPolygon, above: shapely.MultiPolygon
 ) -> shapely.Geometry:
     polygon = shapely.Polygon(ring)
-    told = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
+    subject = f"{name}: storey {number}: openings has the polygon {[list(point) for point in ring][:4]}"
     if not polygon.is_valid or polygon.area == 0:
-        raise MapError(f"{told}, expected one that encloses an area and does not cross itself.")
+        raise MapError(f"{subject}, expected one that encloses an area and does not cross itself.")
     free = _polygons(polygon & below & above)
     if free.is_empty:
         raise MapError(
-            f"{told}, in which the floors below and above are nowhere both free. Coordinates are metres in the frame "
-            "of the plans, which must lie over each other."
+            f"{subject}, in which the floors below and above are nowhere both free. Coordinates are metres in the "
+            "frame of the plans, which must lie over each other."
         )
     return free
 
 
 def _polygons(area: shapely.Geometry) -> shapely.MultiPolygon:
-    """The parts of an area that are worth counting."""
+    """The parts of an area that are not negligible."""
     parts = [one for one in shapely.get_parts(area) if one.geom_type == "Polygon" and one.area > _LEAST_M2]
     return shapely.MultiPolygon(list(shapely.orient_polygons(parts)))
 
@@ -295,7 +294,7 @@ def _add_flat(
     triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(shapely.MultiPolygon(solid)))
     xy = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
     one, other = xy[:, 1] - xy[:, 0], xy[:, 2] - xy[:, 0]
-    # They all turn the same way; of the thinnest alone nobody could tell.
+    # All turn in the same direction, which rounding would hide for the thinnest alone.
     clockwise = (one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]).sum() < 0
     xy = xy[:, ::-1] if clockwise == (kind == FLOOR) else xy
     xy = _parted(xy, np.unique(shapely.get_coordinates([free, hole]), axis=0))

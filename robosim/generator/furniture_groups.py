@@ -1,7 +1,7 @@
-"""Which pieces of true height stand in what kind of room: the same things as in `robosim.generator.furniture`.
+"""Furniture of true height, by the kind of room: the same pieces as in `robosim.generator.furniture_cells`.
 
 There they are cells up to the ceiling, here meshes (`robosim.plans.furnishings.pieces`), several for a table with its
-chairs. Sizes vary within what shops sell.
+chairs, in sizes that shops sell.
 """
 
 from collections.abc import Callable
@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from robosim.generator.furniture import turn
+from robosim.generator.furniture_cells import Entry, turn
 from robosim.generator.rect import Polygon, Rect
 
 
 class Part(NamedTuple):
-    """One piece of a group: what it is, and where, in the group's frame: x along the wall, y into the room."""
+    """One piece of a group, in the group's frame: x along the wall, y into the room."""
 
     piece: str
     """One of `robosim.plans.furnishings.pieces.PIECES`."""
@@ -22,9 +22,9 @@ class Part(NamedTuple):
     """Its sizes, `width_m` and `depth_m` among them."""
     x_m: float
     y_m: float
-    """Where its middle stands [m]; the wall is at 0."""
+    """Its middle [m]; the wall is at 0."""
     yaw: float = 0.0
-    """By what it is turned; its back is at the wall without [rad]."""
+    """Its rotation [rad]; its back is at the wall without."""
 
     def outline(self) -> Polygon:
         """Its rectangle on the floor [m]."""
@@ -37,20 +37,8 @@ Group = list[Part]
 Maker = Callable[[np.random.Generator], Group]
 
 
-class Entry(NamedTuple):
-    """How a group occurs in a room."""
-
-    make: Maker
-    place: str
-    """"wall", "corner" or "free"."""
-    each: float = 0.0
-    """Chance that a room has one."""
-    per_10_m2: float = 0.0
-    """How many more there are for each 10 m2 of floor, on average."""
-
-
 def entries(kind: str) -> list[Entry]:
-    """What stands in a room of a kind, in the order in which it is put there: large things first."""
+    """Furniture of a kind of room in the order in which it is placed: large pieces first."""
     return _BY_KIND[kind] + _SMALL
 
 
@@ -69,7 +57,7 @@ def _at_wall(piece: str, sizes: dict[str, Any]) -> Part:
 
 
 def _chair(rng: np.random.Generator, x: float, y: float, yaw: float) -> Part:
-    """A chair that was not pushed back neatly."""
+    """A chair, a little askew."""
     x, y = x + rng.uniform(-0.03, 0.03), y + rng.uniform(-0.05, 0.05)
     return Part("chair", {"width_m": 0.42, "depth_m": 0.42}, x, y, yaw + rng.uniform(-0.3, 0.3))
 

@@ -1,4 +1,4 @@
-"""Floor plans over each other: what a building of several storeys is made from.
+"""Floor plans of a building of several storeys.
 
 All plans are in one frame, `map`, as ROS maps of one building are. Each but the highest has a slab over it, with
 openings for stairs and shafts where polygons in that frame say so.
@@ -18,7 +18,7 @@ HEIGHTS_M, SLABS_M = (0.1, 100.0), (0.01, 10.0)
 #: Storeys of a building.
 MOST_STOREYS = 200
 
-#: What a file of storeys is called, and what to do about one that is damaged.
+#: Name of such files in messages, and what to do about a damaged one.
 STOREYS_FILE = "the YAML file of a building of several storeys"
 STOREYS_REMEDY = (
     "List the storeys from the lowest up, such as 'storeys: [{plan: ground.yaml}, {plan: first.yaml}]'."
@@ -36,7 +36,7 @@ class StoreyPlan:
     height_m: float = 2.5
     """From its floor to its ceiling [m]."""
     slab_m: float = 0.3
-    """Thickness of the slab over it [m]; of no use for the highest storey."""
+    """Thickness of the slab over it [m]; not used for the highest storey."""
     slab_material: str | None = None
     """Radio material of all of that slab; None for what the building says of floors, ceilings and slabs."""
     openings: tuple[Ring, ...] = ()
@@ -65,7 +65,7 @@ class StoreysPlan:
     """Storeys of a building, from the lowest up."""
 
     name: str
-    """What reports and files call it."""
+    """Its name in reports and files."""
     storeys: tuple[StoreyPlan, ...]
     """Each with the slab over it."""
     file: str = ""
@@ -74,12 +74,13 @@ class StoreysPlan:
     def __post_init__(self) -> None:
         if not 1 <= len(self.storeys) <= MOST_STOREYS:
             raise MapError(
-                f"{self.told}: storeys has {len(self.storeys)} entries, expected 1 to {MOST_STOREYS}, the lowest first."
+                f"{self.label}: storeys has {len(self.storeys)} entries, expected 1 to {MOST_STOREYS}, "
+                "the lowest first."
             )
 
     @property
-    def told(self) -> str:
-        """What messages call it: its file, if it has one."""
+    def label(self) -> str:
+        """Its name in messages: its file, if it has one."""
         return self.file or self.name
 
     def floor_m(self, storey: int) -> float:
@@ -87,7 +88,7 @@ class StoreysPlan:
         return float(sum(one.height_m + one.slab_m for one in self.storeys[:storey]))
 
     def digest(self) -> str:
-        """A text that changes with whatever a building depends on."""
+        """A text that changes with everything that a building depends on."""
         seen = hashlib.sha256()
         for one in self.storeys:
             seen.update(
@@ -106,7 +107,7 @@ class StoreysPlan:
         """
         if not 0 <= storey < len(self.storeys):
             raise MapError(
-                f"{self.told}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."
+                f"{self.label}: storey is {storey}, expected 0, the lowest, to {len(self.storeys) - 1}."
             )
         return OneStorey(building=self, number=storey)
 

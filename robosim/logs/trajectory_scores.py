@@ -1,11 +1,12 @@
-"""How far a trajectory is from a reference, and how well scans agree on it.
+"""Errors of a trajectory against a reference, and agreement of the scans along it.
 
 Absolute trajectory error: root mean square of the distances after the best rigid alignment (Sturm et al. 2012).
 Relative pose error: of the displacement between two poses, for all pairs whose places lie 1 m to 5 m apart in the
-reference, whenever they were visited (relations, after Kümmerle et al. 2009), and for pairs so far apart along the way.
+reference, whenever they were visited (relations, after Kümmerle et al. 2009), and for pairs so far apart along the
+trajectory.
 
-A reference that comes from another mapping run errs too. What needs none is how many cells of 5 cm all scans fill:
-walls that are thick, or stand twice, fill more.
+A reference that comes from another mapping run has errors too. The number of cells of 5 cm that all scans fill needs
+none: walls that are thick, or appear twice, fill more.
 """
 
 import math
@@ -26,7 +27,7 @@ CELL_M, _RANGE_M = 0.05, 10.0
 
 @dataclass(frozen=True, kw_only=True)
 class Scores:
-    """Of a trajectory against a reference."""
+    """Errors of a trajectory against a reference."""
 
     ate_m: float
     """Absolute trajectory error, root mean square [m]."""
@@ -39,7 +40,7 @@ class Scores:
     rpe_median_deg: float
     """Its median for the turn [deg]."""
     way_rpe_m: float
-    """Relative pose error over 1 to 5 m of way, mean [m]."""
+    """Relative pose error over 1 to 5 m of trajectory, mean [m]."""
     way_rpe_deg: float
     """The same for the turn [deg]."""
 
@@ -48,23 +49,27 @@ class Scores:
         return asdict(self)
 
 
-def compared(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Scores:
+def compare_trajectories(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Scores:
     """Errors of a trajectory against a reference."""
-    off_m, off_rad = _relative(poses, reference, *_near_in_place(reference))
-    way_m, way_rad = _relative(poses, reference, *_near_on_the_way(reference))
+    off_m, off_rad = _relative(poses, reference, _near_in_place(reference))
+    along_m, along_rad = _relative(poses, reference, _near_along(reference))
     return Scores(
-        ate_m=float(math.sqrt(((aligned(poses, reference) - reference)[:, :2] ** 2).sum(axis=1).mean())),
+        ate_m=float(
+            math.sqrt(((align_trajectory(poses, reference) - reference)[:, :2] ** 2).sum(axis=1).mean())
+        ),
         rpe_m=_mean(off_m),
         rpe_deg=math.degrees(_mean(off_rad)),
         rpe_median_m=_median(off_m),
         rpe_median_deg=math.degrees(_median(off_rad)),
-        way_rpe_m=_mean(way_m),
-        way_rpe_deg=math.degrees(_mean(way_rad)),
+        way_rpe_m=_mean(along_m),
+        way_rpe_deg=math.degrees(_mean(along_rad)),
     )
 
 
-def aligned(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    """The poses, moved and turned as one so that their places lie nearest to the reference's."""
+def align_trajectory(
+    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]
+) -> Float[np.ndarray, "n 3"]:
+    """The poses after the rigid motion that brings their places nearest to those of the reference."""
     middle, target = poses[:, :2].mean(axis=0), reference[:, :2].mean(axis=0)
     a, b = poses[:, :2] - middle, reference[:, :2] - target
     turn = math.atan2(float((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum()), float((a * b).sum()))
@@ -72,8 +77,8 @@ def aligned(poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"]
     return np.column_stack([placed, poses[:, 2] + turn])
 
 
-def filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:
-    """How many cells the ends of all beams fill."""
+def count_filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:
+    """Number of cells that the ends of all beams fill."""
     cells = np.floor(ends_of_beams(log, poses) / CELL_M).astype(np.int64)
     return len(np.unique(cells, axis=0))
 
@@ -81,53 +86,44 @@ def filled_cells(log: RobotLog, poses: Float[np.ndarray, "n 3"]) -> int:
 def ends_of_beams(
     log: RobotLog, poses: Float[np.ndarray, "n 3"], range_m: float = _RANGE_M
 ) -> Float[np.ndarray, "m 2"]:
-    """Where beams ended (x, y) [m] in `map`."""
-    ways = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
+    """Ends of beams (x, y) [m] in `map`."""
+    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
     return np.concatenate(
         [
-            to_map(pose, (ranges[:, None] * ways)[ranges < range_m])
+            to_map(pose, (ranges[:, None] * directions)[ranges < range_m])
             for pose, ranges in zip(poses, np.where(np.isfinite(log.range_m), log.range_m, 1e9), strict=True)
         ]
     )
 
 
-def _near_in_place(
-    reference: Float[np.ndarray, "n 3"],
-) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
+def _near_in_place(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
+    """Pairs of poses whose places lie 1 m to 5 m apart."""
     x, y = reference[:, 0], reference[:, 1]
     pairs = []
     for k in range(len(reference)):
         apart = np.hypot(x[k + 1 :] - x[k], y[k + 1 :] - y[k])
         later = k + 1 + np.flatnonzero((apart >= NEAR_M) & (apart <= FAR_M))
         pairs.append(np.column_stack([np.full(len(later), k), later]))
-    both = np.concatenate(pairs)
-    return both[:, 0], both[:, 1]
+    return np.concatenate(pairs)
 
 
-def _near_on_the_way(
-    reference: Float[np.ndarray, "n 3"],
-) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
-    way_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(reference[:, :2], axis=0).T))])
+def _near_along(reference: Float[np.ndarray, "n 3"]) -> Int[np.ndarray, "m 2"]:
+    """Pairs of poses 1 m to 5 m apart along the trajectory."""
+    length_m = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(reference[:, :2], axis=0).T))])
     pairs = []
-    for k in range(len(way_m)):
-        later = np.arange(*np.searchsorted(way_m, way_m[k] + np.array([NEAR_M, FAR_M])), dtype=np.int64)
+    for k in range(len(length_m)):
+        later = np.arange(*np.searchsorted(length_m, length_m[k] + np.array([NEAR_M, FAR_M])), dtype=np.int64)
         pairs.append(np.column_stack([np.full(len(later), k), later]))
-    both = np.concatenate(pairs)
-    return both[:, 0], both[:, 1]
+    return np.concatenate(pairs)
 
 
 def _relative(
-    poses: Float[np.ndarray, "n 3"],
-    reference: Float[np.ndarray, "n 3"],
-    first: Int[np.ndarray, " m"],
-    second: Int[np.ndarray, " m"],
+    poses: Float[np.ndarray, "n 3"], reference: Float[np.ndarray, "n 3"], pairs: Int[np.ndarray, "m 2"]
 ) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
     """Errors of displacements [m] and turns [rad] between pairs of poses."""
-    mine, theirs = (_displacements(track, first, second) for track in (poses, reference))
+    mine, theirs = (_displacements(track, *pairs.T) for track in (poses, reference))
     # The error in the frame of the reference's end; its length is the same in any frame.
-    turn = mine[:, 2] - theirs[:, 2]
-    turn = np.abs(wrap(turn))
-    return np.hypot(*(mine - theirs)[:, :2].T), turn
+    return np.hypot(*(mine - theirs)[:, :2].T), np.abs(wrap(mine[:, 2] - theirs[:, 2]))
 
 
 def _displacements(

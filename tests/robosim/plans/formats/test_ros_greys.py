@@ -12,7 +12,7 @@ from PIL import Image
 from robosim.commands.terminal import PlanOptions, read
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, MapError
-from tests.robosim.plans.test_ros_map import write_map
+from tests.robosim.plans.formats.test_ros_map import write_map
 
 
 def greys(unknown=205, free=254, occupied=0):

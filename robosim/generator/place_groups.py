@@ -1,8 +1,8 @@
-"""Placing pieces of true height into rooms without barring anyone's way.
+"""Placing furniture of true height, without blocking passages.
 
-A group is tried at a few random places, as `robosim.generator.furnish` tries its cells, and by the same rules: it keeps
-off doorways and leaves a passage, as if all of it stood on the floor. It also keeps a cell off the walls, which may
-stand half a cell beside those that were drawn, and off other pieces.
+A group is tried at a few random places by the rules of `robosim.generator.place_cells`, as if all of it stood on the
+floor. It also keeps a distance of a cell to the walls, which may stand half a cell off those that were drawn, and a gap
+to other pieces.
 """
 
 import numpy as np
@@ -10,10 +10,10 @@ import shapely
 from jaxtyping import Bool
 
 from robosim.generator.canvas import Canvas
-from robosim.generator.furnish import Space
-from robosim.generator.furniture import turn
+from robosim.generator.furniture_cells import Entry, turn
+from robosim.generator.furniture_groups import Group, entries
 from robosim.generator.layout import Layout
-from robosim.generator.pieces import Entry, Group, entries
+from robosim.generator.place_cells import Space
 from robosim.generator.rect import Rect
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import make_piece
@@ -42,30 +42,28 @@ def place_pieces(
         layout: Rooms and openings that the canvas shows.
         rng: Source of all chance.
         free: Cells of the plan that are free, without furniture.
-        density: Share of the usual furniture that is there.
-        passage_m: Width that stays free on some way between any two places that have it now [m].
+        density: Share of the usual furniture.
+        passage_m: Width of a passage that stays free between any two places that have one before [m].
     """
     room_left = _Room(canvas, free)
     found: list[Furnishing] = []
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)
         for entry in entries(room.kind):
-            n = int(rng.random() < entry.each * density)
-            n += int(rng.poisson(entry.per_10_m2 * room.floor.area / 10 * density))
-            for _ in range(n):
+            for _ in range(entry.draw_count(rng, room.floor.area, density)):
                 found += _try(canvas, space, room_left, room.floor, entry, rng)
     return found
 
 
 class _Room:
-    """Floor on which something may still be placed, in the building's own frame."""
+    """Floor that is not taken yet, in the building's own frame."""
 
     def __init__(self, canvas: Canvas, free: Bool[np.ndarray, "ny nx"]) -> None:
         self._canvas, self._free = canvas, free
         self._taken: list[shapely.Polygon] = []
 
     def holds(self, outlines: list[shapely.Polygon]) -> bool:
-        """Whether all of some outlines keep off walls and what is placed already."""
+        """Whether outlines keep their distance to walls and to what is placed already."""
         for outline in shapely.buffer(outlines, self._canvas.resolution_m, join_style="mitre"):
             corners = shapely.get_coordinates(shapely.orient_polygons(outline))[:-1]
             window = self._canvas.window(corners)
@@ -74,7 +72,7 @@ class _Room:
         return not self._taken or not shapely.dwithin(shapely.union_all(outlines), self._taken, GAP_M).any()
 
     def take(self, outlines: list[shapely.Polygon]) -> None:
-        """Keep off these from now on."""
+        """Mark outlines as taken."""
         self._taken += outlines
 
 
@@ -101,7 +99,7 @@ def _try(
 def _pose(
     low: np.ndarray, high: np.ndarray, floor: Rect, place: str, rng: np.random.Generator
 ) -> tuple[np.ndarray, float] | None:
-    """Where the origin of a group comes to lie in the building's frame, and by what the group is turned."""
+    """A random place of a group's origin in the building's frame, and its rotation; None if it does not fit."""
     if place == "free":
         askew = rng.uniform(-0.8, 0.8) if rng.random() < 0.3 else 0.0
         angle = float(rng.integers(4) * np.pi / 2 + askew)

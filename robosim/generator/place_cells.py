@@ -1,8 +1,8 @@
-"""Putting furniture into rooms without barring anyone's way.
+"""Placing furniture as cells, without blocking passages.
 
-A piece is tried at a few random places, along a wall, in a corner or freely, and stays where it overlaps
-nothing, keeps off doorways, and leaves the places of a disk as wide as the passages to be kept in one part
-that leads through all doors of the room; where nothing of the kind is found it is left out.
+A piece is tried at a few random places, along a wall, in a corner or freely. It stays where it overlaps nothing, does
+not reach into doorways, and leaves the places of a disk of the passages' width connected to all doors of the room. If
+no such place is found, it is left out.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from robosim.generator.canvas import Canvas, Window, fits
-from robosim.generator.furniture import Entry, Piece, box, entries, turn
+from robosim.generator.furniture_cells import Entry, Piece, box, entries, turn
 from robosim.generator.layout import Layout, Opening
 from robosim.generator.rect import Rect, beside
 
@@ -32,15 +32,15 @@ def furnish(
     passage_m: float,
     things: Callable[[str], list[Entry]] = entries,
 ) -> None:
-    """Put furniture into the rooms of a building that is painted already.
+    """Place furniture in the rooms of a building on a canvas.
 
     Args:
         canvas: Cells to be made solid.
         layout: Rooms and openings that the canvas shows.
         rng: Source of all chance.
-        density: Share of the usual furniture that is there; above 1 for crowded rooms.
-        passage_m: Width that stays free on some way between any two places that have it now [m].
-        things: What stands in a room of a kind.
+        density: Share of the usual furniture; above 1 for crowded rooms.
+        passage_m: Width of a passage that stays free between any two places that have one before [m].
+        things: Furniture of a kind of room.
     """
     for i, room in enumerate(layout.rooms):
         space = Space(canvas, layout, i, passage_m)
@@ -48,14 +48,12 @@ def furnish(
             if opening.is_door and opening.rooms[0] == i and rng.random() < 0.4 * min(density, 1.0):
                 space.put(_door_leaf(rng, opening), keep_doorways=False)
         for entry in things(room.kind):
-            n = int(rng.random() < entry.each * density)
-            n += int(rng.poisson(entry.per_10_m2 * room.floor.area / 10 * density))
-            for _ in range(n):
+            for _ in range(entry.draw_count(rng, room.floor.area, density)):
                 _place(space, room.floor, entry, rng)
 
 
 class Space:
-    """The cells of one room, and what may still be made solid in it. Arrays cover the room's window."""
+    """The cells of one room, in which pieces may be placed. Arrays cover the room's window."""
 
     def __init__(self, canvas: Canvas, layout: Layout, i: int, passage_m: float) -> None:
         own = [layout.rooms[i].floor.polygon()] + [floor for room, floor in layout.recesses if room == i]
@@ -74,7 +72,7 @@ class Space:
         self._least_places = LEAST_SHARE * self._places.sum()
 
     def put(self, piece: Piece, *, keep_doorways: bool = True) -> bool:
-        """Make a piece's cells solid, if nothing speaks against it."""
+        """Make a piece's cells solid if that is allowed; whether it was."""
         window = self._canvas.window(np.vstack(piece))
         near = _relative(window, self._window)
         if near is None:
@@ -90,15 +88,15 @@ class Space:
             return False
         solid = np.zeros(self._free.shape, bool)
         solid[near] = taken
-        places = self._places_beside(solid, near)
+        places = self._places_without(solid, near)
         if not self._passable(places):
             return False
         free[taken] = False
         self._places = places
         return True
 
-    def _places_beside(self, solid: np.ndarray, near: Window) -> np.ndarray:
-        """Places of a disk as wide as the passages that some more solid cells would leave."""
+    def _places_without(self, solid: np.ndarray, near: Window) -> np.ndarray:
+        """Places of a disk of the passages' width that additional solid cells would leave."""
         reach = int(self._radius) + 2
         rows, columns = (slice(max(side.start - reach, 0), side.stop + reach) for side in near)
         places = self._places.copy()
@@ -106,7 +104,7 @@ class Space:
         return places
 
     def _passable(self, places: np.ndarray) -> bool:
-        """Whether all doors lead to one part of the room, and no new part or too little of it is left."""
+        """Whether all doors lead to one part of the room, without new parts, and enough of it is left."""
         n_parts, parts = _parts(places)
         if n_parts > self._n_parts or places.sum() < max(self._least_places, 1):
             return False
@@ -121,7 +119,7 @@ def _parts(places: np.ndarray) -> tuple[int, np.ndarray]:
 
 
 def _relative(window: Window, outer: Window) -> Window | None:
-    """A window as rows and columns of one that holds it; none if it does not."""
+    """A window relative to one that holds it; None if it does not."""
     slices = []
     for inner, wide in zip(window, outer, strict=True):
         if inner.start < wide.start or inner.stop > wide.stop:

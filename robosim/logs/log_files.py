@@ -1,4 +1,4 @@
-"""Logs of every format that is known."""
+"""Reading logs of all supported formats."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ from robosim.logs.robot_log import RobotLog
 from robosim.logs.tum_log import read_tum_log, with_reference
 from robosim.support.reading import FileError, reading
 
-#: How recordings that are not read begin, and what they are.
+#: First bytes of recordings that are not supported, and their names.
 _RECORDINGS = {
     b"#ROSBAG": "a ROS 1 bag",
     b"\x89MCAP": "an MCAP recording",
@@ -20,7 +20,7 @@ def read_log(path: Path, scans: Path | None = None, reference: Path | None = Non
 
     Args:
         path: A CARMEN log, packed by gzip or not; or odometry as a TUM file, which needs `scans`.
-        scans: Scans beside a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
+        scans: Scans of a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
         reference: Poses to compare with, as a TUM file; instead of those in the log.
 
     Raises:
@@ -42,7 +42,7 @@ def read_log(path: Path, scans: Path | None = None, reference: Path | None = Non
 
 
 def _check_kind(path: Path) -> None:
-    """Reject recordings that cannot be read, however large they are, by what they are."""
+    """Reject recordings that are not supported, however large they are."""
     with reading(path, "a robot's log", most_bytes=1 << 50) as file:
         head = file.read(16)
         for magic, kind in _RECORDINGS.items():

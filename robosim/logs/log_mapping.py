@@ -1,4 +1,4 @@
-"""From a log to a trajectory and a map: the same tracker and graph that a simulated robot has."""
+"""Trajectory and map of a log, by the tracker and graph that simulated robots use."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -17,24 +17,24 @@ from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import MatchConfig, points_of_beams
 from slam.poses import to_map
 
-#: What a beam that hit nothing tells: free as far as this [m].
+#: A beam that hit nothing is free as far as this [m].
 _NOTHING_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogOdometryConfig:
-    """How far odometry errs between two scans. Standard deviations: a constant part, and one that grows."""
+    """Errors of odometry between two scans. Standard deviations: a constant part, and one that grows."""
 
     position_m: float = 0.04
-    """Of the place, whatever the way [m]."""
+    """Of the place, constant part [m]."""
     position_per_m: float = 0.05
-    """Of the place, more for each metre of way."""
+    """Of the place, for each metre driven."""
     yaw_rad: float = 0.05
-    """Of the heading, whatever the turn [rad]."""
+    """Of the heading, constant part [rad]."""
     yaw_per_rad: float = 0.15
-    """Of the heading, more for each radian turned."""
+    """Of the heading, for each radian turned."""
     unknown_m: tuple[float, float] = (1.0, 0.2)
-    """Where odometry tells nothing: of the place ahead, and to the side [m]."""
+    """Without odometry: of the place ahead, and to the side [m]."""
     unknown_rad: float = 0.45
     """The same for the turn [rad]."""
 
@@ -50,23 +50,23 @@ class LogOdometryConfig:
         )
 
     def predicted(
-        self, moved: Float[np.ndarray, "3"], known: bool
+        self, displacement: Float[np.ndarray, "3"], known: bool
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Displacement and its covariance; where nothing is known, one standard deviation ahead."""
+        """Displacement and its covariance; one standard deviation ahead if it is not known."""
         if not known:
             deviation = np.array([*self.unknown_m, self.unknown_rad])
             return np.array([self.unknown_m[0], 0.0, 0.0]), np.diag(deviation**2)
-        place_m = self.position_m + self.position_per_m * math.hypot(moved[0], moved[1])
-        turn_rad = self.yaw_rad + self.yaw_per_rad * abs(moved[2])
-        return moved, np.diag([place_m**2, place_m**2, turn_rad**2])
+        place_m = self.position_m + self.position_per_m * math.hypot(displacement[0], displacement[1])
+        turn_rad = self.yaw_rad + self.yaw_per_rad * abs(displacement[2])
+        return displacement, np.diag([place_m**2, place_m**2, turn_rad**2])
 
 
 @dataclass(frozen=True, kw_only=True)
 class LogConfig:
-    """How a log is made into a map."""
+    """Settings of mapping a log."""
 
     odometry: LogOdometryConfig = field(default_factory=LogOdometryConfig)
-    """How far odometry errs."""
+    """Errors of odometry."""
     resolution_m: float = 0.05
     """Side of a map cell [m]."""
     range_m: float = 25.0
@@ -90,7 +90,7 @@ class LogConfig:
         )
 
     def tracker(self, loops: bool) -> TrackerConfig:
-        """What the tracker is told."""
+        """Settings of the tracker."""
         match = MatchConfig(
             max_range_m=self.range_m, sigma_m=self.sigma_m, outlier_m=3 * self.sigma_m, iterations=12
         )
@@ -105,12 +105,12 @@ class LogConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mapped:
-    """What was made of a log."""
+    """Trajectory of a log."""
 
     poses: Float[np.ndarray, "n 3"]
-    """Where each scan was taken: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
+    """Pose of each scan: x [m], y [m], yaw [rad]; the first is (0, 0, 0)."""
     loops: int
-    """Loops that were closed."""
+    """Number of closed loops."""
     seconds: float
     """Processor time [s]."""
 
@@ -122,19 +122,19 @@ def map_log(
     loops: bool = True,
     watched: Callable[[range, str], Iterable[int]] = lambda numbers, _: numbers,
 ) -> Mapped:
-    """Find where each scan of a log was taken.
+    """Estimate the pose of each scan of a log.
 
     Args:
         log: The log.
-        config: How.
-        loops: Whether loops are closed by a graph; each scan is matched to those before alone otherwise.
+        config: Settings.
+        loops: Whether loops are closed by a graph; if not, each scan is matched to those before.
         watched: What shows how far numbers were gone through: it is given them and what they are of.
 
     Raises:
         ValueError: If the poses that odometry gives make a map of too many cells, or lie too far apart.
     """
     begin = process_time()
-    step_m = np.hypot(log.moved[:, 0], log.moved[:, 1])
+    step_m = np.hypot(log.displacement[:, 0], log.displacement[:, 1])
     if step_m.max() > 2 * config.range_m:
         raise ValueError(
             f"{log.file or log.name}: odometry goes {step_m.max():.0f} m up to scan {step_m.argmax() + 1}, where scans "
@@ -146,7 +146,7 @@ def map_log(
         ranges = log.range_m[k]
         scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m)
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
-        moved, covariance = config.odometry.predicted(log.moved[k], bool(log.known[k]))
+        moved, covariance = config.odometry.predicted(log.displacement[k], bool(log.known[k]))
         if k == 0:
             moved, covariance = np.zeros(3), 1e-8 * np.eye(3)
         tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), moved, covariance)
@@ -162,9 +162,9 @@ def _map_grid(
     Raises:
         ValueError: If it has too many cells.
     """
-    ways = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
+    directions = np.column_stack([np.cos(log.bearing_rad), np.sin(log.bearing_rad)])
     reach = np.where(log.range_m < range_m, log.range_m, 0.0)
-    ends = [to_map(pose, ranges[:, None] * ways) for pose, ranges in zip(poses, reach, strict=True)]
+    ends = [to_map(pose, ranges[:, None] * directions) for pose, ranges in zip(poses, reach, strict=True)]
     every = np.concatenate([*ends, poses[:, :2]])
     low, high = every.min(axis=0) - 0.5, every.max(axis=0) + 0.5
     nx, ny = np.ceil((high - low) / resolution_m)
@@ -177,8 +177,10 @@ def _map_grid(
     return low, (int(nx), int(ny)), ends, reach
 
 
-def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float) -> FloorPlan:
-    """The map that scans at poses make: cells that beams ended in more often than a quarter of the times they passed.
+def make_log_plan(
+    log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float, range_m: float
+) -> FloorPlan:
+    """The map of scans at poses; a cell is occupied if beams ended in more than a quarter of those that reached it.
 
     Raises:
         ValueError: If it has too many cells.
@@ -186,7 +188,7 @@ def plan_of(log: RobotLog, poses: Float[np.ndarray, "n 3"], resolution_m: float,
     low, (nx, ny), ends, reach = _map_grid(log, poses, resolution_m, range_m)
     passed, hit = np.zeros((ny, nx), np.uint16), np.zeros((ny, nx), np.uint16)
     for pose, places, ranges in zip(poses, ends, reach, strict=True):
-        # A beam that met nothing spans no area: the outline passes by the laser there.
+        # A beam that hit nothing spans no area: the outline passes by the laser there.
         outline = ((places - low) / resolution_m).astype(np.int32)
         x0, y0 = np.minimum(outline.min(axis=0), ((pose[:2] - low) / resolution_m).astype(int))
         x1, y1 = outline.max(axis=0) + 1
