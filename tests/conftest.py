@@ -17,6 +17,7 @@ import pytest
 import scipy.optimize  # noqa: F401
 import torch  # noqa: F401
 import trimesh
+from slow_tests import mark_slow
 from typecheck import check_all_again
 
 from robosim.support.workers import Workers
@@ -32,6 +33,11 @@ if (
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark slow tests, which `make quick` leaves out."""
+    mark_slow(items)
 
 
 @pytest.fixture(scope="session")

@@ -85,6 +85,7 @@ WITH_COMMANDS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "page", [page for page in PAGES if blocks(page, "python")], ids=lambda page: page.name
 )
@@ -107,6 +108,7 @@ def test_all_python_blocks_run() -> None:
         assert not named & {"py", "Python", "pycon", "{code-block} python"}, page
 
 
+@pytest.mark.slow
 def test_mapper_on_the_page_of_parts(tmp_path: Path, separate_process: Callable[..., Ended]) -> None:
     """It resets its map at the 100th scan and accepts laser scans: 130 decisions of exploring."""
     ended = separate_process(_explore, DOCS / "tasks" / "parts.md", folder=tmp_path)

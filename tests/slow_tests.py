@@ -1,0 +1,59 @@
+"""Tests that `make quick` leaves out: folders, and modules with tests of more than three seconds.
+
+Single tests carry `@pytest.mark.slow` themselves.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import pytest
+
+TESTS = Path(__file__).resolve().parent
+#: Folders and modules, relative to this one.
+SLOW = (
+    "benchmarks",
+    "cli/test_dataset.py",
+    "cli/test_evaluate.py",
+    "cli/test_furnish.py",
+    "cli/test_live.py",
+    "cli/test_mapper.py",
+    "cli/test_outside_parts.py",
+    "cli/test_packaging.py",
+    "cli/test_storeys.py",
+    "cli/test_trace.py",
+    "cli/test_train.py",
+    "cli/test_without_torch.py",
+    "docs/test_formats.py",
+    "docs/test_gallery.py",
+    "docs/test_learning_example.py",
+    "faults",
+    "fuzz",
+    "robosim/camera/test_gl_systems.py",
+    "robosim/environments/test_target_search_vector.py",
+    "robosim/evaluation/test_ablations.py",
+    "robosim/evaluation/test_evaluation.py",
+    "robosim/live/test_browser.py",
+    "robosim/live/test_search_process.py",
+    "robosim/policies/test_learned.py",
+    "robosim/policies/test_reason.py",
+    "robosim/support/test_installation.py",
+    "robosim/support/test_workers.py",
+    "robosim/test_anchors.py",
+    "robosim/test_compiling.py",
+    "robosim/test_episode.py",
+    "robosim/test_system_packages.py",
+    "robosim/training",
+    "slam/control/test_recovery.py",
+    "slam/exploration",
+    "slam/learning",
+    "wireless/linkstate/test_linkstate_training.py",
+    "wireless/tracing/test_space_search.py",
+)
+
+
+def mark_slow(items: Iterable[pytest.Item]) -> None:
+    """Mark the tests of slow folders and modules."""
+    for item in items:
+        name = item.path.relative_to(TESTS).as_posix() if item.path.is_relative_to(TESTS) else ""
+        if any(name == slow or name.startswith(f"{slow}/") for slow in SLOW):
+            item.add_marker(pytest.mark.slow)
