@@ -45,7 +45,7 @@ Environments to learn in:
     TargetSearchVector  many of them in one process
     sb3_vec_env      the same as a vector environment of Stable-Baselines3
     SearchConfig     what is observed, what is rewarded, which tasks there are
-    MadeHomes        invented homes as a source of plans
+    GeneratedHomes   generated homes as a source of plans
 
 Episodes:
 
@@ -146,7 +146,7 @@ _MODULES = {
     "TargetSearchVector": "environments.target_search_vector",
     "sb3_vec_env": "environments.sb3",
     "SearchConfig": "environments.config",
-    "MadeHomes": "environments.sources",
+    "GeneratedHomes": "environments.sources",
     "make_task": "task.tasks",
     "Task": "task.tasks",
     "run_episode": "episode",
@@ -232,7 +232,7 @@ if TYPE_CHECKING:
     from robosim.datasets.trace import trace_plan as trace_plan
     from robosim.environments.config import SearchConfig as SearchConfig
     from robosim.environments.sb3 import sb3_vec_env as sb3_vec_env
-    from robosim.environments.sources import MadeHomes as MadeHomes
+    from robosim.environments.sources import GeneratedHomes as GeneratedHomes
     from robosim.environments.target_search import TargetSearch as TargetSearch
     from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector
     from robosim.episode import Decision as Decision

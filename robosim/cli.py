@@ -19,8 +19,16 @@ from rich.console import Console
 from rich.logging import RichHandler
 from rich.text import Text
 
-from robosim.commands.speaking import speaking
-from robosim.commands.table import COMMANDS, GROUPS, HELP_ALL, listed, loaded, named, with_common
+from robosim.commands.command_table import (
+    COMMANDS,
+    GROUPS,
+    command_list,
+    command_name,
+    load_command,
+    with_common,
+)
+from robosim.commands.option_help import HELP, HELP_ALL, option_registry
+from robosim.commands.output import output_mode
 from robosim.support.garbage import look_for_garbage
 from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
@@ -59,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         with (
             unwinding() as interrupt,
             processes_kept(),
-            speaking(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
+            output_mode(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
             code_allowed("--allow-code" in everywhere),
         ):
             _run(words)
@@ -86,17 +94,19 @@ def _run(words: list[str]) -> None:
         option, _, given = value.partition("=")
         if not value or (option.startswith("--") and "=" in value and not given):
             raise ValueError(f"{option or before or 'an argument'} is empty, expected a value.")
-    if name := named(words):
-        command, rest = loaded(name), words[len(name.split()) :]
+    if name := command_name(words):
+        command, rest = load_command(name), words[len(name.split()) :]
         if "settings" in inspect.signature(command).parameters:
-            from robosim.commands.episode_config import started  # brings the whole simulator
+            from robosim.commands.episode_config import with_start_values  # imports the whole simulator
 
-            command = started(command, rest)
-        command = with_common(command)
+            command = with_start_values(command, rest)
+        brief = HELP_ALL not in rest and not HELP.isdisjoint(rest)
         look_for_garbage()
-        # One help of each command shows every option; `started` has shortened the other.
         tyro.cli(
-            command, prog=f"robosim {name}", args=["--help" if word == HELP_ALL else word for word in rest]
+            with_common(command, brief=brief),
+            prog=f"robosim {name}",
+            args=["--help" if word == HELP_ALL else word for word in rest],
+            registry=option_registry(brief=brief),
         )
         return
     group = words[0] if words and words[0] in GROUPS else ""
@@ -105,9 +115,12 @@ def _run(words: list[str]) -> None:
         "Robots that see and hear in buildings made from floor plans. Each command has its own --help. "
         + _EVERYWHERE_HELP,
     )
-    commands, rest = listed(group), words[1:] if group else words
+    commands, rest = command_list(group), words[1:] if group else words
     if any(word.startswith(_COMPLETION) for word in rest):
-        commands = {**commands, **{name: with_common(loaded(name)) for name in COMMANDS if " " not in name}}
+        commands = {
+            **commands,
+            **{name: with_common(load_command(name)) for name in COMMANDS if " " not in name},
+        }
         commands |= {name: _union(name) for name in GROUPS}
     look_for_garbage()
     prog = f"robosim {group}".strip()
@@ -144,8 +157,8 @@ def _union(group: str) -> Any:
     return Union[  # noqa: UP007
         tuple(
             Annotated[
-                Any, tyro.conf.subcommand(name=name, constructor=with_common(loaded(f"{group} {name}")))
+                Any, tyro.conf.subcommand(name=name, constructor=with_common(load_command(f"{group} {name}")))
             ]
-            for name in listed(group)
+            for name in command_list(group)
         )
     ]

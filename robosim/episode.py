@@ -19,11 +19,6 @@ from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
 from robosim.navigation import Navigator, control_of, make_navigator
 from robosim.parts import (
-    CLASSIFIER,
-    CONTROLLER,
-    EXPLORER,
-    GOAL,
-    MAPPER,
     ClassifierPart,
     ControllerPart,
     ExplorerPart,
@@ -40,7 +35,7 @@ from robosim.radio.bearings import bearings_of
 from robosim.radio.measurement import Interpreter, check_classifier
 from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
-from robosim.support.checks import SEED, STEPS, check_numbers
+from robosim.support.checks import SEED, STEPS, checked
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
@@ -56,6 +51,7 @@ from wireless.paths import Paths
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class EpisodeConfig:
     """How an episode is run."""
 
@@ -67,9 +63,9 @@ class EpisodeConfig:
     """Who chooses actions: a search over turns and runs, or a network that has watched it."""
     mapper: MapperPart = "neural"
     """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
-    seed: Annotated[int, tyro.conf.Suppress] = 0
+    seed: Annotated[int, SEED, tyro.conf.Suppress] = 0
     """Seed of everything random in the episode."""
-    max_steps: int = 1000
+    max_steps: Annotated[int, STEPS] = 1000
     """Actions before the episode is given up."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """How the plan becomes a building."""
@@ -81,12 +77,6 @@ class EpisodeConfig:
     """How the goal policy `fused` weighs what it knows."""
 
     def __post_init__(self) -> None:
-        GOAL.check("goal", self.goal)
-        EXPLORER.check("explorer", self.explorer)
-        MAPPER.check("mapper", self.mapper)
-        CONTROLLER.check("controller", self.controller)
-        CLASSIFIER.check("link_states", self.link_states)
-        check_numbers(self, seed=SEED, max_steps=STEPS)
         if self.simulator.camera == "none":
             if self.goal in ("visual", "learned"):
                 raise ValueError(

@@ -154,7 +154,7 @@ CLASSIFIER = Kind(
 )
 MATERIAL = Kind(
     "material",
-    dict.fromkeys((*MATERIALS, *WALLS), ""),  # told to the tracer by their names, as they are
+    dict.fromkeys((*MATERIALS, *WALLS), ""),  # the tracer takes their names
     has=("name", "layers"),
     made_from="nothing",
     suffixes=(".yaml", ".yml"),
@@ -175,18 +175,18 @@ READER = Kind(
 )
 
 #: Types of fields that hold a part, as the command line reads them.
-GoalPart = Annotated[Part, GOAL.option()]
-ExplorerPart = Annotated[Part, EXPLORER.option()]
-MapperPart = Annotated[Part, MAPPER.option()]
-ControllerPart = Annotated[Part, CONTROLLER.option()]
-PhysicsPart = Annotated[Part, PHYSICS.option()]
-RobotPart = Annotated[Part, ROBOT.option()]
-CameraPart = Annotated[Part, CAMERA.option()]
-LidarPart = Annotated[Part, LIDAR.option()]
-RecogniserPart = Annotated[Part, RECOGNISER.option()]
-TerminalPart = Annotated[Part, TERMINAL.option()]
-EstimatorPart = Annotated[Part, ESTIMATOR.option()]
-ClassifierPart = Annotated[Part, CLASSIFIER.option()]
+GoalPart = Annotated[Part, GOAL, GOAL.option()]
+ExplorerPart = Annotated[Part, EXPLORER, EXPLORER.option()]
+MapperPart = Annotated[Part, MAPPER, MAPPER.option()]
+ControllerPart = Annotated[Part, CONTROLLER, CONTROLLER.option()]
+PhysicsPart = Annotated[Part, PHYSICS, PHYSICS.option()]
+RobotPart = Annotated[Part, ROBOT, ROBOT.option()]
+CameraPart = Annotated[Part, CAMERA, CAMERA.option()]
+LidarPart = Annotated[Part, LIDAR, LIDAR.option()]
+RecogniserPart = Annotated[Part, RECOGNISER, RECOGNISER.option()]
+TerminalPart = Annotated[Part, TERMINAL, TERMINAL.option()]
+EstimatorPart = Annotated[Part, ESTIMATOR, ESTIMATOR.option()]
+ClassifierPart = Annotated[Part, CLASSIFIER, CLASSIFIER.option()]
 MaterialPart = Annotated[Part, MATERIAL.option()]
 #: The same for options of a command that has one of those already, so that its help lists the names once.
 NextMaterialPart = Annotated[Part, MATERIAL.option(metavar="MATERIAL")]

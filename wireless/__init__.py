@@ -78,11 +78,11 @@ _MODULES = {
     "LinkRecords": "formats.link_records",
     "link_table": "formats.link_records",
     "write_links": "formats.link_records",
-    "find_measurements": "formats.mmwrobotnav",
-    "read_measurements": "formats.mmwrobotnav",
-    "Measurements": "formats.mmwrobotnav",
-    "traced_csv": "formats.traced_csv",
-    "estimated_csv": "formats.estimated_csv",
+    "find_measurements": "formats.mmwrobotnav_measurements",
+    "read_measurements": "formats.mmwrobotnav_measurements",
+    "Measurements": "formats.mmwrobotnav_measurements",
+    "traced_csv": "formats.mmwrobotnav_csv",
+    "estimated_csv": "formats.mmwrobotnav_csv",
     "DataError": "support.reading",
     "Terminal": "antennas.codebook",
     "Platform": "antennas.arrays",
@@ -101,16 +101,16 @@ if TYPE_CHECKING:
     from wireless.em.materials import permittivity as permittivity
     from wireless.estimates import PathEstimates as PathEstimates
     from wireless.estimation.estimators import estimator_named as estimator_named
-    from wireless.formats.estimated_csv import estimated_csv as estimated_csv
     from wireless.formats.link_records import LinkRecords as LinkRecords
     from wireless.formats.link_records import link_table as link_table
     from wireless.formats.link_records import read_links as read_links
     from wireless.formats.link_records import read_rays as read_rays
     from wireless.formats.link_records import write_links as write_links
-    from wireless.formats.mmwrobotnav import Measurements as Measurements
-    from wireless.formats.mmwrobotnav import find_measurements as find_measurements
-    from wireless.formats.mmwrobotnav import read_measurements as read_measurements
-    from wireless.formats.traced_csv import traced_csv as traced_csv
+    from wireless.formats.mmwrobotnav_csv import estimated_csv as estimated_csv
+    from wireless.formats.mmwrobotnav_csv import traced_csv as traced_csv
+    from wireless.formats.mmwrobotnav_measurements import Measurements as Measurements
+    from wireless.formats.mmwrobotnav_measurements import find_measurements as find_measurements
+    from wireless.formats.mmwrobotnav_measurements import read_measurements as read_measurements
     from wireless.linkstate.classifier import LinkStateClassifier as LinkStateClassifier
     from wireless.linkstate.classifier import load_classifier as load_classifier
     from wireless.linkstate.tokens import make_tokens as make_tokens

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING
 import tyro
 from made_pages import write_pages
 
-from robosim.commands.episode_config import started
-from robosim.commands.table import COMMANDS, GROUPS, loaded
+from robosim.commands.command_table import COMMANDS, GROUPS, load_command, with_common
+from robosim.commands.episode_config import with_start_values
+from robosim.commands.option_help import option_registry
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
 
 #: What a parser appends to the help of an option.
-_ENDING = re.compile(r" *\((required|repeatable|default: ?(.*))\)$")
+_ENDING = re.compile(r" *\((required|repeatable|default: ?(.*?))?(?:; )?(?:range: ([^()]*))?\)$")
 #: Choices as a parser writes them, with what else an option takes: {a,b}|FILE.
 _CHOICES = re.compile(r"\{([^}]*)\}(\|.*)?")
 #: What every page of a command ends with.
@@ -56,6 +57,8 @@ def page(name: str, level: int) -> str:
         _description(parser.description or ""),
     ]
     for group in parser._action_groups:
+        if group.title == "common options":
+            continue
         entries = [_entry(action) for action in group._group_actions if action.dest != "help"]
         if entries:
             title = (group.title or "").removeprefix("positional ").capitalize()
@@ -66,13 +69,15 @@ def page(name: str, level: int) -> str:
 
 def parser_of(name: str) -> argparse.ArgumentParser:
     """The parser of a command."""
-    command = loaded(name)
+    command = load_command(name)
     if "settings" in inspect.signature(command).parameters:
-        command = started(command, [])
+        command = with_start_values(command, [])
     with warnings.catch_warnings():
         # The only description of a parser that tyro offers.
         warnings.filterwarnings("ignore", "get_parser", DeprecationWarning)
-        return tyro.extras.get_parser(command, prog=f"robosim {name}")
+        return tyro.extras.get_parser(
+            with_common(command), prog=f"robosim {name}", registry=option_registry(brief=False)
+        )
 
 
 def _description(text: str) -> str:
@@ -110,6 +115,8 @@ def _entry(action: argparse.Action) -> str:
         sentences.append("Can be given several times.")
     elif ending and ending[2] not in (None, "None", ""):
         sentences.append(f"Default: `{ending[2]}`.")
+    if ending and ending[3]:
+        sentences.append(f"Range: {ending[3]}.")
     return f"`{term}`\n: {' '.join(filter(None, sentences)) or '–'}"
 
 

@@ -15,7 +15,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecNormalize
 
 import robosim
-from robosim import GeneratorConfig, MadeHomes
+from robosim import GeneratedHomes, GeneratorConfig
 
 SEARCH = {
     "observe": ("lidar", "radio"),
@@ -41,7 +41,7 @@ def arrivals(env: gymnasium.Env, act, searches: int) -> float:
 def main(steps: int, robots: int = 8, searches: int = 20, homes: int = 10) -> dict[str, float]:
     """Train, then compare."""
     small = GeneratorConfig(rooms=3, area_m2=35.0)
-    seen, unseen = (MadeHomes(count=homes, seed=seed, config=small) for seed in (0, 10_000))
+    seen, unseen = (GeneratedHomes(count=homes, seed=seed, config=small) for seed in (0, 10_000))
     train = robosim.sb3_vec_env(robots, seen, curriculum=True, **SEARCH)
     train = VecNormalize(train, norm_obs_keys=["lidar", "path_delay", "path_snr"])
     policy = PPO("MultiInputPolicy", train, n_steps=256, batch_size=512, gamma=0.98, seed=0)

@@ -19,7 +19,7 @@ import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import numpy as np
 import shapely
@@ -29,13 +29,13 @@ from jaxtyping import Bool, Float, Int, UInt8
 from robosim.building.extrusion import FURNITURE, PLACED, WALL, Solid, extrude, pockets
 from robosim.building.faces import KINDS, Faces, plain_mesh
 from robosim.building.footprint import filled, footprint
-from robosim.building.outline import check_tolerance, closed_passages, free_cells, to_map_exactly
+from robosim.building.outline import TOLERANCE_M, closed_passages, free_cells, to_map_exactly
 from robosim.building.wall_materials import cut_at_materials, materials_behind
 from robosim.parts import MATERIAL, MaterialPart, NextMaterialPart
 from robosim.plans.floorplan import FloorPlan, MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.outside import outside_of
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 from robosim.support.colours import FURNISHING as FURNISHING_COLOUR
 from robosim.support.colours import WALL as WALL_COLOUR
 from robosim.support.parts import Part
@@ -73,19 +73,20 @@ def material_of(given: Part, field: str) -> str | Material:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class BuildingConfig:
     """How a floor plan becomes a building."""
 
-    tolerance_m: float | None = None
+    tolerance_m: Annotated[float | None, TOLERANCE_M] = None
     """How far walls may be moved to save corners [m]; 0 keeps the exact outline of the cells. None for straight walls
     under the staircases of a raster, and the exact outline of published grids."""
-    height_m: float = 2.5
+    height_m: Annotated[float, Range(0.1, 100, "m", "Try 2.5.")] = 2.5
     """Height of the ceiling above the floor [m]."""
     ceiling: bool = True
     """Whether there is a ceiling."""
-    furniture_max_m2: float = 4.0
+    furniture_max_m2: Annotated[float, Range(0, 1e6, "m2")] = 4.0
     """Islands in free space of at most this area are furniture [m2]; 0 for none."""
-    furniture_height_m: float | None = None
+    furniture_height_m: Annotated[float | None, Range(0.01, 100, "m")] = None
     """Height of furniture [m], which gets a lid; None for up to the ceiling, like walls."""
     wall_material: MaterialPart = "partition"
     """Radio material of walls."""
@@ -97,13 +98,6 @@ class BuildingConfig:
     """Radio material of furniture; names as for walls."""
 
     def __post_init__(self) -> None:
-        check_tolerance(self.tolerance_m)
-        check_numbers(
-            self,
-            height_m=(0.1, 100, "m, such as 2.5"),
-            furniture_max_m2=(0, 1e6, "m2, 0 for no furniture"),
-            furniture_height_m=(0.01, 100, "m. Leave it out for furniture up to the ceiling"),
-        )
         low = self.furniture_height_m
         if low is not None and not low < self.height_m:
             raise ValueError(

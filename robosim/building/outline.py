@@ -29,8 +29,10 @@ from robosim.building.rings import polygons_of, rings_of, together
 from robosim.building.straight import straightened
 from robosim.building.thin_walls import thin_wall_corners
 from robosim.plans.floorplan import FloorPlan, MapError
-from robosim.support.checks import check_number
+from robosim.support.checks import Range, check_number
 
+#: How far walls may be moved to save corners.
+TOLERANCE_M = Range(0, 0.5, "m", "Leave it out for straight walls under staircases; 0 is the exact outline.")
 #: Steps east, north, west and south between corners of cells, as (ix, iy).
 STEPS = np.array([[1, 0], [0, 1], [-1, 0], [0, -1]])
 
@@ -128,9 +130,8 @@ def _thirds(ring: shapely.LinearRing) -> list[Float[np.ndarray, "_ 2"]]:
 
 def check_tolerance(tolerance_m: float | None) -> None:
     """Raise ValueError for a tolerance that is negative or larger than walls are thick."""
-    hint = "m. Leave it out for straight walls under staircases; 0 is the exact outline"
     if tolerance_m is not None:
-        check_number("tolerance_m", tolerance_m, 0, 0.5, hint)
+        check_number("tolerance_m", tolerance_m, *TOLERANCE_M)
 
 
 def _edge_polygons(free: Bool[np.ndarray, "ny nx"]) -> shapely.MultiPolygon:

@@ -17,11 +17,12 @@ Reference: Nguyen, Izadi and Lovell, Modeling Kinect sensor noise for improved 3
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float32, UInt64
 
-from robosim.support.checks import LEVEL, check_number, check_numbers
+from robosim.support.checks import Range, checked
 from wireless.support.compiled import compiled
 
 #: Focal length of the camera that the published numbers belong to [pixels].
@@ -29,38 +30,28 @@ NATIVE_FOCAL_PX = 585.0
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class DepthNoise:
     """Errors of a depth camera; the defaults are those of a Kinect."""
 
-    level: float = 0.0
+    level: Annotated[float, Range(0, 100, "times the published noise of depth")] = 0.0
     """Scale of all deviations, of the rounding step and of the shadows: 0 none, 1 as published."""
-    baseline_m: float = 0.075
+    baseline_m: Annotated[float, Range(0, 10, "m")] = 0.075
     """Distance of the second view, to the left of the first [m]."""
-    step_px: float = 0.125
+    step_px: Annotated[float, Range(0, 100, "pixels")] = 0.125
     """Step in which the shift is measured [pixels of the published camera]."""
-    lateral_px: float = 0.8
+    lateral_px: Annotated[float, Range(0, 100, "pixels")] = 0.8
     """Standard deviation of the sideways jitter [pixels of the published camera]."""
-    fading_deg: float = 75.0
+    fading_deg: Annotated[float, Range(0.01, 90, "degrees")] = 75.0
     """Surfaces met at more than this from their normal begin to return nothing [deg]."""
-    lost_deg: float = 85.0
+    lost_deg: Annotated[float, Range(0.01, 90, "degrees")] = 85.0
     """Surfaces met at more than this from their normal return nothing [deg]."""
-    min_range_m: float = 0.15
+    min_range_m: Annotated[float, Range(0, 1000, "m")] = 0.15
     """Nearer things are not measured [m along the view]."""
-    max_range_m: float = 10.0
+    max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 10.0
     """Farther things are not measured [m along the view]."""
 
     def __post_init__(self) -> None:
-        check_number("depth noise level", self.level, *LEVEL)
-        check_numbers(
-            self,
-            baseline_m=(0, 10, "m"),
-            step_px=(0, 100, "pixels"),
-            lateral_px=(0, 100, "pixels"),
-            fading_deg=(0.01, 90, "degrees"),
-            lost_deg=(0.01, 90, "degrees"),
-            min_range_m=(0, 1000, "m"),
-            max_range_m=(0.01, 1000, "m"),
-        )
         if not (self.fading_deg < self.lost_deg and self.min_range_m < self.max_range_m):
             raise ValueError(
                 f"fading_deg is {self.fading_deg} and lost_deg {self.lost_deg}, min_range_m {self.min_range_m} and "

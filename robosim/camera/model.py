@@ -13,41 +13,33 @@ Left out: lens distortion, noise, motion blur, exposure.
 
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32, UInt8
 
-from robosim.support.checks import SIZE_PX, check_numbers
+from robosim.support.checks import SIZE_PX, Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CameraConfig:
     """Size, optics and place of an RGB-D camera."""
 
-    width: int = 128
+    width: Annotated[int, SIZE_PX] = 128
     """Columns of a picture [pixels]."""
-    height: int = 128
+    height: Annotated[int, SIZE_PX] = 128
     """Rows of a picture [pixels]."""
-    hfov_deg: float = 90.0
+    hfov_deg: Annotated[float, Range(1, 170, "degrees", "The angle is in degrees, not in radians.")] = 90.0
     """Horizontal field of view, between the outer edges of the first and last column [deg]."""
-    height_m: float = 1.25
+    height_m: Annotated[float, Range(-100, 100, "m")] = 1.25
     """Height above the floor [m]."""
-    near_m: float = 0.05
+    near_m: Annotated[float, Range(1e-4, 1e4, "m")] = 0.05
     """Nearer things are not seen [m along the view]."""
-    far_m: float = 50.0
+    far_m: Annotated[float, Range(1e-3, 1e5, "m")] = 50.0
     """Farther things are not seen [m along the view]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            width=SIZE_PX,
-            height=SIZE_PX,
-            hfov_deg=(1, 170, "degrees. Angles here are no radians"),
-            height_m=(-100, 100, "m"),
-            near_m=(1e-4, 1e4, "m"),
-            far_m=(1e-3, 1e5, "m"),
-        )
         if not self.near_m < self.far_m:
             raise ValueError(
                 f"near_m is {self.near_m} and far_m is {self.far_m}, expected near_m < far_m. Try 0.05 and 50."

@@ -9,13 +9,14 @@ occlusion", Pattern Recognition 47 (2014).
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
 import trimesh
 from jaxtyping import Float, UInt8
 
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 
 #: The dictionary of the markers: 50 of them, with 4 by 4 cells inside of a black frame.
 DICTIONARY = cv2.aruco.DICT_4X4_50
@@ -26,35 +27,26 @@ _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class TargetConfig:
     """Size and marker of the target."""
 
-    marker_id: int = 7
+    marker_id: Annotated[int, Range(0, 49, "", "DICT_4X4_50 has 50 markers.")] = 7
     """Which of the 50 markers of OpenCV's DICT_4X4_50 it carries."""
-    marker_m: float = 0.24
+    marker_m: Annotated[float, Range(0.001, 1, "m")] = 0.24
     """Side of a marker, without its margin [m]."""
-    margin_m: float = 0.04
+    margin_m: Annotated[float, Range(0.001, 1, "m")] = 0.04
     """White margin around a marker [m]; a cell of the marker is a sixth of its side."""
-    marker_height_m: float = 1.72
+    marker_height_m: Annotated[float, Range(0.01, 100, "m")] = 1.72
     """Height of the markers' middle above the floor [m]."""
-    radio_height_m: float = 1.5
+    radio_height_m: Annotated[float, Range(0.01, 100, "m")] = 1.5
     """Height of the radio's middle above the floor [m]."""
-    radio_m: float = 0.12
+    radio_m: Annotated[float, Range(0.001, 1, "m")] = 0.12
     """Width and height of the radio, which hangs below the markers [m]."""
-    rod_m: float = 0.03
+    rod_m: Annotated[float, Range(0.001, 1, "m")] = 0.03
     """Width of the rod up to the ceiling [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            marker_id=(0, 49, "since DICT_4X4_50 has 50 markers"),
-            marker_m=(0.001, 1, "m"),
-            margin_m=(0.001, 1, "m"),
-            radio_m=(0.001, 1, "m"),
-            rod_m=(0.001, 1, "m"),
-            marker_height_m=(0.01, 100, "m"),
-            radio_height_m=(0.01, 100, "m"),
-        )
         lowest = self.radio_height_m + self.radio_m / 2 + self.box_m / 2
         if not (self.radio_height_m > self.radio_m / 2 and self.marker_height_m >= lowest):
             raise ValueError(

@@ -3,57 +3,56 @@
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
+from typing import Annotated
 
 import numpy as np
 from rich.table import Table
 from tyro.conf import Positional
 
-from robosim.commands.episode_config import AS_PUBLISHED, DEFAULTS, Base, Settings
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
-    results_in,
+from robosim.commands.episode_config import DEFAULT_START, DEFAULTS, Base, Settings
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
+    results_folder,
 )
 from robosim.robot.calibration import open_floor, read_runs, run_actions
 from robosim.robot.robots import write_robot
-from robosim.support.checks import SEED, check_number
+from robosim.support.checks import SEED, Range
 
 
 def calibrate(
     measured: Positional[Path | None] = None,
     *,
-    runs: int = 1000,
-    seed: int = 0,
-    base: Base = AS_PUBLISHED,
+    runs: Annotated[int, Range(10, 1_000_000, "runs of each action")] = 1000,
+    seed: Annotated[int, SEED] = 0,
+    base: Base = DEFAULT_START,
     settings: Settings = DEFAULTS,
     out: Path | None = None,
 ) -> None:
-    """Find the errors of a robot's odometry, action by action: constant part and covariance.
+    """Measure the errors of a robot's odometry, action by action: mean and covariance.
 
-    Writes robot.json, the robot with what was found, for --robot of other commands, and odometry.png. A simulated robot
-    is run on an open floor, against its true motions. A real one runs at home: give a table of what its odometry
-    measured and what was true (motion capture, total station, marks on the floor), a row for each run of an action.
+    Writes robot.json, the robot with these errors, for --robot of other commands, and odometry.png. A simulated robot
+    runs on an open floor and is compared with its true motions. For a real robot, give a table of measured and true
+    motions (by motion capture, total station or marks on the floor), one row per run of an action.
 
     Example: robosim calibrate --robot locobot --noise.level 2 --out out/locobot
 
     Args:
-        measured: Table of runs of a real robot (.csv) with columns action (forward, left, right, and backward if it was
-            run), measured_x_m, measured_y_m, measured_yaw_rad, true_x_m, true_y_m, true_yaw_rad: in the robot's frame
-            before the action.
-        runs: How often a simulated robot runs each action.
+        measured: Table of runs of a real robot (.csv) with columns action (forward, left, right, and optionally
+            backward), measured_x_m, measured_y_m, measured_yaw_rad, true_x_m, true_y_m, true_yaw_rad: in the robot's
+            frame before the action.
+        runs: Runs of each action of a simulated robot.
         seed: Seed of its noise.
-        base: What the options below start from.
-        settings: The robot, its noise and physics.
-        out: Folder for the results; a new one under runs/ if not given.
+        base: Values that the options below start from.
+        settings: Robot, noise and physics.
+        out: Output folder; by default a new one under runs/.
     """
     from robosim.drawing.odometry import draw_errors
     from robosim.parts import PHYSICS
     from robosim.support.progress import tracked
     from slam.mapping.odometry import calibrated
 
-    check_number("runs", runs, 10, 1_000_000, "runs of each action", whole=True)
-    check_number("seed", seed, *SEED, whole=True)
     simulator = settings.simulator
-    with results_in(out, "calibrate") as folder:
+    with results_folder(out, "calibrate") as folder:
         if measured is not None:
             done = read_runs(measured)
         else:
@@ -73,7 +72,7 @@ def calibrate(
         cells = [f"{1000 * v[0]:.2f}, {1000 * v[1]:.2f}" for v in (mean, std)]
         turns = [f"{round(np.degrees(v[2]), 3) + 0.0:.3f}" for v in (mean, std)]  # no -0.000
         table.add_row(name, str(count), cells[0], turns[0], cells[1], turns[1])
-    tell({"odometry": rows}, folder)
+    emit_result({"odometry": rows}, folder)
     console.print(table)
     console.print(f"Wrote robot.json and odometry.png in {folder}")
     console.print(f"Next: robosim episode flat --robot {quote(str(folder / 'robot.json'))}")

@@ -3,54 +3,57 @@
 import math
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Annotated
 
 from rich.table import Table
-from tyro.conf import OmitArgPrefixes, Positional
+from tyro.conf import Positional
 
-from robosim.commands.speaking import console, tell_file
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result_file
+from robosim.commands.shared_options import (
     NO_OPTIONS,
-    PlanOptions,
+    Reading,
     read,
-    results_in,
+    results_folder,
 )
-from robosim.support.checks import FREQUENCY_HZ, check_number
+from robosim.support.checks import FREQUENCY_HZ, Range
+
+_FREQUENCY_GHZ = Range(FREQUENCY_HZ.least / 1e9, FREQUENCY_HZ.most / 1e9, "GHz")
 
 
 def calibrate_materials(
     plan: Positional[str],
     paths: Positional[Path],
     *,
-    frequency_ghz: float = 60.0,
+    frequency_ghz: Annotated[float, _FREQUENCY_GHZ] = 60.0,
     material: str = "partition",
-    turn_deg: float = 0.0,
+    turn_deg: Annotated[float, Range(-360, 360, "degrees")] = 0.0,
     height: float = 1.5,
     range_db: float = 40.0,
     scattering: bool = False,
-    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
+    reading: Reading = NO_OPTIONS,
     out: Path | None = None,
 ) -> None:
-    """Hold traced paths against measured ones, and choose the walls' materials by the strengths.
+    """Compare traced paths with measured ones, and choose the materials of walls by the strengths of paths.
 
-    Materials are chosen on every other place and tried on the rest: for the walls that have no colour in the plan, then
+    Materials are chosen on every other place and tested on the rest: for the walls without a colour in the plan, then
     for each colour. Paths are paired by delay (1 ns) and both azimuths (5 degrees). Writes materials.json, measured.png
-    and, if the plan has colours, the plan with what was chosen.
+    and, if the plan has colours, the plan with the chosen materials.
 
     Example: robosim calibrate-materials hall.yaml paths.csv --turn-deg -1.6 --out out/hall
 
     Args:
-        plan: Floor plan in the frame of the table. Colours of "vacuum" reflect nothing: paint them where the picture
-            ends and the building does not.
+        plan: Floor plan in the frame of the table. Walls of "vacuum" do not reflect: use them where the plan ends but
+            the building continues.
         paths: Table with a row for each path (.csv): place, tx_x_m, tx_y_m, tx_heading_rad, rx_x_m, rx_y_m,
             rx_heading_rad, range_m, aod_rad, aoa_rad, power_db.
         frequency_ghz: Carrier frequency [GHz].
-        material: Of walls without a colour to begin with.
-        turn_deg: What the transmitter's heading in the table is corrected by [deg].
-        height: Of both ends [m].
-        range_db: Traced paths weaker than the strongest of their place by more explain nothing [dB].
-        scattering: Also tell how rough walls would have to be to scatter what reflections leave over.
-        reading: How to read the plan, where it does not say.
-        out: Folder for the results; a new one under runs/ if not given.
+        material: First material of walls without a colour.
+        turn_deg: Correction of the transmitter's heading in the table [deg].
+        height: Height of both ends [m].
+        range_db: Traced paths that are weaker than the strongest of their place by more than this are ignored [dB].
+        scattering: Whether to estimate how strongly walls scatter the power that reflections do not explain.
+        reading: How to read the plan.
+        out: Output folder; by default a new one under runs/.
     """
     from robosim.building.building import BuildingConfig, make_building
     from robosim.plans.files import write_ros
@@ -70,11 +73,9 @@ def calibrate_materials(
     from robosim.support.files import write_json
     from robosim.support.progress import told_units
 
-    check_number("turn_deg", turn_deg, -360, 360, "degrees")
-    check_number("frequency_ghz", frequency_ghz, FREQUENCY_HZ[0] / 1e9, FREQUENCY_HZ[1] / 1e9, "GHz")
     config = MatchConfig(height_m=height, range_db=range_db)
     frequency_hz = frequency_ghz * 1e9
-    with results_in(out, "calibrate-materials") as folder:
+    with results_folder(out, "calibrate-materials") as folder:
         floor_plan = read(plan, reading)
         hall = read_measured_paths(paths, math.radians(turn_deg))
         names = candidates(frequency_hz)
@@ -106,7 +107,7 @@ def calibrate_materials(
             folder / "materials.json",
             {"fit": asdict(fit), "explained": explained_by, "scattering": asdict(rough) if rough else None},
         )
-    tell_file(folder / "materials.json")
+    emit_result_file(folder / "materials.json")
     table = Table("traced", "paths explained", "by chance", "power explained", "off [dB]")
     for name, row in rows.items():
         table.add_row(
@@ -116,7 +117,7 @@ def calibrate_materials(
         )
     console.print(table)
     console.print(
-        f"Walls fit {fit.wall} best: reflections are off by {fit.after_db[0]:.1f} dB, at the places that had no say "
+        f"Walls fit {fit.wall} best: reflections are off by {fit.after_db[0]:.1f} dB, at the other places "
         f"{fit.after_db[1]:.1f} dB; with {material} {fit.before_db[0]:.1f} and {fit.before_db[1]:.1f} dB."
     )
     if rough:
@@ -125,7 +126,7 @@ def calibrate_materials(
             f"directions walls scatter from {100 * rough.explained:.0f} % of them ({100 * rough.by_chance:.0f} % by "
             f"chance), as strongly as measured if S = {rough.coefficient:.1f}; with 0.4 they are "
             f"{rough.off_db['0.4']:.0f} dB too weak. "
-            f"{100 * rough.near:.0f} % are within 5 dB then at the places that had no say, of one strength for all "
+            f"{100 * rough.near:.0f} % are within 5 dB then at the other places; with one strength for all "
             f"{100 * rough.near_constant:.0f} %."
         )
     console.print(f"Wrote materials.json and measured.png in {folder}")

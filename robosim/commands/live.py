@@ -5,9 +5,9 @@ from pathlib import Path
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
+from robosim.commands.output import console, emit_result
 from robosim.commands.radio import DEFAULT_RADIO, RadioOptions
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import NO_OPTIONS, PlanOptions, read_place
+from robosim.commands.shared_options import NO_OPTIONS, Reading, read_place
 
 
 def live(
@@ -19,27 +19,27 @@ def live(
     export: Path | None = None,
     tolerance: float | None = None,
     radio: OmitArgPrefixes[RadioOptions] = DEFAULT_RADIO,
-    reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
+    reading: Reading = NO_OPTIONS,
 ) -> None:
-    """Open a local web page: drag a transmitter through a building, watch a search, look back on an episode.
+    """Open a local web page: drag a transmitter through a building, watch a search, replay an episode.
 
-    Given a folder of `robosim episode` or `robosim evaluate`, it shows what is recorded there. Needs the extra `live`.
-    Ctrl-C ends it.
+    Given a folder of `robosim episode` or `robosim evaluate`, the page replays its episodes. Needs the extra `live`.
+    Ctrl-C ends the server.
 
     Example: robosim live office
 
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy; a .yaml
             of a building of several storeys; or the folder of an episode or an evaluation.
-        host: Address to serve at; 0.0.0.0 for all of this machine's, for whoever can reach it.
-        port: Port to serve at; 0 for any that is free.
+        host: Address to serve at; 0.0.0.0 for all addresses of this machine, open to other machines.
+        port: Port to serve at; 0 for any free one.
         browser: Whether to open a browser, if there is one.
         export: File (.html) to write the episode of a folder to, as a page that plays without Python; nothing is
             served then.
-        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
-            straight, but for published grids; 0 keeps every cell.
+        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
+            in published grids; 0 keeps every cell.
         radio: Which paths are traced.
-        reading: How to read the plan, where it does not say.
+        reading: How to read the plan.
     """
     from robosim.live.server import check_address, viser_module
 
@@ -72,7 +72,7 @@ def live(
         elif floor_plan is not None:
             page.explore(floor_plan, config.building, LinkSettings.of(config))
             page.search(EpisodeConfig(), config.building)
-        tell({"url": page.url, "shown": name})
+        emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True
         )
@@ -82,7 +82,7 @@ def live(
 
 
 def _export(folder: Path, file: Path) -> None:
-    """Write an episode as a page."""
+    """Write the episode of a folder as a page."""
     from robosim.live.export import export
     from robosim.live.results import check_results, is_episode, read_recording
 
@@ -92,14 +92,14 @@ def _export(folder: Path, file: Path) -> None:
             f"{folder} is an evaluation: give the folder of one episode, or export from the page."
         )
     export([read_recording(folder)], file)
-    tell({"page": file, "bytes": file.stat().st_size})
+    emit_result({"page": file, "bytes": file.stat().st_size})
     console.print(
         f"Wrote {file}, {file.stat().st_size / 1e6:.1f} MB, which plays in any browser", soft_wrap=True
     )
 
 
 def _open(url: str) -> None:
-    """Open a browser, if there is one and somebody to see it."""
+    """Open a browser, if there is a display."""
     import os
     import webbrowser
 

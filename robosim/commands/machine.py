@@ -3,18 +3,18 @@
 import sys
 from dataclasses import asdict
 
-from robosim.commands.speaking import console, tell
+from robosim.commands.output import console, emit_result
 from robosim.support.installation import package_version
 
 
 def doctor() -> None:
-    """Check this machine: what works, how fast, and what to install where something does not."""
+    """Check this machine: what works, how fast, and how to fix the rest."""
     from robosim.doctor import examine, report
 
-    with console.status("looking ..."):
+    with console.status("checking ..."):
         findings = examine()
     works = report(findings, console)
-    told = [asdict(finding) for finding in findings]
-    tell({"robosim": package_version(), "works": works, "findings": told})
+    rows = [asdict(finding) for finding in findings]
+    emit_result({"robosim": package_version(), "works": works, "findings": rows})
     if not works:
         sys.exit(1)

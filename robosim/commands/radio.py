@@ -1,8 +1,9 @@
 """Options of commands that trace radio."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+from robosim.commands.option_help import ADVANCED
 from robosim.parts import MaterialPart
 
 if TYPE_CHECKING:
@@ -19,30 +20,30 @@ class RadioOptions:
     """Most reflections on a path without diffraction."""
     diffraction: bool = True
     """Whether edges diffract."""
-    diffraction_reflections: int = 1
+    diffraction_reflections: Annotated[int, ADVANCED] = 1
     """Most reflections, before and after together, on a path with diffraction."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect."""
-    max_transmissions: int | None = None
+    max_transmissions: Annotated[int | None, ADVANCED] = None
     """Most walls that a path passes; 2 below 10 GHz and none from there on if not given."""
-    wall_passage: Literal["wall", "face"] = "wall"
+    wall_passage: Annotated[Literal["wall", "face"], ADVANCED] = "wall"
     """What counts as a wall: both faces of a drawn wall together, or each face alone, as in the published grids."""
     wall_thickness: float | None = None
     """Thickness of walls of one --material, such as drywall [m]; half-spaces if not given."""
-    wall_gap: float = 0.0
+    wall_gap: Annotated[float, ADVANCED] = 0.0
     """Air between two layers of that thickness [m], such as 0.089 between plasterboards of 0.013; 0 for one layer."""
     scattering: float | None = None
     """How much walls scatter, coefficient S from 0 to 1; nothing if not given."""
-    max_paths: int = 25
-    """Most paths of a link; the strongest are kept."""
+    max_paths: Annotated[int, ADVANCED] = 25
+    """Most paths of a link; weaker ones are dropped."""
     material: MaterialPart = "partition"
-    """Of walls and furniture."""
+    """Material of walls and furniture."""
     height: float = 1.5
-    """Of receivers, and of transmitters that do not say theirs [m]."""
+    """Height of receivers, and of transmitters without one of their own [m]."""
     tx_power_dbm: float = 23.0
-    """Power sent [dBm]."""
-    threshold_dbm: float | None = None
-    """Paths received with less do not count for the link state [dBm]."""
+    """Transmit power [dBm]."""
+    threshold_dbm: Annotated[float | None, ADVANCED] = None
+    """Received power below which a path does not count for the link state [dBm]."""
 
     def config(
         self, tolerance: float | None, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
@@ -50,8 +51,8 @@ class RadioOptions:
         """The same as the simulator takes it.
 
         Args:
-            tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
-                straight, but for published grids; 0 keeps every cell.
+            tolerance: Largest shift of walls to save corners [m]; by default walls under staircases
+                are straight, except in published grids; 0 keeps every cell.
             polarisation: Of all antennas.
         """
         from robosim.building.building import BuildingConfig

@@ -1,33 +1,35 @@
 """`robosim replay` and `robosim view`."""
 
 from pathlib import Path
+from typing import Annotated
 
 from tyro.conf import Positional
 
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
-    folder_for,
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
+    output_folder,
 )
-from robosim.support.checks import check_number
+from robosim.support.checks import Range
 from robosim.support.run_folder import run_folder
 
 
-def replay(episode: Positional[Path], *, frames: int = 12, out: Path | None = None) -> None:
+def replay(
+    episode: Positional[Path], *, frames: Annotated[int, Range(1, 1000)] = 12, out: Path | None = None
+) -> None:
     """Draw an episode again from its log: the same video, and a sheet of frames. Nothing is simulated.
 
     Example: robosim replay out/a
 
     Args:
         episode: Folder of `robosim episode`.
-        frames: How many frames the sheet shows.
-        out: Folder for replay.mp4 and sheet.png; the episode's if not given.
+        frames: Frames of the sheet.
+        out: Folder for replay.mp4 and sheet.png; by default that of the episode.
     """
     from robosim.recording.replay import replay as draw
 
-    check_number("frames", frames, 1, 1000, whole=True)
-    with run_folder(folder_for(out or episode, "episode"), "episode") as folder:
+    with run_folder(output_folder(out or episode, "episode"), "episode") as folder:
         files = draw(episode, folder, frames)
-    tell({"files": [file.name for file in files]}, folder)
+    emit_result({"files": [file.name for file in files]}, folder)
     console.print(f"Wrote {' and '.join(str(file) for file in files)}", soft_wrap=True)
 
 
@@ -49,7 +51,7 @@ def view(episode: Positional[Path], *, web: bool = False) -> None:
 
     path = episode / RECORDING
     if not path.is_file():
-        raise ValueError(f"{path}: not there. Run the episode with --rerun.")
+        raise ValueError(f"{path}: no such file. Run the episode with --rerun.")
     rerun_sdk()
-    tell({"recording": path})
+    emit_result({"recording": path})
     sys.exit(subprocess.call([sys.executable, "-m", "rerun", str(path), *(["--web-viewer"] if web else [])]))

@@ -3,20 +3,20 @@
 from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from rich.text import Text
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
     NO_OPTIONS,
     PlanOptions,
     read,
-    results_in,
+    results_folder,
 )
-from robosim.support.checks import RADIUS_M, SEED, check_number
+from robosim.support.checks import RADIUS_M, SEED, Range
 from wireless.support.counting import counted
 
 #: Where walls in Mitsuba scenes reflect most like ours [Hz].
@@ -28,11 +28,11 @@ def plan(
     *,
     reading: OmitArgPrefixes[PlanOptions] = NO_OPTIONS,
     tolerance: float | None = None,
-    radius: float = 0.10,
+    radius: Annotated[float, RADIUS_M] = 0.10,
     mast: float = 1.25,
     out: Path | None = None,
 ) -> None:
-    """Show a floor plan: its size, its rooms and what a robot can reach; and export it and its building.
+    """Show a floor plan: its size, its rooms and the floor that a robot can reach; export it and its building.
 
     Writes NAME.yaml and NAME.pgm (ROS map_server), NAME.png, reach.png, building.glb, building.ply, a Mitsuba scene
     with ITU radio materials (mitsuba/) that other radio tools load, and mujoco.xml: building and robot for MuJoCo.
@@ -41,12 +41,12 @@ def plan(
 
     Args:
         plan: Floor plan: a shipped one by name, a ROS map (.yaml), an image or mesh, a HouseExpo .json, .npy.
-        reading: How to read the plan, where it does not say.
-        tolerance: How far walls may be moved to save corners [m]; left out, walls under staircases are
-            straight, but for published grids; 0 keeps every cell.
+        reading: How to read the plan.
+        tolerance: Largest shift of walls that saves corners [m]; by default walls under staircases are straight, except
+            in published grids; 0 keeps every cell.
         radius: Radius of the robot's hull [m].
-        mast: Height of the robot's camera [m]: it drives under what hangs higher in a furnished building.
-        out: Folder for the files; a new one under runs/ if not given.
+        mast: Height of the robot's camera [m]; in a furnished building it drives under higher obstacles.
+        out: Output folder; by default a new one under runs/.
     """
     from robosim.building.building import BuildingConfig, make_building
     from robosim.building.export import export_mesh, export_mitsuba, itu_slab
@@ -59,9 +59,8 @@ def plan(
     from wireless.tracing.tracer import TracerConfig
 
     config = BuildingConfig(tolerance_m=tolerance)
-    check_number("radius", radius, *RADIUS_M)
     robot = replace(robot_of_radius(radius), mast_m=mast)
-    with results_in(out, "plan") as folder:
+    with results_folder(out, "plan") as folder:
         floor_plan = read(plan, reading)
         building = make_building(floor_plan, config=config)
         places = reach(building, *robot.hull_m)
@@ -80,7 +79,7 @@ def plan(
     n_placed = len(building.mesh.faces) - len(building.bare.mesh.faces)
     extruded = find_extruded(building.mesh, building.face_material.astype(np.int64), TracerConfig.snap_m)
     engine = "space" if extruded is None else "plan"
-    tell(
+    emit_result(
         {
             "plan": floor_plan.name,
             "cells": [columns, rows],
@@ -98,22 +97,22 @@ def plan(
         },
         folder,
     )
-    told = (
+    details = (
         f": {columns} x {rows} cells of {floor_plan.resolution_m:g} m, {building.indoor_m2:.1f} m2 free, "
         f"{counted(len(building.walls_2d), 'wall piece')}, {counted(len(building.mesh.faces), 'triangle')}"
     )
-    console.print(Text.assemble((floor_plan.name, "bold"), told))
+    console.print(Text.assemble((floor_plan.name, "bold"), details))
     tall = f" and a height of {robot.height_m:g} m" if building.furnishings else ""
     console.print(
         f"A hull of radius {radius:g} m{tall} can drive in {counted(n_parts, 'separate part')} of it."
     )
     if building.furnishings:
         console.print(
-            f"{counted(len(building.furnishings), 'thing')} placed in it, of {counted(n_placed, 'triangle')}."
+            f"{counted(len(building.furnishings), 'furnishing')} placed in it, of {counted(n_placed, 'triangle')}."
         )
     if engine == "space":
         console.print(
-            "It is no extruded plan, so that radio is traced in space: some ten to a hundred times slower a link."
+            "It is not an extruded plan, so radio is traced in space: ten to a hundred times slower per link."
         )
     for room in cut_off:
         at = f"({room.centre[0]:.2f}, {room.centre[1]:.2f})"
@@ -125,49 +124,47 @@ def plan(
                 f"differ by {slab.off_db:.1f} dB (root mean square, incidence to 85 degrees, {MITSUBA_HZ / 1e9:g} GHz)."
             )
     console.print(f"Wrote {floor_plan.name}.yaml, reach.png, building.glb, mitsuba/ and more in {folder}")
-    # The file just written, since it says by itself what the options said of the plan.
+    # The written file needs no options for reading.
     console.print(f"Next: robosim episode {quote(str(folder / floor_plan.name))}.yaml --out out/episode")
 
 
 def generate(
     *,
-    seed: int = 0,
-    count: int = 1,
+    seed: Annotated[int, SEED] = 0,
+    count: Annotated[int, Range(1, 100_000, "plans")] = 1,
     style: Literal["home", "office"] = "home",
     heights: bool = False,
     navigable: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Make floor plans of buildings like real ones, each from its own seed.
+    """Generate floor plans of realistic buildings, each from its own seed.
 
-    With --heights NAME.yaml names NAME-furnishings.yaml, the list of what is placed in the building: tables, chairs,
-    shelves and more of true height, which can be edited.
+    With --heights, NAME.yaml refers to NAME-furnishings.yaml, an editable list of furnishings of true height: tables,
+    chairs, shelves and more.
 
     Example: robosim generate --seed 100 --count 20 --out out/plans
 
     Args:
         seed: Seed of the first plan; the others count up from it.
-        count: How many plans.
-        style: home or office.
-        heights: Furnish with pieces of true height in place of cells up to the ceiling.
-        navigable: Write the area navigable for a 0.1 m robot, as the published grids are.
-        out: Folder for the plans; a new one under runs/ if not given.
+        count: Number of plans.
+        style: Kind of building.
+        heights: Whether furniture has its true height, instead of cells up to the ceiling.
+        navigable: Whether to write the area navigable for a robot of 0.1 m, like the published grids.
+        out: Output folder; by default a new one under runs/.
     """
     from robosim.generator.generate import GeneratorConfig, generate_plan
     from robosim.plans.files import write_ros
     from robosim.support.progress import tracked
 
-    check_number("count", count, 1, 100_000, "plans", whole=True)
-    check_number("seed", seed, *SEED, whole=True)
     config, names = GeneratorConfig(style=style, heights=heights, navigable=navigable), []
     with (
-        results_in(out, "generate") as folder,
+        results_folder(out, "generate") as folder,
         tracked(range(seed, seed + count), "plans", console) as numbers,
     ):
         for number in numbers:
             made = generate_plan(number, config=config)
             write_ros(made, folder / f"{made.name}.yaml")
             names.append(made.name)
-    tell({"plans": [f"{name}.yaml" for name in names]}, folder)
+    emit_result({"plans": [f"{name}.yaml" for name in names]}, folder)
     console.print(f"Wrote {counted(count, 'plan')}, {made.name}.yaml the last, in {folder}")
     console.print(f"Next: robosim plan {quote(str(folder / made.name))}.yaml")

@@ -9,9 +9,9 @@ from rich.console import Console
 from rich.table import Table
 from tyro.conf import OmitArgPrefixes, Positional, arg
 
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
-    results_in,
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
+    results_folder,
 )
 from robosim.logs.log_mapping import LogConfig
 from robosim.plans.floorplan import FloorPlan
@@ -28,20 +28,20 @@ def slam(
     how: Annotated[OmitArgPrefixes[LogConfig], arg(name="")] = _DEFAULTS,
     out: Path | None = None,
 ) -> None:
-    """Make maps from logs of real robots: where the robot was, and what the building looks like.
+    """Make maps and trajectories from logs of real robots.
 
-    For each log a folder with trajectory.tum (by the graph), matching.tum (each scan matched to those before, no loop
-    closed) and odometry.tum for evo, map.yaml and map.pgm, which are a plan for other commands, map.png, ways.png and
-    result.json: errors against the reference, where the log has one, loops closed, seconds.
+    Writes a folder for each log with trajectory.tum (by the graph), matching.tum (each scan matched to those before, no
+    loop closed) and odometry.tum for evo, map.yaml and map.pgm, a plan for other commands, map.png, ways.png and
+    result.json: errors against the reference, if the log has one, loops closed, seconds.
 
     Example: robosim slam intel.log.gz --out out/intel
 
     Args:
         logs: CARMEN logs with laser scans (.log, .clf, packed by gzip or not), or odometry as a TUM file with --scans.
-        scans: Scans for a TUM file: a line each of time [s], first and last bearing [rad], and ranges [m].
+        scans: Scans for a TUM file, one per line: time [s], first and last bearing [rad], and ranges [m].
         reference: Trajectory to compare with, as a TUM file, instead of that in the log.
         how: How the map is made.
-        out: Folder for the results; a new one under runs/ if not given.
+        out: Output folder; by default a new one under runs/.
     """
     from robosim.drawing.logs import draw_maps, draw_ways
     from robosim.logs.log_files import read_log
@@ -61,18 +61,18 @@ def slam(
     table = Table(
         "log", "", "ATE [m]", "RPE 1-5 m [m]", "[deg]", "along the way [m]", "[deg] ", "cells", "loops", "s"
     )
-    told: list[dict[str, Any]] = []
-    with results_in(out, "slam") as folder:
+    results: list[dict[str, Any]] = []
+    with results_folder(out, "slam") as folder:
         for log in read:
             place = folder if len(read) == 1 else folder / log.name
-            ways, rows = {"odometry": log.odometry()}, {}
+            trajectories, rows = {"odometry": log.odometry()}, {}
             made = {}
             for name, loops in (("matching", False), ("graph", True)):
                 made[name] = map_log(log, how, loops=loops, watched=_watched(f"{log.name}, {name}", console))
-                ways[name] = made[name].poses
+                trajectories[name] = made[name].poses
             if log.reference is not None:
-                ways["reference"] = log.reference
-            for name, poses in ways.items():
+                trajectories["reference"] = log.reference
+            for name, poses in trajectories.items():
                 row: dict[str, Any] = {"cells": count_filled_cells(log, poses)}
                 if log.reference is not None and name != "reference":
                     row |= compare_trajectories(poses, log.reference).plain()
@@ -83,17 +83,17 @@ def slam(
                 write_tum(place / f"{file}.tum", log.times, poses)
                 _add(table, log.name, name, row)
             plans: dict[str, FloorPlan] = {
-                name: make_log_plan(log, ways[name], how.resolution_m, how.range_m)
+                name: make_log_plan(log, trajectories[name], how.resolution_m, how.range_m)
                 for name in ("graph", "reference")
-                if name in ways
+                if name in trajectories
             }
             write_ros(plans["graph"], place / "map.yaml")
-            draw_maps(place / "map.png", plans, ways)
-            draw_ways(place / "ways.png", log, ways)
+            draw_maps(place / "map.png", plans, trajectories)
+            draw_ways(place / "ways.png", log, trajectories)
             result = {"log": log.name, "scans": len(log.range_m), "trajectories": rows}
             write_json(place / "result.json", result)
-            told.append(result)
-    tell({"logs": told}, folder)
+            results.append(result)
+    emit_result({"logs": results}, folder)
     console.print(table)
     console.print(f"Wrote trajectory.tum, map.yaml, map.png, ways.png, result.json and more in {folder}")
     last = folder if len(read) == 1 else folder / read[-1].name
@@ -101,7 +101,7 @@ def slam(
 
 
 def _watched(title: str, console: Console) -> Callable[[range, str], Iterator[int]]:
-    """Goes through numbers with a bar that names them."""
+    """A progress bar for numbers."""
 
     def watched(numbers: range, what: str) -> Iterator[int]:
         with tracked(numbers, f"{title}, {what}", console) as shown:

@@ -1,15 +1,15 @@
-"""`robosim train` for what is learnt by acting: where to look next, which action to take."""
+"""`robosim train` for policies that are trained in simulation: explorer, steering, search."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from tyro.conf import OmitArgPrefixes
-
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
     ALL_CORES,
-    WorkOptions,
-    folder_for,
-    going_on,
+    Work,
+    command_line,
+    output_folder,
+    resume_hint,
 )
 
 
@@ -20,51 +20,45 @@ def explorer(
     decisions: int = 300,
     held_out: int = 40,
     seed: int = 0,
-    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
+    work: Work = ALL_CORES,
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the choice among frontiers by reinforcement (PPO), on walks through invented homes.
+    """Train the choice among frontiers by reinforcement learning (PPO), on walks through generated homes.
 
-    Writes explorer.safetensors with its card, result.json and the curve. It begins with the rating "gain". The
-    best weights are chosen on homes held out; on further ones they are compared with the hand-made ratings in the end.
-    An interrupted run goes on when the same command is given again; the result does not depend on the number of
-    workers.
+    Writes explorer.safetensors with its card, result.json and the curve. Training starts from the rating "gain". The
+    best weights are chosen on held-out homes, and compared with the hand-made ratings on others. The same command
+    resumes an interrupted run; the result does not depend on the number of workers.
 
     Example: robosim train explorer --out out/explorer
 
     Args:
         rounds: Rounds of walks and improvement.
-        homes: Homes of a round, a walk through each.
+        homes: Homes of a round, with one walk in each.
         decisions: Decisions of a walk.
-        held_out: Homes to choose the best weights by, and as many to compare in the end.
+        held_out: Homes that choose the best weights, and as many for the final comparison.
         seed: Seed of homes, starts, weights and choices.
-        work: Who does the work.
-        smoke: A run of a minute that shows that all works: two rounds of few, short walks.
-        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+        work: Worker processes.
+        smoke: Whether to try everything in a minute, with two rounds of few, short walks.
+        out: Output folder, also of a run to resume; by default a new one under runs/.
     """
     from robosim.training.explorer import ExplorerRecipe, train_explorer
 
     if smoke:
-        rounds, homes, decisions, held_out = (
-            min(rounds, 2),
-            min(homes, 3),
-            min(decisions, 40),
-            min(held_out, 2),
-        )
+        rounds, homes = min(rounds, 2), min(homes, 3)
+        decisions, held_out = min(decisions, 40), min(held_out, 2)
     recipe = ExplorerRecipe(
         rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, every=1 if smoke else 5, seed=seed
     )
-    folder = folder_for(out, "train explorer")
-    told = (
-        f"robosim train explorer --rounds {rounds} --homes {homes} --decisions {decisions} --held-out {held_out} "
-        f"--seed {seed}"
+    folder = output_folder(out, "train explorer")
+    about = command_line(
+        "train explorer", rounds=rounds, homes=homes, decisions=decisions, held_out=held_out, seed=seed
     )
-    with going_on(folder):
+    with resume_hint(folder):
         card = train_explorer(
-            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
+            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=about
         )
-    tell(card, folder)
+    emit_result(card, folder)
     for rating, mean in card["mean_coverage"].items():
         console.print(f"{rating:>10}: {mean:.4f} of the floor seen on average over a walk", highlight=False)
     console.print(f"Wrote the explorer, its card and curve in {folder}")
@@ -76,28 +70,26 @@ def steering(
     homes: int = 60,
     held_out: int = 60,
     seed: int = 0,
-    work: OmitArgPrefixes[WorkOptions] = ALL_CORES,
+    work: Work = ALL_CORES,
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives in made homes.
+    """Train the learned local policy by imitation of the deterministic one (DAgger), on drives in generated homes.
 
-    Writes steering.safetensors with its card, on which both are compared in homes held out. An interrupted run goes on
-    when the same command is given again; the result does not depend on the number of workers.
+    Writes steering.safetensors with its card, which compares both policies in held-out homes. The same command resumes
+    an interrupted run; the result does not depend on the number of workers.
 
     Example: robosim train steering --out out/steering
 
     Args:
         rounds: Rounds of driving and learning.
-        homes: Homes of a round, a drive to one target in each.
-        held_out: Homes for the comparison in the end.
+        homes: Homes of a round, with a drive to one target in each.
+        held_out: Homes of the final comparison.
         seed: Seed of homes, targets, noise and weights.
-        work: Who does the work.
-        smoke: A run of a minute that shows that all works: two rounds of a few short drives.
-        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+        work: Worker processes.
+        smoke: Whether to try everything in a minute, with two rounds of a few short drives.
+        out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from dataclasses import replace
-
     from robosim.training.steering import SteeringRecipe, train_steering
 
     if smoke:
@@ -105,17 +97,17 @@ def steering(
     recipe = SteeringRecipe(rounds=rounds, homes=homes, held_out=held_out, seed=seed)
     if smoke:
         recipe = replace(recipe, epochs=2, max_steps=15)
-    folder = folder_for(out, "train steering")
-    told = f"robosim train steering --rounds {rounds} --homes {homes} --held-out {held_out} --seed {seed}"
-    with going_on(folder):
+    folder = output_folder(out, "train steering")
+    about = command_line("train steering", rounds=rounds, homes=homes, held_out=held_out, seed=seed)
+    with resume_hint(folder):
         card = train_steering(
-            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=told
+            folder, recipe, workers=work.count, cluster=work.cluster, console=console, about=about
         )
-    tell(card, folder)
+    emit_result(card, folder)
     for name, mean in card["mean_of_drives"].items():
         console.print(
             f"{name:>10}: {100 * mean['arrived']:.1f} % arrived, {mean['steps']:.1f} decisions and {mean['bumps']:.2f} "
-            "bumps a drive",
+            "bumps per drive",
             highlight=False,
         )
     console.print(f"Wrote the local policy and its card in {folder}")
@@ -131,29 +123,26 @@ def search(
     smoke: bool = False,
     out: Path | None = None,
 ) -> None:
-    """Train a search end to end: a recurrent network that drives from depth, radio and odometry alone.
+    """Train a search end to end: a recurrent network that drives by depth, radio and odometry alone.
 
-    In invented homes; first by imitation of a guide that knows the way (DAgger), then on its own arrivals (PPO).
-    Writes search.safetensors with its card, and curve.json after each epoch of 32768 steps, which takes a minute of one
-    core that is shared with other work. Radio is traced once for each target and kept in the folder. An interrupted run
-    goes on when the same command is given again, and so does one that has ended, if more epochs are asked for. One
-    process, one thread.
+    Training is in generated homes, first by imitation of a guide that knows the route (DAgger), then by reinforcement
+    learning (PPO). Writes search.safetensors with its card, and curve.json after each epoch of 32768 steps, about a
+    minute of one core. Radio is traced once for each target and stored in the folder. The same command resumes an
+    interrupted run, and continues a finished one if more epochs are given. One process, one thread.
 
     Example: robosim train search --out out/search
 
-    What it learned drives by robosim episode office --goal out/search/search.safetensors
+    The network drives in robosim episode office --goal out/search/search.safetensors
 
     Args:
-        epochs: Epochs in all.
-        imitation: Of which so many by imitation.
-        homes: Homes to learn in.
-        held_out: Searches to choose the best weights by, and twice as many to compare in the end.
+        epochs: Number of epochs.
+        imitation: Number of epochs by imitation, the first ones.
+        homes: Homes that searches take place in.
+        held_out: Searches that choose the best weights, and twice as many for the final comparison.
         seed: Seed of homes, searches, noise, weights and choices.
-        smoke: A run of a minute or two that shows that all works: two epochs of few, short searches.
-        out: Folder for the results, and to go on from; a new one under runs/ if not given.
+        smoke: Whether to try everything in a minute or two, with two epochs of few, short searches.
+        out: Output folder, also of a run to resume; by default a new one under runs/.
     """
-    from dataclasses import replace
-
     from robosim.training.search import SearchRecipe, train_search
 
     recipe = SearchRecipe(epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed)
@@ -172,14 +161,13 @@ def search(
             held_out=min(held_out, 2),
             every=1,
         )
-    folder = folder_for(out, "train search")
-    told = (
-        f"robosim train search --epochs {epochs} --imitation {imitation} --homes {homes} --held-out {held_out} "
-        f"--seed {seed}"
+    folder = output_folder(out, "train search")
+    about = command_line(
+        "train search", epochs=epochs, imitation=imitation, homes=homes, held_out=held_out, seed=seed
     )
-    with going_on(folder):
-        card = train_search(folder, recipe, console=console, about=told)
-    tell(card, folder)
+    with resume_hint(folder):
+        card = train_search(folder, recipe, console=console, about=about)
+    emit_result(card, folder)
     for name, score in card["scores"].items():
         console.print(
             f"{name:>28}: {100 * score['arrived']:.1f} % arrived, success weighted by path length {score['spl']:.2f}",

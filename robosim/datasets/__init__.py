@@ -1,1 +1,1 @@
-"""Data sets: frames of robots that explore, and links of buildings with their paths and estimates."""
+"""Data sets: frames of exploring robots, and links of buildings with true and estimated paths."""

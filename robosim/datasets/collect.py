@@ -1,26 +1,26 @@
-"""Frames to train a mapper on: what a robot senses as it explores invented homes, with the truth beside it.
+"""Frames to train a mapper on: sensor data of a robot that explores generated homes, with the ground truth.
 
 Each home is a shard, `home-00012.npz`, that depends on the seed and its number alone: any number of workers writes the
-same bytes, an interrupted run goes on where it stopped, and the last homes can be held out. The robot explores as
-in an episode, by the classical mapper and the frontier explorer; when nothing is left to see it begins anew elsewhere.
-So maps of all ages occur, and places that a robot would really look from. Motion is kinematic, for speed. Targets stand
-in the homes as in episodes; robots pass through them, and they are no obstacles in the truth.
+same bytes, an interrupted run is resumed, and the last homes can be held out. The robot explores as in an episode, with
+the classical mapper and the frontier explorer; when it has seen everything it starts again in another place. So there
+are early and late maps, seen from realistic places. Motion is kinematic, for speed. Targets stand in the homes as in
+episodes; robots pass through them, and the ground truth does not contain them.
 
 | array | shape, type | meaning |
 |---|---|---|
-| depth | (n, h, w) uint16 | measured depth [mm], 0 where nothing was |
+| depth | (n, h, w) uint16 | measured depth [mm], 0 without a return |
 | rgb | (n, h, w, 3) uint8 | picture |
-| action | (n,) int8 | action that led here, -1 at the first frame of an episode |
+| action | (n,) int8 | last action, -1 at the first frame of an episode |
 | odometry | (n, 3) float32 | measured motion since the last frame: x, y [m], yaw [rad] |
 | pose | (n, 3) float64 | true pose: x, y [m], yaw [rad] in `map` |
-| estimate | (n, 3) float64 | pose as the classical mapper has it |
+| estimate | (n, 3) float64 | pose of the classical mapper |
 | belief | (n, 64, 64) uint8 | classical map ahead of the estimated pose after this frame: 255 times the probability |
 | truth | (n, 3, 64, 8) uint8 | channels of `robosim.datasets.true_patch`, bits packed along the last axis |
 """
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from rich.console import Console
@@ -36,7 +36,7 @@ from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array
-from robosim.support.checks import SEED, check_numbers
+from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
 from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
@@ -55,35 +55,33 @@ SHARD = {
     "belief": Array("u1", "n 64 64"),
     "truth": Array("u1", "n 3 64 8"),
 }
-#: Parts of a walk that may end in one place without a step taken, before the home is given up.
+#: Walks that may end without a step, before a home is given up.
 _RESTARTS = 20
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CollectConfig:
-    """What is collected."""
+    """Which frames are collected."""
 
-    homes: int = 100
-    """Homes, each a shard."""
-    steps: int = 300
+    homes: Annotated[int, Range(1, 100_000)] = 100
+    """Homes, one shard each."""
+    steps: Annotated[int, Range(1, 10_000, "frames")] = 300
     """Frames of each home."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of homes and noise."""
-    navigable: float = 0.6
-    """Share of homes in the form of the published grids, free where an agent may stand."""
+    navigable: Annotated[float, Range(0, 1)] = 0.6
+    """Share of homes in the form of the published grids, whose free cells are those where an agent may stand."""
     depth_noise: DepthNoise = field(default_factory=lambda: DepthNoise(level=1.0))
     """Noise of the depth camera."""
     noise: NoiseModel = field(default_factory=NoiseModel)
     """Noise of motion and odometry."""
 
-    def __post_init__(self) -> None:
-        check_numbers(self, homes=(1, 100_000), steps=(1, 10_000, "frames"), seed=SEED, navigable=(0, 1))
-
 
 def collect(
     config: CollectConfig, out: Path, *, workers: int, cluster: str | None = None, console: Console
 ) -> list[Path]:
-    """Write the shards that are not there yet.
+    """Write the missing shards.
 
     Args:
         config: What to collect.
@@ -96,8 +94,8 @@ def collect(
         All shards.
 
     Raises:
-        FolderError: If the folder holds shards that were collected otherwise, or another process is at work in it.
-        WorkerLost: If a process was killed, when the other homes are done.
+        FolderError: If the folder holds shards of another configuration, or another process works in it.
+        WorkerLost: If a process was killed; the other homes are written first.
     """
     # More homes of the same kind may be added.
     settings = {key: value for key, value in asdict(config).items() if key != "homes"}
@@ -119,7 +117,7 @@ def _collect_shard(config: CollectConfig, home: int) -> bytes:
 
 
 def home_building(config: CollectConfig, home: int) -> Building:
-    """One of the invented homes."""
+    """The building of a home."""
     rng = np.random.default_rng([config.seed, home, 0])
     form = GeneratorConfig(navigable=bool(rng.random() < config.navigable))
     return make_building(generate_plan(int(rng.integers(1 << 31)), config=form))
@@ -129,9 +127,9 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
     """Explore one building.
 
     Args:
-        building: Where.
-        config: How.
-        seed: Number that, with that of the configuration, fixes everything random.
+        building: The building.
+        config: The configuration.
+        seed: Seed of all random numbers, together with that of the configuration.
 
     Returns:
         The arrays of a shard.
@@ -157,7 +155,7 @@ def collect_home(building: Building, config: CollectConfig, *, seed: int) -> dic
 def _walk(
     simulator: Simulator, places: Reach, frames: "_Frames", steps: int, rng: np.random.Generator
 ) -> None:
-    """One episode of exploring, until all is seen or there are frames enough."""
+    """Explore until everything is seen or there are enough frames."""
     navigator = make_navigator(simulator.config)
     task = make_task(places, rng, min_path_m=1.0)
 
@@ -176,7 +174,7 @@ class _Frames:
         self.rows: list[dict[str, Any]] = []
 
     def add(self, turn: Turn) -> None:
-        """Keep what was sensed and believed, and what is true."""
+        """Add a row with sensor data, estimates and ground truth."""
         view, estimate = turn.view, turn.estimate
         self.rows.append(
             {

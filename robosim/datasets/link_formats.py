@@ -1,4 +1,4 @@
-"""Links of a building in the formats that others read: mmwRobotNav's CSV files and DeepMIMO v4 scenarios."""
+"""Links of a building in formats of others: CSV files of mmwRobotNav and DeepMIMO v4 scenarios."""
 
 from pathlib import Path
 
@@ -9,8 +9,7 @@ from robosim.radio.receivers import ReceiverGrid
 from robosim.radio.scene import RadioScene
 from wireless.estimates import PathEstimates
 from wireless.formats.deepmimo_scenario import scenario_name, scene_files, transmitter_files
-from wireless.formats.estimated_csv import estimated_csv
-from wireless.formats.traced_csv import traced_csv
+from wireless.formats.mmwrobotnav_csv import estimated_csv, traced_csv
 from wireless.paths import Paths
 
 #: Folder below which `deepmimo.load` looks for scenarios.
@@ -29,7 +28,7 @@ def csv_files(
         grid: The receivers.
         paths: Paths of this transmitter, and perhaps of others.
         tx: Number of the transmitter, from 0.
-        estimates: What a receiver makes out of its links, in the frame of the scene.
+        estimates: Estimated paths of its links, in the frame of the scene.
     """
     config, start = scene.config, f"{scene.building.plan.name}_Tx_{tx + 1}"
     power = {"tx_power_dbm": config.tx_power_dbm, "threshold_db": config.threshold_db}
@@ -42,23 +41,23 @@ def csv_files(
 
 
 def transmitters_file(name: str, transmitters: Float[np.ndarray, "n 3"]) -> Files:
-    """`NAME_tx_pos.csv`: where transmitters are."""
+    """`NAME_tx_pos.csv`, the places of transmitters [m]."""
     rows = [f"{i},{x:.10g},{y:.10g},{z:.10g}" for i, (x, y, z) in enumerate(transmitters)]
     return {f"{name}_tx_pos.csv": ("\n".join([",x,y,z", *rows]) + "\n").encode("ascii")}
 
 
 def deepmimo_folder(out: Path, name: str) -> Path:
-    """Where the scenario of a building belongs."""
+    """Folder of the scenario of a building."""
     return out / SCENARIOS / scenario_name(name)
 
 
 def deepmimo_paths(scene: RadioScene, paths: Paths, tx: int) -> Files:
-    """Paths of a transmitter in a scenario."""
+    """Files of a transmitter in a scenario."""
     return transmitter_files(paths, tx, horizontal=scene.config.tracer.polarisation == "horizontal")
 
 
 def deepmimo_scene(scene: RadioScene, n_tx: int, n_rx: int, n_rx_active: int) -> Files:
-    """What a scenario has beside its paths, to be written last: with it the scenario is complete."""
+    """The other files of a scenario, which are written last: they complete it."""
     return scene_files(
         mesh=scene.whole.mesh,
         materials=scene.whole.materials,

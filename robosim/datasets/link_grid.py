@@ -1,12 +1,11 @@
-"""Paths of whole grids of links, traced piece by piece into one file, so that a long run can be killed.
+"""Paths of whole grids of links, traced in units into one file, so that an interrupted run can be resumed.
 
-The links are cut into units: one transmitter and some receivers in a row. Each unit is written whole or not
-at all, and a run goes on from the units that it finds, with the same result as if it had never stopped. When
-the last one is there they are joined, by transmitter and receiver, to `paths.parquet`. The memory needed is
-that of a few thousand links, however many there are.
+A unit is one transmitter and some consecutive receivers. It is written whole or not at all, and a run traces the
+missing units, with the same result as an uninterrupted one. Complete units are joined, by transmitter and receiver, to
+`paths.parquet`. The memory needed is that of a few thousand links.
 
-Processes that trace make the building themselves, from the plan, and keep it for their next units; those of a cluster
-need no common folder.
+Worker processes make the building from the plan and cache it for their next units; those of a cluster need no common
+folder.
 """
 
 import io
@@ -20,7 +19,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from jaxtyping import Float
 
-from robosim.datasets.link_units import Site, prepared
+from robosim.datasets.link_units import Site, prepare_site
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.scene import RadioConfig
@@ -30,7 +29,7 @@ from wireless.paths import Paths
 from wireless.tracing.blocks import BLOCK_RX, BLOCK_TX
 
 PATHS, UNITS = "paths.parquet", "units"
-#: Receivers of a unit: what the tracer takes at once.
+#: Receivers of a unit, as many as the tracer handles at once.
 UNIT_RX = BLOCK_RX
 
 
@@ -45,10 +44,10 @@ class LinkGrid:
         tx: Float[np.ndarray, "n_tx 3"],
         rx: Float[np.ndarray, "n_rx 3"],
     ) -> None:
-        """Say which.
+        """Define the links.
 
         Args:
-            plan: Where.
+            plan: The plan.
             config: How links are traced.
             grid_m: Step between receivers [m].
             tx: Positions of transmitters [m].
@@ -67,13 +66,13 @@ class LinkGrid:
         cluster: str | None = None,
         report: Callable[[int, int], None] = lambda done, total: None,
     ) -> Path:
-        """Trace all links into a folder, or the ones that are missing there.
+        """Trace the links that are missing in a folder.
 
         Args:
-            folder: Where to; nobody else is at work there.
+            folder: The folder; no other process works in it.
             workers: Processes. The result does not depend on it.
             cluster: Address of a dask scheduler that is used instead.
-            report: Told the number of links done and of all links, at first and whenever some are on disk.
+            report: Called with the numbers of finished and of all links, at first and after each unit.
 
         Returns:
             The file of all paths, for `Paths.read_parquet`.
@@ -102,13 +101,13 @@ class LinkGrid:
         return folder / f"tx{tx:04d}_rx{first:07d}.parquet"
 
     def _end(self, first: int) -> int:
-        """Where the receivers of a unit end."""
+        """Index after the last receiver of a unit."""
         return min(first + UNIT_RX, len(self._rx))
 
     def _missing(self, folder: Path) -> Iterator[tuple[list[int], int]]:
-        """What is missing, as transmitters and receivers (their start) to be traced in one call.
+        """Missing units as transmitters and first receiver of each call.
 
-        What receivers see does not depend on the transmitter, so that several share it.
+        The view from receivers does not depend on the transmitter, so that several share it.
         """
 
         def missing(first: int) -> list[int]:
@@ -119,7 +118,7 @@ class LinkGrid:
                 yield txs[j : j + BLOCK_TX], first
 
     def _join(self, folder: Path) -> None:
-        """Put the paths of all units into one file, a unit at a time."""
+        """Join the paths of all units in one file."""
         with whole_file(folder / PATHS) as partial:
             writer = None
             try:
@@ -138,8 +137,8 @@ class LinkGrid:
 def _trace_unit(
     site: Site, config: RadioConfig, grid_m: float, txs: list[int], first: int, end: int
 ) -> list[bytes]:
-    """Paths from some transmitters to receivers in a row, a file of each transmitter."""
-    scene, grid = prepared(site, config, grid_m)
+    """Paths from some transmitters to consecutive receivers, one file per transmitter."""
+    scene, grid = prepare_site(site, config, grid_m)
     paths = scene.tracer.trace(site.transmitters[txs], grid.position[first:end], workers=1)
     tables = []
     for j, tx in enumerate(txs):

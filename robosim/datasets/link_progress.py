@@ -1,42 +1,43 @@
-"""How far a long run over links is: a bar with its rate, and what was found from a run before."""
+"""Progress of a long run over links: a bar with its rate, and the links of an earlier run."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import timedelta
 from pathlib import Path
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TaskID
 from rich.text import Text
 
 from robosim.support.progress import text_column
 
 
 class LinkProgress:
-    """Counts links as they are done."""
+    """Counts finished links and shows them in a bar."""
 
-    def __init__(self, show: Callable[[int, str], None], say: Callable[[str], None], out: Path):
-        self._show, self._say, self._out = show, say, out
+    def __init__(self, progress: Progress, bar: TaskID, out: Path):
+        self._progress, self._bar, self._out = progress, bar, out
         self._start = time.perf_counter()
         self.found: int | None = None
-        """Links that were there at first."""
+        """Links of earlier runs."""
         self.done = 0
-        """Links that are there."""
+        """Links of this run and of earlier ones."""
 
     def report(self, done: int, total: int) -> None:
-        """Note how many links are done; the first call says how many were there already."""
+        """Set the number of finished links; the first call gives those of earlier runs."""
         if self.found is None:
             self.found = done
             if done > 0:
-                self._say(f"{self._out} holds {done} of the {total} links; going on from there.")
+                line = f"{self._out} holds {done} of the {total} links; resuming from there."
+                self._progress.console.print(Text(line))
         self.done = done
         left = timedelta(seconds=round((total - done) / self.rate)) if self.new else "?"
-        self._show(done, f"{self.rate:.0f} links/s, {left} left")
+        self._progress.update(self._bar, completed=done, note=f"{self.rate:.0f} links/s, {left} left")
 
     @property
     def new(self) -> int:
-        """Links done by this run."""
+        """Links of this run."""
         return self.done - (self.found or 0)
 
     @property
@@ -46,18 +47,18 @@ class LinkProgress:
 
     @property
     def rate(self) -> float:
-        """Links a second."""
+        """Links of this run per second."""
         return self.new / self.seconds
 
 
 @contextmanager
 def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgress]:
-    """A bar while links are worked on.
+    """A bar while links are traced.
 
     Args:
         console: Where it is shown.
         total: Number of links.
-        out: Folder of results, for what is said.
+        out: Output folder, for messages.
     """
     columns = (
         SpinnerColumn(),
@@ -67,9 +68,4 @@ def link_progress(console: Console, total: int, out: Path) -> Iterator[LinkProgr
         text_column("{task.fields[note]}"),
     )
     with Progress(*columns, console=console, refresh_per_second=4) as progress:
-        bar = progress.add_task("links", total=total, note="")
-        yield LinkProgress(
-            lambda done, note: progress.update(bar, completed=done, note=note),
-            lambda line: progress.console.print(Text(line)),
-            out,
-        )
+        yield LinkProgress(progress, progress.add_task("links", total=total, note=""), out)

@@ -1,15 +1,15 @@
 """Units of a data set of links: one transmitter of one building, traced, sounded and estimated.
 
-A unit depends on its own settings and seed alone, and is worked on by one thread: neither the number of workers nor
-the order of units changes a byte. The process that works on it hands its files back as bytes. Its table of links is
-written last of them, so that where it is, the unit is complete.
+A unit depends on its own settings and seed alone, and one thread computes it: neither the number of workers nor the
+order of units changes a byte. The worker process returns its files as bytes. The table of links is written last, so a
+unit with a table is complete.
 """
 
 import io
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -18,9 +18,9 @@ from robosim.datasets.link_formats import Files, csv_files, deepmimo_folder, dee
 from robosim.parts import ESTIMATOR, TERMINAL, EstimatorPart, TerminalPart
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
-from robosim.radio.receivers import ReceiverGrid, check_step
+from robosim.radio.receivers import STEP_M, ReceiverGrid
 from robosim.radio.scene import RadioConfig, RadioScene
-from robosim.support.checks import SEED, check_choice, check_numbers
+from robosim.support.checks import SEED, Range, checked
 from robosim.support.parts import Part, described
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
@@ -30,44 +30,35 @@ from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
 
 Format = Literal["mmwrobotnav", "deepmimo"]
 Headings = Literal["fixed", "random"]
-#: Links that are sounded at once; results depend on it. Takes 50 MB.
+#: Links that are sounded at once, in 50 MB; results depend on it.
 CHUNK_LINKS = 512
 LINKS = "links"
 MMWROBOTNAV = "mmwrobotnav"
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LinkSetConfig:
-    """What is in a data set."""
+    """Content of a data set."""
 
-    tx_per_plan: int = 10
+    tx_per_plan: Annotated[int, Range(1, 10_000, "transmitters")] = 10
     """Transmitters in each building, at random places."""
-    grid_m: float = 0.15
+    grid_m: Annotated[float, STEP_M] = 0.15
     """Step between receivers [m]."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of places, phases and noise."""
     estimator: EstimatorPart = "sage"
-    """What reads paths out of measurements, of `robosim.parts.ESTIMATOR`."""
+    """Path estimator, of `robosim.parts.ESTIMATOR`."""
     tx: TerminalPart = "gnb"
-    """Terminal that sends, of `robosim.parts.TERMINAL`."""
+    """Terminal of the transmitter, of `robosim.parts.TERMINAL`."""
     rx: TerminalPart = "ue"
-    """Terminal that receives."""
+    """Terminal of the receiver."""
     headings: Headings = "fixed"
-    """Where receivers' arrays face: all the same way, as published, or each at random, as a robot's do."""
+    """Headings of receivers: fixed, as published, or random, as of a moving robot."""
     formats: tuple[Format, ...] = ()
-    """What is written beside Parquet."""
+    """Additional formats."""
     radio: RadioConfig = field(default_factory=RadioConfig)
     """How links are traced."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, tx_per_plan=(1, 10_000, "transmitters"), seed=SEED)
-        check_step(self.grid_m)
-        ESTIMATOR.check("estimator", self.estimator)
-        check_choice("headings", self.headings, get_args(Headings))
-        for name in ("tx", "rx"):
-            TERMINAL.check(name, getattr(self, name))
-        for name in self.formats:
-            check_choice("formats", name, get_args(Format))
 
     @property
     def sounding(self) -> SoundingConfig:
@@ -77,25 +68,25 @@ class LinkSetConfig:
 
 @dataclass(frozen=True)
 class Site:
-    """A building with its transmitters, or a storey with those of the whole building; equal if the plans are."""
+    """A building or storey with its transmitters; equal if the plans are equal."""
 
     digest: str
-    """Of the plan, see `FloorPlan.digest`."""
+    """Digest of the plan, see `FloorPlan.digest`."""
     plan: FloorPlan | OneStorey = field(compare=False)
-    """What it is made of."""
+    """The plan."""
     transmitters: Float[np.ndarray, "n 3"] = field(compare=False)
-    """Where its transmitters are [m]."""
+    """Places of transmitters [m]."""
     n_rx: int = field(compare=False)
-    """How many receivers it has."""
+    """Number of receivers."""
 
 
 def stream(seed: int, digest: str, *key: int) -> np.random.Generator:
-    """Random numbers of a plan, or of something in it."""
+    """Random numbers of a plan, or of a unit of it."""
     return np.random.default_rng(np.random.SeedSequence([seed, int(digest, 16)], spawn_key=key))
 
 
 def unit_path(out: Path, name: str, tx: int) -> Path:
-    """The table of a unit's links; transmitters count from 0, their files from 1."""
+    """File of the links of a unit; transmitters count from 0, files from 1."""
     return out / LINKS / f"{name}_Tx_{tx + 1}.parquet"
 
 
@@ -105,7 +96,7 @@ def make_unit(site: Site, tx: int, config: LinkSetConfig) -> Files:
     Returns:
         The files of the unit by their paths below the folder of the data set, the table of links last.
     """
-    scene, grid = prepared(site, config.radio, config.grid_m)
+    scene, grid = prepare_site(site, config.radio, config.grid_m)
     paths = scene.tracer.trace(site.transmitters[tx : tx + 1], grid.position, workers=1)
     rng = stream(config.seed, site.digest, tx)
     heading = np.zeros(len(grid.position))
@@ -139,15 +130,15 @@ def _below(folder: Path, files: Files) -> Files:
 
 
 @lru_cache(maxsize=1)
-def prepared(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
-    """The building and its receivers, kept for the next unit of the same process."""
+def prepare_site(site: Site, config: RadioConfig, grid_m: float) -> tuple[RadioScene, ReceiverGrid]:
+    """The building and its receivers, cached for the next unit of the same process."""
     scene = RadioScene(site.plan, config)
     return scene, scene.grid(grid_m)
 
 
 @lru_cache(maxsize=1)
 def _receiver(estimator: Part, tx: Part, rx: Part, sounding: SoundingConfig) -> tuple[Sounder, PathEstimator]:
-    """The sounder and the estimator, kept for the next unit."""
+    """The sounder and the estimator, cached for the next unit."""
     sounder = Sounder(TERMINAL.make(tx, field="tx"), TERMINAL.make(rx, field="rx"), sounding)
     found: PathEstimator = ESTIMATOR.make(estimator, sounder, field="estimator")
     if isinstance(found, SageEstimator):
@@ -156,7 +147,7 @@ def _receiver(estimator: Part, tx: Part, rx: Part, sounding: SoundingConfig) -> 
 
 
 def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> PathEstimates:
-    """What the receiver makes out of links."""
+    """Estimated paths of links."""
     sounder, estimator = _receiver(config.estimator, config.tx, config.rx, config.sounding)
     parts = []
     for start in range(0, len(rays), CHUNK_LINKS):

@@ -1,13 +1,13 @@
-"""Data sets of links for whole lists of buildings: true paths, link states, and what a receiver estimates.
+"""Data sets of links of several buildings: true paths, link states, and estimated paths.
 
-A unit is a transmitter of a building (`robosim.datasets.link_units`): units are written whole or not at all, by as many
-processes as are given, and a run that was killed goes on from those it finds, to the same bytes. In the folder:
+A unit is a transmitter of a building (`robosim.datasets.link_units`). Units are written whole or not at all, by several
+processes, and an interrupted run writes the missing ones, to the same bytes. The folder holds:
 
     links/NAME_Tx_K.parquet   links of transmitter K of building NAME (`wireless.formats.link_records`)
-    manifest.json             written last: versions, configuration, plans, units with their rows, columns and units
-    settings.json             what the folder belongs to; other settings are refused
-    mmwrobotnav/NAME/         CSV files of traced and of estimated paths, if asked for
-    deepmimo_scenarios/NAME/  a DeepMIMO v4 scenario, if asked for
+    manifest.json             written last: versions, configuration, plans, units with their rows, columns
+    settings.json             settings of the data set; a run with others is rejected
+    mmwrobotnav/NAME/         optional CSV files of traced and of estimated paths
+    deepmimo_scenarios/NAME/  optional DeepMIMO v4 scenario
 """
 
 import platform
@@ -59,23 +59,23 @@ def make_dataset(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Make a data set in a folder, or what is missing of it there.
+    """Make a data set in a folder, or its missing parts.
 
     Args:
-        plans: Buildings, of different names. One of several storeys makes units for the receivers on each of them,
-            named NAME_storey_0 and so on, whose transmitters are spread over all storeys in turn.
-        config: What is in the data set.
+        plans: Buildings of different names. A building of several storeys has units for the receivers of each storey,
+            named NAME_storey_0 and so on; its transmitters are spread over all storeys.
+        config: Content of the data set.
         out: The folder, made if it is missing.
         workers: Processes. No result depends on it.
         cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown; nowhere if not given.
 
     Returns:
-        What `manifest.json` holds, and under "timing" the links, seconds and links a second of this run.
+        The content of `manifest.json`, and under "timing" links, seconds and links per second of this run.
 
     Raises:
-        FolderError: If the folder belongs to other settings or another process is at work in it.
-        MapError: If two plans have one name, or one has no free area.
+        FolderError: If the folder belongs to other settings or another process works in it.
+        MapError: If two plans have the same name, or one has no free area.
         ValueError: If a setting does not fit a plan.
     """
     out, console = Path(out), console or Console(quiet=True)
@@ -94,7 +94,7 @@ def make_dataset(
 
 
 def _places(plans: Sequence[FloorPlan | StoreysPlan]) -> list[FloorPlan | OneStorey]:
-    """Plans, and each storey of buildings that have several."""
+    """Plans, and each storey of buildings of several."""
     places: list[FloorPlan | OneStorey] = []
     for plan in plans:
         if isinstance(plan, FloorPlan):
@@ -113,7 +113,7 @@ def _check_names(plans: Sequence[FloorPlan | OneStorey]) -> None:
 
 
 def _site(plan: FloorPlan | OneStorey, config: LinkSetConfig) -> Site:
-    """A building's transmitters, and how many receivers it has."""
+    """A building with its transmitters and number of receivers."""
     building, whole, _ = built(plan, config.radio.building)
     digest, height_m = plan.digest(), config.radio.height_m
     grid = receiver_grid(building, config.grid_m, height_m)
@@ -127,7 +127,7 @@ def _site(plan: FloorPlan | OneStorey, config: LinkSetConfig) -> Site:
 
 
 def _on_all_storeys(digest: str, whole: Storeys, config: LinkSetConfig) -> Float[np.ndarray, "n 3"]:
-    """Transmitters of a building on its storeys in turn, from the lowest up."""
+    """Transmitters of a building, one storey after the other from the lowest up."""
     turns = -(-config.tx_per_plan // len(whole.storeys))
     each = []
     for number, storey in enumerate(whole.storeys):
@@ -138,7 +138,7 @@ def _on_all_storeys(digest: str, whole: Storeys, config: LinkSetConfig) -> Float
 
 
 def _settings(sites: list[Site], config: LinkSetConfig) -> dict[str, Any]:
-    """All that the data depend on, in JSON's own types."""
+    """All that the data depend on, as JSON types."""
     return {
         "version": package_version(),
         "config": plain_config(config),
@@ -157,7 +157,7 @@ def _make_units(
     cluster: str | None,
     progress: LinkProgress,
 ) -> None:
-    """Make the units that have no file."""
+    """Make the missing units."""
     units: list[Unit] = [(site, tx) for site in sites for tx in range(len(site.transmitters))]
     missing = [(site, tx) for site, tx in units if not unit_path(out, site.plan.name, tx).exists()]
     total = sum(site.n_rx for site, _ in units)
@@ -173,7 +173,7 @@ def _make_units(
 
 
 def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, Any]:
-    """What the data set holds."""
+    """Content of `manifest.json`."""
     units: list[dict[str, Any]] = []
     for site in sites:
         for tx in range(len(site.transmitters)):
@@ -209,7 +209,7 @@ def _manifest(sites: list[Site], config: LinkSetConfig, out: Path) -> dict[str, 
 
 
 def _finish_formats(sites: list[Site], config: LinkSetConfig, out: Path, manifest: dict[str, Any]) -> None:
-    """Write what formats have once a building."""
+    """Write the files that formats have once per building."""
     for site in sites:
         name = site.plan.name
         if "mmwrobotnav" in config.formats:

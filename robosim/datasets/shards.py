@@ -1,4 +1,4 @@
-"""Reading what `robosim.datasets.collect` writes."""
+"""Reads shards of `robosim.datasets.collect`."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -16,12 +16,12 @@ _SIDES = (8, 4096)
 
 
 def read_shard(path: Path, names: Sequence[str]) -> list[np.ndarray]:
-    """Arrays of a file of `robosim.datasets.collect`.
+    """Arrays of a shard.
 
     Raises:
-        FileError: If it is not such a file.
+        FileError: If the file is not a shard.
     """
-    with reading(path, "a shard of `robosim collect`", "Collect it anew.", most_bytes=_MOST_BYTES) as file:
+    with reading(path, "a shard of `robosim collect`", "Collect it again.", most_bytes=_MOST_BYTES) as file:
         arrays = read_npz(file, {name: SHARD[name] for name in names}, most_bytes=_MOST_BYTES)
         frames, *size = arrays["depth"].shape if "depth" in arrays else (1, *_SIDES)
         if not (frames and _SIDES[0] <= min(size) and max(size) <= _SIDES[1]):

@@ -1,7 +1,7 @@
-"""Data sets of links and of frames for PyTorch: tensors, one dictionary an example, for any `DataLoader`.
+"""Data sets of links and of frames for PyTorch: one dictionary of tensors per example, for any `DataLoader`.
 
-Examples stand in the order of the files and, in each, of its rows: the same folder gives the same examples. Whoever
-shuffles, splits by building or home rather than by example, since neighbouring links and frames are alike.
+Examples are in the order of files and of their rows. Split them by building or home rather than by example, since
+neighbouring links and frames are alike.
 """
 
 from collections import OrderedDict
@@ -26,23 +26,23 @@ except ImportError as error:
 
 
 class LinkDataset(Dataset[dict[str, Tensor]]):
-    """Links of a data set: what a receiver estimated, and the true state.
+    """Links of a data set: estimated paths and true state.
 
     | key | shape, type | meaning |
     |---|---|---|
     | paths | (5, k) float32 | estimated paths, the strongest first, by `columns`; 0 where there is none |
-    | mask | (5,) bool | which of them are there |
+    | mask | (5,) bool | whether there is a path |
     | state | () int64 | true `wireless.LinkState`: 0 outage, 1 line of sight, 2 first order, 3 higher order |
     | building | () int64 | number of the building, index into `buildings` |
-    | position, tx_position | (2,) float32 | where receiver and transmitter are [m] |
+    | position, tx_position | (2,) float32 | places of receiver and transmitter [m] |
     """
 
     def __init__(self, data: str | Path, *, buildings: Collection[str] | None = None) -> None:
-        """Read the links, all at once: a million of them take a quarter of a gigabyte.
+        """Read all links: a million of them take a quarter of a gigabyte.
 
         Args:
             data: Folder of `robosim dataset`, or of the public measurements.
-            buildings: Names of buildings whose links are taken; None for all.
+            buildings: Names of the buildings; None for all.
 
         Raises:
             ValueError: If a file is missing or damaged, or there is no such building.
@@ -56,7 +56,7 @@ class LinkDataset(Dataset[dict[str, Tensor]]):
                 )
             links = links[links.within(tuple(links.names.index(name) for name in buildings))]
         self.columns = links.measured
-        """What a path consists of: aoa and aod [rad], snr [dB], delay [s], peak; as far as they were measured."""
+        """Quantities of a path: aoa and aod [rad], snr [dB], delay [s], peak; those that were measured."""
         tokens = links.tokens[..., [COLUMNS.index(name) for name in self.columns]]
         self._columns = {
             "paths": torch.from_numpy(np.nan_to_num(tokens)),
@@ -76,13 +76,13 @@ class LinkDataset(Dataset[dict[str, Tensor]]):
 
 
 class FrameDataset(Dataset[dict[str, Tensor]]):
-    """Frames that a robot sensed as it explored, with the truth.
+    """Frames of an exploring robot, with the ground truth.
 
     | key | shape, type | meaning |
     |---|---|---|
-    | depth | (1, h, w) float32 | measured depth [m]; 0 where nothing was |
+    | depth | (1, h, w) float32 | measured depth [m]; 0 without a return |
     | rgb | (3, h, w) uint8 | picture |
-    | action | () int64 | `slam.Action` that led here; -1 at the first frame of an episode |
+    | action | () int64 | last `slam.Action`; -1 at the first frame of an episode |
     | odometry | (3,) float32 | measured motion since the last frame: x, y [m], yaw [rad] |
     | pose, estimate | (3,) float64 | true pose, and that of the classical mapper: x, y [m], yaw [rad] in `map` |
     | belief | (1, 64, 64) float32 | classical map ahead of the estimated pose: probability of an obstacle |
@@ -95,14 +95,14 @@ class FrameDataset(Dataset[dict[str, Tensor]]):
         data: str | Path | Sequence[Path],
         *,
         keys: Collection[str] = tuple(SHARD),
-        kept_homes: int = 8,
+        cached_homes: int = 8,
     ) -> None:
-        """Count the frames; they are read, a home at once, when they are asked for.
+        """Count the frames. They are read on demand, a home at a time.
 
         Args:
             data: Folder of `robosim collect`, or some of its files.
-            keys: What is wanted of each frame beside the number of its home; all if not given.
-            kept_homes: Homes that are kept in memory, 17 MB of 120 frames each. Taken in order, each is read once.
+            keys: Keys of each frame, in addition to home; by default all.
+            cached_homes: Homes that are cached in memory, 17 MB of 120 frames each. In order, each is read once.
 
         Raises:
             ValueError: If there is no such file, one is damaged, or a key is unknown.
@@ -118,8 +118,8 @@ class FrameDataset(Dataset[dict[str, Tensor]]):
             raise FileError(f"{shown(str(data))}: no home-*.npz. Collect some with `robosim collect`.")
         self._keys = tuple(key for key in SHARD if key in keys)
         self._ends = np.cumsum([len(read_shard(path, ("action",))[0]) for path in self.shards])
-        self._most = max(kept_homes, 1)
-        self._kept: OrderedDict[int, dict[str, Tensor]] = OrderedDict()
+        self._most = max(cached_homes, 1)
+        self._cached: OrderedDict[int, dict[str, Tensor]] = OrderedDict()
 
     def __len__(self) -> int:
         return int(self._ends[-1])
@@ -134,20 +134,20 @@ class FrameDataset(Dataset[dict[str, Tensor]]):
         return {**{key: column[row] for key, column in self._home(home).items()}, "home": torch.tensor(home)}
 
     def _home(self, home: int) -> dict[str, Tensor]:
-        """All frames of a home, kept for the next ones."""
-        if home not in self._kept:
+        """All frames of a home, from the cache if they are there."""
+        if home not in self._cached:
             arrays = read_shard(self.shards[home], self._keys)
-            self._kept[home] = {
+            self._cached[home] = {
                 key: _tensor(key, array) for key, array in zip(self._keys, arrays, strict=True)
             }
-            if len(self._kept) > self._most:
-                self._kept.popitem(last=False)
-        self._kept.move_to_end(home)
-        return self._kept[home]
+            if len(self._cached) > self._most:
+                self._cached.popitem(last=False)
+        self._cached.move_to_end(home)
+        return self._cached[home]
 
 
 def _tensor(key: str, array: np.ndarray) -> Tensor:
-    """A column of a shard as networks take it."""
+    """A column of a shard in the layout of networks."""
     if key == "depth":
         array = array[:, None].astype(np.float32) / 1000
     elif key == "rgb":

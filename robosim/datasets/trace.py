@@ -1,7 +1,7 @@
-"""Radio over a whole floor plan: traced paths, in the formats that others read, and pictures.
+"""Radio over a whole floor plan: traced paths, in formats of others too, and pictures.
 
-The grid is traced into `paths.parquet` unit by unit (`robosim.datasets.link_grid`), so that a run that was killed goes
-on; the other files are made from that one, a transmitter at a time.
+The grid is traced into `paths.parquet` in units (`robosim.datasets.link_grid`), so that an interrupted run can be
+resumed; the other files are made from it, one transmitter at a time.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ from robosim.support.run_folder import run_folder
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.paths import LinkCategory, Paths
 
-#: A receiver nearer to a transmitter than half a wave of 28 GHz is a mistake: no law of paths holds there [m].
+#: Least distance of receiver and transmitter, half a wavelength at 28 GHz: ray optics does not hold below it [m].
 APART_M = 0.005
 
 
@@ -55,37 +55,37 @@ def trace_plan(
     cluster: str | None = None,
     console: Console | None = None,
 ) -> dict[str, Any]:
-    """Trace transmitters to a grid of receivers over a plan, and write all about it into a folder.
+    """Trace transmitters to a grid of receivers over a plan, and write the results into a folder.
 
     The files: `paths.parquet`; a DeepMIMO scenario under `deepmimo_scenarios`; `NAME_Tx_K.csv` and
-    `NAME_tx_pos.csv` as mmwRobotNav has them; pictures of each transmitter; `trace.json`. Run again after an
-    interruption it goes on, to the same files.
+    `NAME_tx_pos.csv` in the format of mmwRobotNav; pictures of each transmitter; `trace.json`. After an interruption
+    the same call resumes, to the same files.
 
     Args:
-        plan: Where.
-        config: How.
+        plan: The plan.
+        config: How links are traced.
         out: The folder, made if it is missing.
         tx: Transmitters [m], with or without height.
         grid_m: Step between receivers [m].
-        rx: Receiver whose rays are drawn; one with many paths if not given.
+        rx: Receiver whose rays are drawn; None for one with many paths.
         plots: Whether to draw pictures.
         workers: Processes. The results do not depend on it.
         cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown; nowhere if not given.
 
     Returns:
-        What `trace.json` holds.
+        The content of `trace.json`.
 
     Raises:
         ValueError: If a position or the grid does not fit.
-        FolderError: If the folder belongs to other settings or another process is at work in it.
+        FolderError: If the folder belongs to other settings or another process works in it.
         MapError: If the plan has no free area.
     """
     check_step(grid_m)
     out, console = Path(out), console or Console(quiet=True)
     check_terminals(tx, rx, height_of(plan, config))
     scene, transmitters = _prepare(plan, config, tx, console)
-    asked = None if rx is None else scene.places((rx,), "rx")[0]
+    given_rx = None if rx is None else scene.places((rx,), "rx")[0]
     grid = scene.grid(grid_m)
     links = LinkGrid(plan, config, grid_m, transmitters, grid.position)
     with run_folder(out, "trace", _settings(scene, transmitters, grid)):
@@ -96,7 +96,7 @@ def trace_plan(
         if plots:
             for i in range(len(transmitters)):
                 with console.status(f"drawing transmitter {i + 1} of {len(transmitters)} ..."):
-                    _plot(scene, grid, Paths.read_parquet(path, i), i, asked, out)
+                    _plot(scene, grid, Paths.read_parquet(path, i), i, given_rx, out)
         result = {
             "plan": plan.name,
             "tx_m": transmitters,
@@ -149,17 +149,17 @@ def trace_link(
 
 
 def height_of(plan: FloorPlan | OneStorey, config: RadioConfig) -> float:
-    """Height of terminals that do not say theirs, above the lowest floor [m]."""
+    """Height of terminals without one of their own, above the lowest floor [m]."""
     return config.height_m if isinstance(plan, FloorPlan) else plan.floor_m + config.height_m
 
 
 def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | None, height_m: float) -> None:
-    """Complain of terminals in one place.
+    """See that terminals are in different places.
 
     Args:
         tx: Transmitters [m], with or without height.
-        rx: A receiver, if one is asked for.
-        height_m: Height of those that do not say theirs.
+        rx: The receiver, if there is a single one.
+        height_m: Height of terminals without one of their own.
 
     Raises:
         ValueError: If there is no transmitter, one is given twice, or the receiver is at one.
@@ -168,32 +168,32 @@ def check_terminals(tx: tuple[tuple[float, ...], ...], rx: tuple[float, ...] | N
     places = [tuple([*place, height_m][:3]) for place in tx]
     for number, at in enumerate(places):
         if at in places[:number]:
-            raise ValueError(f"tx {_told(at)} is given twice. Leave one of them out.")
+            raise ValueError(f"tx {_point_text(at)} is given twice. Leave one of them out.")
         if rx is not None and math.dist(at, [*rx, height_m][:3]) < APART_M:
             raise ValueError(
-                f"rx {_told(rx)} is where tx {_told(at)} is, and a path needs some length. Move one of them by "
-                f"{1000 * APART_M:g} mm or more."
+                f"rx {_point_text(rx)} is where tx {_point_text(at)} is, and a path needs some length. Move one "
+                f"of them by {1000 * APART_M:g} mm or more."
             )
 
 
-def _told(at: tuple[float, ...]) -> str:
+def _point_text(at: tuple[float, ...]) -> str:
     return f"({', '.join(f'{value:g}' for value in at)}) m"
 
 
 def _prepare(
     plan: FloorPlan | OneStorey, config: RadioConfig, tx: tuple[tuple[float, ...], ...], console: Console
 ) -> tuple[RadioScene, Float[np.ndarray, "n 3"]]:
-    """The building, and where transmitters are; tells of those in small parts of it."""
+    """The building and the places of transmitters; warns of transmitters in small parts of it."""
     with console.status("preparing the building ..."):
         scene = RadioScene(plan, config)
     if scene.engine == "space":
-        told = (
-            f"{plan.name} is traced in space, some ten to a hundred times slower: not all of its "
+        line = (
+            f"{plan.name} is traced in space, ten to a hundred times slower: not all of its "
             f"{len(scene.whole.mesh.faces)} triangles are walls from floor to ceiling, floors and ceilings."
         )
         if (order := config.tracer.max_reflections) > 1:
-            told += f" A reflection less (--max-reflections {order - 1}) makes it faster."
-        console.print(told, highlight=False)
+            line += f" One reflection less (--max-reflections {order - 1}) makes it faster."
+        console.print(line, highlight=False)
     transmitters = scene.places(tx, "tx")
     for at in transmitters:
         if part := scene.cut_off(at):
@@ -204,7 +204,7 @@ def _prepare(
 def _settings(
     scene: RadioScene, transmitters: Float[np.ndarray, "n 3"], grid: ReceiverGrid
 ) -> dict[str, Any]:
-    """All that the paths depend on."""
+    """Everything that the paths depend on."""
     return {
         "plan": scene.building.plan.name,
         "tolerance_m": scene.config.building.tolerance_m,
@@ -227,7 +227,7 @@ def _write_formats(
     out: Path,
     console: Console,
 ) -> Int[np.ndarray, "5"]:
-    """Write the paths as a DeepMIMO scenario and as CSV files; how many links have each state."""
+    """Write the paths as a DeepMIMO scenario and as CSV files; returns the number of links of each state."""
     config, name = scene.config, scene.building.plan.name
     states, reached = np.zeros(len(LinkCategory), np.int64), np.zeros(len(grid.position), bool)
     with (
@@ -251,14 +251,14 @@ def _plot(
     grid: ReceiverGrid,
     paths: Paths,
     tx: int,
-    asked: Float[np.ndarray, "3"] | None,
+    given_rx: Float[np.ndarray, "3"] | None,
     out: Path,
 ) -> None:
-    """Draw one transmitter, with the rays to the receiver asked for or to a chosen one."""
-    if asked is None:
+    """Draw one transmitter, with the rays to a given receiver or to a chosen one."""
+    if given_rx is None:
         link = paths, tx, choose_link(paths, tx)
     else:
-        link = scene.tracer.trace(paths.tx_position[tx : tx + 1], asked[None]), 0, 0
+        link = scene.tracer.trace(paths.tx_position[tx : tx + 1], given_rx[None]), 0, 0
     plot_grid(
         out,
         f"_tx{tx + 1}",

@@ -1,14 +1,14 @@
-"""The truth about the cells ahead of a robot: what stands there, and which of them the camera can see.
+"""Ground truth of the cells ahead of a robot: obstacles, and the cells that the camera can see.
 
-The patch of `slam.sensing.egocentric`, for training mappers and judging them. The building's horizontal section is
-rastered once, finely; a cell of the patch is an obstacle if any of it is solid, since a robot can be stopped by a
-sliver. A cell is seen if a ray in the section comes to it: within the camera's field of view, within the range, and
-no farther than the first wall. Behind that is the hidden part, which can only be anticipated.
+The patch is that of `slam.sensing.egocentric`, to train and score mappers. The building's horizontal section is
+rastered once, finely; a cell of the patch is an obstacle if any part of it is solid, since that stops a robot. A cell
+is seen if a ray in the section reaches it: within the camera's field of view and range, and up to the first wall. The
+rest is hidden and can only be anticipated.
 
-Most of what is solid can never be seen: the inside of thick walls, the ground around the building. Cells "matter" if
-they are floor, or solid within a hand's breadth of floor; scores count these only.
-Left out: that the camera looks over things lower than itself, and under others; the section is taken to be the same at
-all heights of the robot, as it is in buildings with furniture up to the ceiling.
+Most solid cells can never be seen: the inside of thick walls, the ground around the building. Cells "matter" if they
+are floor, or solid within 10 cm of floor; scores count only these.
+Left out: views over low obstacles and under others; the section is the same at all heights of the robot, as in
+buildings with furniture up to the ceiling.
 """
 
 import math
@@ -52,10 +52,10 @@ class TruePatches:
         """Raster the building's section.
 
         Args:
-            building: Its `floor` is the section.
+            building: The building; its `floor` is the section.
             hfov_deg: Horizontal field of view of the camera [deg].
-            range_m: How far is looked [m].
-            patch: The cells asked for, in the robot's frame.
+            range_m: Range of the camera [m].
+            patch: The cells, in the robot's frame.
             height_m: Height of the robot [m]; None for as high as the ceiling.
         """
         floor = building.floor(building.height_m if height_m is None else height_m)
@@ -76,7 +76,7 @@ class TruePatches:
         """The patch at a true pose x [m], y [m], yaw [rad] in `map`.
 
         Returns:
-            Channels obstacle, seen, matters. The hidden part is what matters and is not seen.
+            Channels obstacle, seen, matters. Hidden cells matter and are not seen.
         """
         place = np.array([pose[0] - self._origin[0], pose[1] - self._origin[1], pose[2]])
         patch = self.patch
@@ -88,7 +88,7 @@ class TruePatches:
 
 @compiled
 def _kind(section: UInt8[np.ndarray, "h w"], x: float, y: float) -> int:
-    """What is at a point [m] from the corner of the raster."""
+    """Kind of a point [m] from the corner of the raster."""
     column, row = math.floor(x / FINE_M), math.floor(y / FINE_M)
     if row < 0 or column < 0 or row >= section.shape[0] or column >= section.shape[1]:
         return _INSIDE
@@ -104,7 +104,7 @@ def _fill(
     range_m: float,
     out: Bool[np.ndarray, "3 ny nx"],
 ) -> None:
-    """Look up the cells, then follow the rays."""
+    """Classify the cells, then follow the rays."""
     _, ny, nx = out.shape
     x0, y0, cell = corner
     c, s = math.cos(pose[2]), math.sin(pose[2])

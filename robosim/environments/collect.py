@@ -9,16 +9,16 @@ import os
 import shutil
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal
 
 import gymnasium
 import numpy as np
 from rich.console import Console
 
 from robosim.environments.config import Sense
-from robosim.environments.guide import way_action
+from robosim.environments.route_guide import route_action
 from robosim.environments.target_search import TargetSearch
-from robosim.support.checks import SEED, STEPS, check_choice, check_numbers
+from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.installation import DISTRIBUTION, missing_extra, package_version
 from robosim.support.progress import tracked
 from robosim.support.reading import FileError, naming, one_line
@@ -26,48 +26,38 @@ from robosim.support.run_folder import run_folder
 from robosim.support.text_in import read_json
 from slam.actions import PUBLISHED
 
-Driver = Literal["way", "random"]
-#: Folder of the data set within that of the run, as Minari names it.
+Driver = Literal["route", "random"]
+#: Folder of the data set within that of the run, by the convention of Minari.
 DATASET = "data"
 #: What it holds, and the remedy where it holds something else.
 _WHAT, _REMEDY = "searches of this command", "Choose another --out, or remove the folder to collect again."
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CollectSearchesConfig:
-    """What is collected."""
+    """Which searches are collected."""
 
     plan: str = "homes:100"
-    """Where plans come from: a name, file, folder, suite, or homes:500."""
-    episodes: int = 100
-    """Searches."""
+    """Source of plans: a name, file, folder, suite, or homes:500 for that many generated homes."""
+    episodes: Annotated[int, Range(1, 10_000_000)] = 100
+    """Number of searches."""
     observe: tuple[Sense, ...] = ("depth", "odometry", "radio", "pose")
-    """Senses whose values are stored at each step."""
-    driver: Driver = "way"
-    """way: follows the shortest drive on the true map. random: three of five actions forward."""
-    stray: float = 0.1
-    """Chance that the way's driver does any action instead."""
-    targets: int | None = 4
-    """Places of each plan that targets are drawn from; None for anywhere."""
-    most_steps: int = 1000
+    """Observations that are stored."""
+    driver: Driver = "route"
+    """Driver: route follows the shortest drive on the true map, random goes forward in three of five actions."""
+    stray: Annotated[float, Range(0, 1)] = 0.1
+    """Probability that the driver of routes takes a random action instead."""
+    targets: Annotated[int | None, Range(1, 10_000, "places in each plan")] = 4
+    """Places of each plan that targets are drawn from, each with a table of radio; None for anywhere."""
+    most_steps: Annotated[int, STEPS] = 1000
     """Steps after which a search is truncated."""
-    seed: int = 0
-    """Seed of the first search."""
-
-    def __post_init__(self) -> None:
-        check_choice("driver", self.driver, get_args(Driver))
-        check_numbers(
-            self,
-            episodes=(1, 10_000_000),
-            stray=(0, 1),
-            targets=(1, 10_000, "places in each plan"),
-            most_steps=STEPS,
-            seed=SEED,
-        )
+    seed: Annotated[int, SEED] = 0
+    """Seed of the first search; the next one has the next number."""
 
 
 def collect_searches(config: CollectSearchesConfig, out: Path, console: Console) -> Path:
-    """Write the searches that are not there yet.
+    """Write the missing searches.
 
     Args:
         config: What to collect.
@@ -79,7 +69,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
 
     Raises:
         ImportError: If Minari is not installed.
-        FolderError: If the folder holds searches that were collected otherwise.
+        FolderError: If the folder holds searches of another configuration.
     """
     try:
         from minari.dataset.minari_storage import MinariStorage
@@ -96,7 +86,7 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
         max_episode_steps=config.most_steps,
     )
     with run_folder(out, "collect-searches", settings) as folder:
-        data = (folder / DATASET).absolute()  # Minari puts its folder before paths that are not
+        data = (folder / DATASET).absolute()  # Minari resolves relative paths in its own folder
         metadata = data / "metadata.json"
         if os.path.lexists(metadata):
             spaces = {
@@ -158,11 +148,11 @@ def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number
     assert isinstance(search, TargetSearch)
     seed = config.seed + number
     observation, info = env.reset(seed=seed)
-    # Of its own: what drives changes nothing of the search.
+    # A stream of its own, so that the driver does not change the search.
     rng = np.random.default_rng([seed, 1])
     seen, steps = [observation], list[tuple[int, float, bool, bool]]()
     while not (steps and (steps[-1][2] or steps[-1][3])):
-        action = _driven(search, config, info, rng)
+        action = _next_action(search, config, info, rng)
         observation, reward, terminated, truncated, info = env.step(action)
         seen.append(observation)
         steps.append((action, float(reward), terminated, truncated))
@@ -179,20 +169,20 @@ def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number
     )
 
 
-def _driven(
+def _next_action(
     search: TargetSearch, config: CollectSearchesConfig, info: dict[str, Any], rng: np.random.Generator
 ) -> int:
-    """The next action."""
-    strays, any_action, often_forward = (
+    # Always three draws, so that drivers share the stream.
+    share, any_action, mostly_forward = (
         rng.random(),
         rng.integers(len(PUBLISHED)),
         rng.choice([0, 0, 0, 1, 2]),
     )
     if config.driver == "random":
-        return int(often_forward)
-    if strays < config.stray:
+        return int(mostly_forward)
+    if share < config.stray:
         return int(any_action)
-    return int(way_action(search.place, info["pose"], info["target"]))
+    return int(route_action(search.place, info["pose"], info["target"]))
 
 
 def _dataset_metadata(config: CollectSearchesConfig) -> dict[str, Any]:

@@ -1,20 +1,20 @@
-"""From near targets to far ones: difficulty as a bound on the shortest drive, and its rise with success.
+"""Difficulty of tasks as a bound on the shortest drive, and a curriculum that adapts it to success.
 
-At difficulty d between 0 and 1 the shortest drive is at most 2 m + 30 m d^2 longer than the least one; at 1 it may be
-any. A curriculum begins somewhere and moves by the share of arrivals among the last episodes.
+At difficulty d between 0 and 1 the shortest drive is at most 2 m + 30 m d^2 longer than the shortest allowed one; at 1
+it is not bounded. A curriculum changes the difficulty by the share of arrivals among the last episodes.
 """
 
 import math
 from collections import deque
 
-#: Drives may be so much longer than the least [m]: at difficulty 0, and the more that just below 1 adds.
+#: Bound of drives above the shortest allowed one [m]: at difficulty 0, and what difficulty 1 adds.
 _NEAR_M, _FAR_M = 2.0, 30.0
-#: Episodes that a step is decided on, the shares of arrivals that raise and lower difficulty, and by how much.
+#: Episodes between changes, the shares of arrivals that raise and lower difficulty, and the change.
 _EPISODES, _RAISE, _LOWER, _STEP = 10, 0.7, 0.3, 0.05
 
 
-def longest_m(difficulty: float, min_path_m: float) -> float:
-    """Length that the shortest drive of a task may have at most [m]."""
+def longest_drive_m(difficulty: float, min_path_m: float) -> float:
+    """Upper bound of the shortest drive of a task [m]."""
     return math.inf if difficulty >= 1 else min_path_m + _NEAR_M + _FAR_M * difficulty**2
 
 
@@ -22,17 +22,17 @@ class Curriculum:
     """The difficulty of the next task."""
 
     def __init__(self, difficulty: float, *, moves: bool) -> None:
-        """Begin at a difficulty of 0 to 1.
+        """Start.
 
         Args:
-            difficulty: Where.
-            moves: Whether it follows success, or stays.
+            difficulty: First difficulty, 0 to 1.
+            moves: Whether difficulty adapts to success, or stays.
         """
         self.difficulty, self._moves = difficulty, moves
         self._recent: deque[bool] = deque(maxlen=_EPISODES)
 
-    def ended(self, arrived: bool) -> None:
-        """Take in how an episode ended."""
+    def record(self, arrived: bool) -> None:
+        """Record whether the robot arrived in an episode."""
         if not self._moves:
             return
         self._recent.append(arrived)

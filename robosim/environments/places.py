@@ -1,17 +1,16 @@
-"""Buildings that robots of a process search in: each is built once, for all of them.
+"""Buildings that the robots of a process search in: each is built once and shared.
 
-What is kept of a building is its walls for robots and rays, the places that a robot can reach, a simulator without a
-robot of its own, and shortest drives to targets. The buildings used last are kept.
+A building holds walls for robots and rays, the places that a robot can reach, a simulator to clone, and shortest drives
+to targets. The most recently used buildings are cached.
 """
 
-from collections import OrderedDict
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import make_building
-from robosim.building.reach import reach
+from robosim.building.reach import Reach, reach
 from robosim.drawing.picture import building_rings
 from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
@@ -20,15 +19,15 @@ from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.parts import Part
 from robosim.task.tasks import make_task
 
-#: Buildings, those among them with a radio, whose tables take some 25 MB for each place of a transmitter, and drives in
-#: each of them, that are kept.
+#: Cached buildings; those among them with a radio, whose tables take some 25 MB for each place of a transmitter; cached
+#: drives of each building.
 _BUILDINGS, _WITH_RADIO, _DRIVES = 128, 32, 64
-#: Targets of a pool are drawn from this, whatever the environment's seed: so tables of radio can be kept.
+#: Seed of the places for targets, whatever the environment's seed, so that tables of radio can be cached.
 _POOL_SEED = 28
 
 
 class Place:
-    """A building with what is worked out for it."""
+    """A building with everything that is computed once for it."""
 
     def __init__(self, plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> None:
         """Build it.
@@ -40,11 +39,12 @@ class Place:
         """
         self.plan, self.config, self.uses_radio = plan, config, uses_radio
         self.building = make_building(plan)
-        self.reach = reach(self.building, config.robot.radius_m, config.robot.height_m)
+        self.reach = places = reach(self.building, config.robot.radius_m, config.robot.height_m)
         self._simulator = Simulator(self.building, config, uses_radio=uses_radio)
-        self._travel: OrderedDict[tuple[float, float], np.ndarray] = OrderedDict()
+        # The cached functions do not refer to this object, so that it is freed with its last reference.
+        self._travel_m = lru_cache(_DRIVES)(lambda x, y: places.travel_m(np.array([x, y])))
+        self._targets = cache(lambda count: _draw_targets(places, count))
         self._classifier: tuple[Part, Classifier] | None = None
-        self._pools: dict[int, np.ndarray] = {}
 
     @cached_property
     def rings(self) -> list[Float[np.ndarray, "_ 2"]]:
@@ -52,40 +52,36 @@ class Place:
         return building_rings(self.building)
 
     def simulator(self) -> Simulator:
-        """One for another robot."""
+        """A simulator for another robot."""
         return self._simulator.another()
 
     def classifier(self, part: Part) -> Classifier:
-        """Who tells link states, one for all robots: what it makes of tables is kept with it."""
+        """The link-state classifier, one for all robots: its results for tables are cached with it."""
         if self._classifier is None or self._classifier[0] != part:
             self._classifier = part, CLASSIFIER.make(part, field="link_states")
         return self._classifier[1]
 
     def travel_m(self, target: Float[np.ndarray, "2"]) -> Float[np.ndarray, "ny nx"]:
-        """`Reach.travel_m`, kept for targets that come again."""
-        key = float(target[0]), float(target[1])
-        if key not in self._travel:
-            self._travel[key] = self.reach.travel_m(target)
-            if len(self._travel) > _DRIVES:
-                self._travel.popitem(last=False)
-        self._travel.move_to_end(key)
-        return self._travel[key]
+        """`Reach.travel_m`, cached for repeated targets."""
+        return self._travel_m(float(target[0]), float(target[1]))
 
-    def pool(self, count: int) -> Float[np.ndarray, "count 2"]:
-        """So many places for targets, the same ones in every process."""
-        if count not in self._pools:
-            rng = np.random.default_rng(_POOL_SEED)
-            self._pools[count] = np.array([make_task(self.reach, rng).target for _ in range(count)])
-        return self._pools[count]
+    def targets(self, count: int) -> Float[np.ndarray, "count 2"]:
+        """Places for targets, the same ones in every process."""
+        return self._targets(count)
+
+
+def _draw_targets(places: Reach, count: int) -> Float[np.ndarray, "count 2"]:
+    rng = np.random.default_rng(_POOL_SEED)
+    return np.array([make_task(places, rng).target for _ in range(count)])
 
 
 _recent: list[Place] = []
 
 
-def place_of(plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> Place:
-    """A building for a plan, a new one or one that is kept."""
+def shared_place(plan: FloorPlan, config: SimulatorConfig, *, uses_radio: bool) -> Place:
+    """The building of a plan, from the cache if it is there."""
     for place in reversed(_recent):
-        # The plan itself, not its like: plans are large, and sources give the same object again.
+        # By identity: plans are large to compare, and sources return the same object again.
         if place.plan is plan and place.config == config and place.uses_radio == uses_radio:
             _recent.remove(place)
             _recent.append(place)

@@ -1,19 +1,19 @@
-"""What a searching robot may be rewarded for, term by term; a reward is their weighted sum.
+"""Terms of the reward of a search; the reward of a step is their weighted sum.
 
 arrival      1 on the step that brings the robot within 0.3 m of the target
-progress     metres by which the shortest drive to the target became shorter; its sum does not depend on the way, so
-             that it changes no best policy (Ng, Harada and Russell, Policy invariance under reward
+progress     metres by which the shortest drive to the target became shorter; its sum does not depend on the route, so
+             it does not change the optimal policy (Ng, Harada and Russell, Policy invariance under reward
              transformations, ICML 1999)
 step         1 on every step: give it a negative weight
-collision    1 on a step in which a wall kept the robot from where it was sent
-coverage     floor that was seen for the first time [m2] (Chaplot et al., Learning to explore using Active Neural
+collision    1 on a step in which a wall stopped the robot
+coverage     floor seen for the first time [m2] (Chaplot et al., Learning to explore using Active Neural
              SLAM, ICLR 2020)
 link_state   rise of the worth of the true link state: 0 for an outage, 0.25 for higher order, 0.5 for first order,
              1 for line of sight; after the rule of Yin et al., Zero-shot wireless indoor navigation through
-             physics-informed reinforcement learning, ICRA 2024, that on a good way the order of the link falls
+             physics-informed reinforcement learning, ICRA 2024, that the order of the link falls along a good route
 snr          rise of the SNR of the strongest measured path [dB], an outage counting as -30 dB
 
-A term under any other name is a function of a user's own, of the observation and the `info` of a step; its weight is 1:
+A term of any other name is a function of the observation and the `info` of a step; its weight is 1:
 
     def near(observation, info):
         return 0.1 * (info["distance_m"] < 2.0)
@@ -27,9 +27,9 @@ from typing import Any
 from robosim.support.checks import check_number
 from wireless.paths import LinkState
 
-#: A term of a user's own: from observation and `info` of a step to its reward.
+#: A term of your own: from observation and `info` of a step to its reward.
 OwnTerm = Callable[[dict[str, Any], dict[str, Any]], float]
-#: Terms, and what they weigh if nothing is said.
+#: Terms, and their default weights.
 TERMS = ("arrival", "progress", "step", "collision", "coverage", "link_state", "snr")
 DEFAULT_WEIGHTS: Mapping[str, float] = {"arrival": 10.0, "progress": 1.0, "step": -0.01}
 #: How good a link state is for finding the transmitter.
@@ -39,12 +39,12 @@ WORTH = {
     LinkState.FIRST_ORDER: 0.5,
     LinkState.LOS: 1.0,
 }
-#: What an outage counts as [dB].
+#: SNR of an outage [dB].
 NO_SNR_DB = -30.0
 
 
 def check_weights(weights: Mapping[str, float | OwnTerm]) -> None:
-    """See that known terms have finite numbers for weights, and other names functions.
+    """See that known terms have numbers as weights, and other names functions.
 
     Raises:
         ValueError: If they do not.
@@ -52,7 +52,7 @@ def check_weights(weights: Mapping[str, float | OwnTerm]) -> None:
     for term, weight in weights.items():
         if callable(weight) == (term in TERMS):
             raise ValueError(
-                f"rewards has {term!r}: {type(weight).__name__}. Known terms, each with a number for its weight: "
+                f"rewards has {term!r}: {type(weight).__name__}. Known terms, each with a number as its weight: "
                 f"{', '.join(TERMS)}. A term of your own has another name and a function of observation and info."
             )
         if not callable(weight):

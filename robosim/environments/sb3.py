@@ -1,4 +1,4 @@
-"""Many searches as a vector environment of Stable-Baselines3, whose interface is not Gymnasium's."""
+"""Many searches as a vector environment of Stable-Baselines3, whose interface differs from Gymnasium's."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -22,17 +22,17 @@ def sb3_vec_env(
 ) -> "DummyVecEnv":
     """Searches in one process as a vector environment of Stable-Baselines3.
 
-    Such as `PPO("MultiInputPolicy", sb3_vec_env(8, "homes:50", targets=2)).learn(100_000)`. Robots share
-    buildings, their scenes and tables. A search that has ended begins again within the step: its last observation is
-    `infos[i]["terminal_observation"]`, and `infos[i]["episode"]` has its return and length.
+    Use it as in `PPO("MultiInputPolicy", sb3_vec_env(8, "homes:50", targets=2)).learn(100_000)`. Robots share
+    buildings, their scenes and tables. After the last step of a search the next one starts within the same call: the
+    last observation is `infos[i]["terminal_observation"]`, and `infos[i]["episode"]` has return and length.
 
     Args:
-        num_envs: How many robots.
-        plan: Where plans come from: see `robosim.environments.sources`.
-        seed: Robot i has seed + i.
+        num_envs: Number of robots.
+        plan: Source of plans: see `robosim.environments.sources`.
+        seed: Seed of robot 0; robot i has seed + i.
         max_episode_steps: Steps after which a search is truncated.
-        threads: Threads of PyTorch in this process; for networks this small one is several times faster than one per
-            core. None leaves them as they are.
+        threads: Threads of PyTorch in this process; for such small networks one is several times faster than one per
+            core. None does not change them.
         search: Other arguments of `TargetSearch`.
 
     Raises:

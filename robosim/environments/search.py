@@ -1,12 +1,13 @@
-"""One robot's searches, one after the other: the task, the simulator, what is observed and what is rewarded.
+"""Searches of one robot, one after the other: task, simulator, observations and rewards.
 
-Environments of one robot and of many are made of it, so that they agree step for step.
+Environments of one robot and of many use this class, so they agree step for step.
 """
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+import trimesh
 from gymnasium import spaces
 from jaxtyping import Float, UInt8
 
@@ -14,12 +15,13 @@ from robosim.drawing.picture import Picture
 from robosim.drawing.snapshot import Snapshot, whole_mm
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
-from robosim.environments.curriculum import Curriculum, longest_m
-from robosim.environments.places import Place, place_of
+from robosim.environments.curriculum import Curriculum, longest_drive_m
+from robosim.environments.places import Place, shared_place
 from robosim.environments.rewards import NO_SNR_DB, WORTH, weighted
-from robosim.environments.sources import Given, Source
+from robosim.environments.sources import Source, TaskSpec
 from robosim.environments.text_plan import draw_text
 from robosim.parts import LIDAR
+from robosim.plans.floorplan import FloorPlan
 from robosim.radio.measurement import Interpreter
 from robosim.simulator import Observation, Simulator, SimulatorConfig
 from robosim.task.coverage import Coverage
@@ -27,16 +29,16 @@ from robosim.task.tasks import ARRIVAL_M, Task, make_task
 from slam.actions import PUBLISHED, Action
 from wireless.paths import LinkState
 
-#: Full scale of continuous actions, and how long one is held.
+#: Full scale of continuous actions, and their duration.
 MAX_SPEED_MPS = 0.5
 MAX_TURN_RADPS = float(np.pi / 2)
 STEP_S = 0.5
-#: What `reset` may be told.
+#: Options of `reset`.
 OPTIONS = ("start", "target", "plan", "difficulty")
 
 
 class Outcome(NamedTuple):
-    """What came of an action."""
+    """Result of an action."""
 
     observation: dict[str, np.ndarray]
     reward: float
@@ -45,18 +47,18 @@ class Outcome(NamedTuple):
 
 
 class Search:
-    """A robot that searches."""
+    """The searches of a robot."""
 
     def __init__(self, source: Source, config: SearchConfig, simulator: SimulatorConfig) -> None:
         """Nothing is built before the first reset.
 
         Args:
-            source: Where plans come from.
-            config: What is observed and rewarded.
-            simulator: What is simulated.
+            source: Source of plans.
+            config: Observations, rewards and tasks.
+            simulator: Configuration of the simulator.
 
         Raises:
-            ValueError: If the robot does not carry what it is to observe by.
+            ValueError: If the robot lacks a sensor that it observes by.
         """
         check_senses(config, simulator)
         self.config, self.simulator_config, self._source = config, simulator, source
@@ -69,24 +71,23 @@ class Search:
     def reset(
         self, rng: np.random.Generator, options: Mapping[str, Any] | None
     ) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """Begin a search.
+        """Start a search.
 
         Args:
-            rng: Source of all that is random until the next reset.
+            rng: Source of random numbers until the next reset.
             options: `start` (x, y, yaw [rad]) and `target` (x, y) in the frame of the plan, `plan` (its number in the
-                source), `difficulty` (0 to 1): each fixes what would be drawn.
+                source), `difficulty` (0 to 1): each replaces a random choice.
         """
         options = dict(options or {})
         if unknown := set(options) - set(OPTIONS):
             raise ValueError(f"Unknown reset options {sorted(unknown)}. Known: {', '.join(OPTIONS)}.")
         if not self._ended:
-            self._curriculum.ended(False)
-        number = self._number(rng, options.get("plan"))
-        given = self._source.given(number)
-        self._enter(given)
+            self._curriculum.record(False)
+        spec = self._source.task_spec(self._plan_number(rng, options.get("plan")))
+        self._enter(spec.plan)
         place = self.place
         difficulty = options.get("difficulty", self._curriculum.difficulty)
-        self._task = self._draw(given, rng, options, float(difficulty))
+        self._task = self._draw_task(spec, rng, options, float(difficulty))
         self._travel = place.travel_m(self._task.target)
         self._view = self._simulator.reset(self._task, rng)
         pose = self._simulator.pose
@@ -132,11 +133,11 @@ class Search:
         info["rewards"] = weighted(self.config.rewards, terms, observation, info)
         if arrived:
             self._ended = True
-            self._curriculum.ended(True)
+            self._curriculum.record(True)
         return Outcome(observation, float(sum(info["rewards"].values())), arrived, info)
 
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
-        """The camera's view beside the plan with the robot's way."""
+        """The camera's view next to the plan with the robot's trajectory."""
         if self._picture is None:
             self._picture = Picture(self.place.rings, self._task.target, brief=True)
         moment = Snapshot(
@@ -148,7 +149,7 @@ class Search:
         return self._picture.draw(moment)
 
     def text(self) -> str:
-        """The plan in letters, with robot and target."""
+        """The plan as text, with robot and target."""
         return draw_text(self.place.plan, self._simulator.pose, self._task.target)
 
     def close(self) -> None:
@@ -158,50 +159,50 @@ class Search:
 
     @property
     def place(self) -> Place:
-        """The building of the present search."""
+        """The building of the current search."""
         if self._place is None:
             raise RuntimeError("The search has not begun. Call reset first.")
         return self._place
 
-    def _number(self, rng: np.random.Generator, asked: Any) -> int:
-        """Which plan of the source."""
+    def _plan_number(self, rng: np.random.Generator, given: Any) -> int:
+        """Number of the plan in the source: the given one, or a random one."""
         count = len(self._source)
-        if asked is None:
-            # Not drawn where there is no choice.
+        if given is None:
+            # Nothing is drawn from a single plan, so that its random numbers do not depend on this.
             return int(rng.integers(count)) if count > 1 else 0
-        if not 0 <= int(asked) < count:
-            raise ValueError(f"Reset option plan is {asked}, expected a number of 0 to {count - 1}.")
-        return int(asked)
+        if not 0 <= int(given) < count:
+            raise ValueError(f"Reset option plan is {given}, expected a number of 0 to {count - 1}.")
+        return int(given)
 
-    def _enter(self, given: Given) -> None:
-        """Be in a building."""
-        if self._place is not None and self._place.plan is given.plan:
+    def _enter(self, plan: FloorPlan) -> None:
+        """Put the robot into the building of a plan."""
+        if self._place is not None and self._place.plan is plan:
             return
         self.close()
-        self._place = place_of(given.plan, self.simulator_config, uses_radio=self.config.uses_radio)
+        self._place = shared_place(plan, self.simulator_config, uses_radio=self.config.uses_radio)
         self._simulator = self._place.simulator()
         radio = self._simulator.radio
         if radio is not None:
             self._interpreter = Interpreter(radio, self._place.classifier(self.config.link_states))
 
-    def _draw(
-        self, given: Given, rng: np.random.Generator, options: Mapping[str, Any], difficulty: float
+    def _draw_task(
+        self, spec: TaskSpec, rng: np.random.Generator, options: Mapping[str, Any], difficulty: float
     ) -> Task:
-        """The task: what is asked for, what the source says, and the rest drawn."""
+        """The task: from the options, from the source, and the rest at random."""
         start, target = (
-            np.asarray(options[key], float) if key in options else said
-            for key, said in (("start", given.start), ("target", given.target))
+            np.asarray(options[key], float) if key in options else default
+            for key, default in (("start", spec.start), ("target", spec.target))
         )
         if target is None and self.config.targets is not None:
-            pool = self.place.pool(self.config.targets)
-            target = pool[rng.integers(len(pool))]
+            places = self.place.targets(self.config.targets)
+            target = places[rng.integers(len(places))]
         return make_task(
             self.place.reach,
             rng,
             start=start,
             target=target,
             min_path_m=self.config.min_path_m,
-            max_path_m=longest_m(difficulty, self.config.min_path_m),
+            max_path_m=longest_drive_m(difficulty, self.config.min_path_m),
         )
 
     @property
@@ -209,12 +210,12 @@ class Search:
         return 0.0 if self._coverage is None else self._coverage.area_m2
 
     def _look(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Count what is seen from here."""
+        """Count the floor seen from a pose."""
         assert self._coverage is not None
         self._coverage.update(pose, self._simulator.true_depth, self._simulator.true_laser)
 
     def _link(self) -> tuple[float, float]:
-        """Worth of the true link state, if that is rewarded, and SNR of the strongest measured path [dB], or 0."""
+        """Value of the true link state, if it is rewarded, and SNR of the strongest measured path [dB], or 0."""
         radio, paths = self._simulator.radio, self._view.paths
         if radio is None or paths is None:
             return 0.0, 0.0
@@ -227,7 +228,7 @@ class Search:
         found: dict[str, np.ndarray] = {}
         for sense in config.observe:
             if sense == "rgb":
-                found["rgb"] = view.rgb.copy()  # a blind robot's is always the same array
+                found["rgb"] = view.rgb.copy()  # the array is reused
             elif sense == "depth":
                 scaled = senses.depth_picture if config.depth == "picture" else senses.depth_metres
                 found["depth"] = scaled(view.depth)
@@ -246,7 +247,7 @@ class Search:
         return found
 
     def _probability(self, view: Observation) -> Float[np.ndarray, "4"]:
-        """Of the link's states, as the robot takes them to be."""
+        """Probabilities of the link states, as the robot estimates them."""
         assert self._interpreter is not None and view.paths is not None
         return self._interpreter.probability(view.paths)
 
@@ -260,22 +261,17 @@ class Search:
         }
 
 
-def spaces_of(
+def make_spaces(
     config: SearchConfig, simulator: SimulatorConfig
 ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
     """The spaces of observations and of actions."""
     lidar = None
     if "lidar" in config.observe:
-        lidar = LIDAR.make(simulator.lidar, [_somewhere()], simulator.laser, field="lidar")
-    observed = senses.space_of(config, simulator, lidar)
+        # In any mesh: only the beams of the lidar are used.
+        room = trimesh.creation.box((1.0, 1.0, 1.0))
+        lidar = LIDAR.make(simulator.lidar, [room], simulator.laser, field="lidar")
+    observed = senses.observation_space(config, simulator, lidar)
     actions: spaces.Space[Any] = (
         spaces.Box(-1.0, 1.0, (2,), np.float32) if config.continuous else spaces.Discrete(len(PUBLISHED))
     )
     return observed, actions
-
-
-def _somewhere() -> Any:
-    """A mesh to make a lidar in that is asked for nothing but its beams."""
-    import trimesh
-
-    return trimesh.creation.box((1.0, 1.0, 1.0))

@@ -1,4 +1,4 @@
-"""What a searching robot observes, sense by sense, as the spaces and arrays of an environment.
+"""Observations of a search, sense by sense, as spaces and arrays of an environment.
 
 | sense | key | shape, type | meaning | min | max |
 |---|---|---|---|---|---|
@@ -6,8 +6,8 @@
 | depth | depth | (h, w, 1) uint8 | depth along the camera's axis in steps of 10 m / 255; 0 nothing measured | 0 | 255 |
 | depth, in metres | depth | (h, w, 1) float32 | the same [m] | 0 | 10 |
 | lidar | lidar | (beams,) float32 | ranges [m], from behind counter-clockwise; its reach for nothing | 0 | reach |
-| odometry | odometry | (3,) float32 | measured motion since then: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
-| radio | path_direction | (5,) float32 | where a path comes from, counter-clockwise from ahead [rad] | -pi | pi |
+| odometry | odometry | (3,) float32 | measured motion of the step: dx, dy [m], dyaw [rad] | -2, -2, -pi | 2, 2, pi |
+| radio | path_direction | (5,) float32 | direction of arrival, counter-clockwise from ahead [rad] | -pi | pi |
 | | path_delay | (5,) float32 | delay after the strongest path [ns] | -100 | 100 |
 | | path_snr | (5,) float32 | SNR as `wireless.estimates` defines it [dB] | -50 | 150 |
 | | path_found | (5,) int8 | 1 for a path, 0 for a place without one, which holds 0 | 0 | 1 |
@@ -15,8 +15,8 @@
 | map | map | (n, n, 1) uint8 | floor around the robot, ahead on top: 0 unseen, 128 floor, 255 wall | 0 | 255 |
 | pose | pose | (3,) float32 | x ahead, y left [m], yaw [rad] since the start | -1000, -1000, -pi | 1000, 1000, pi |
 
-Map and pose are what a mapper without error would know: floor counts as seen as `robosim.task.coverage` says, at the
-true pose. The other senses err as the simulator's do. The strongest path comes first.
+Map and pose are those of a mapper without errors: floor is seen by the rule of `robosim.task.coverage`, at the true
+pose. The other senses have the noise of the simulator. The strongest path comes first.
 """
 
 from typing import Any
@@ -34,9 +34,9 @@ from slam.poses import between
 from slam.sensing.laser import LaserScan
 from wireless.estimates import PathEstimates
 
-#: Depth in observations is cut off here [m]: a sensor's range, and the bound of the space.
+#: Largest depth of observations [m]: the range of a sensor, and the bound of the space.
 MAX_DEPTH_M = 10.0
-#: Paths of the radio that are observed.
+#: Number of observed radio paths.
 PATHS = 5
 #: Bounds of one odometry reading [m, m, rad]; far beyond what one action can do.
 _ODOMETRY_BOUND = np.array([2.0, 2.0, np.pi], np.float32)
@@ -45,13 +45,15 @@ _DELAY_NS, _SNR_DB = 100.0, (-50.0, 150.0)
 _FLOOR, _WALL = 128, 255
 
 
-def space_of(config: SearchConfig, simulator: SimulatorConfig, lidar: Lidar | None) -> spaces.Space[Any]:
-    """The space of the observations that a configuration asks for.
+def observation_space(
+    config: SearchConfig, simulator: SimulatorConfig, lidar: Lidar | None
+) -> spaces.Space[Any]:
+    """The space of the observations of a configuration.
 
     Args:
-        config: Says which.
-        simulator: Gives the size of pictures.
-        lidar: Gives number and reach of beams.
+        config: The configuration.
+        simulator: Has the size of pictures.
+        lidar: Has number and reach of beams.
     """
     size = simulator.image.height, simulator.image.width
     found: dict[str, spaces.Space[Any]] = {}
@@ -81,7 +83,7 @@ def space_of(config: SearchConfig, simulator: SimulatorConfig, lidar: Lidar | No
 
 
 def depth_picture(depth: Float[np.ndarray, "h w"]) -> UInt8[np.ndarray, "h w 1"]:
-    """Depth [m] in 8 bits; what is measured at all is 1 or more."""
+    """Depth [m] in 8 bits; measured depths are 1 or more."""
     level = np.rint(np.minimum(depth, MAX_DEPTH_M) * np.float32(255 / MAX_DEPTH_M))
     return np.where(depth > 0, np.maximum(level, 1), 0).astype(np.uint8)[..., None]
 
@@ -92,7 +94,7 @@ def depth_metres(depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w 1"]:
 
 
 def ranges(scan: LaserScan) -> Float[np.ndarray, " beams"]:
-    """Ranges of a scan [m], its reach for beams that did not come back."""
+    """Ranges of a scan [m]; its reach for beams without a return."""
     return np.minimum(scan.range_m, scan.max_range_m).astype(np.float32)
 
 
@@ -122,19 +124,19 @@ def pose_since(start: Float[np.ndarray, "3"], pose: Float[np.ndarray, "3"]) -> F
 def map_ahead(
     plan: FloorPlan, seen: np.ndarray, pose: Float[np.ndarray, "3"], cells: int, cell_m: float
 ) -> UInt8[np.ndarray, "n n 1"]:
-    """The floor seen so far and the walls beside it, about the robot and turned with it.
+    """The floor seen so far and the walls next to it, around the robot and in its frame.
 
     Args:
-        plan: Gives the walls.
+        plan: The floor plan.
         seen: Cells of the plan that were seen.
         pose: True pose in `map`.
         cells: Side of the map [cells].
         cell_m: Side of a cell [m].
     """
     floor = seen.astype(np.uint8)
-    beside = cv2.dilate(floor, np.ones((3, 3), np.uint8))
-    known = np.where(seen, _FLOOR, np.where((beside > 0) & ~plan.free, _WALL, 0)).astype(np.uint8)
-    # Corners of the map: of pixel (0, 0) and of those beside it, as centres of the plan's cells.
+    near = cv2.dilate(floor, np.ones((3, 3), np.uint8))
+    known = np.where(seen, _FLOOR, np.where((near > 0) & ~plan.free, _WALL, 0)).astype(np.uint8)
+    # Centres of pixel (0, 0) of the map and of its two neighbours, in cells of the plan.
     half = (cells - 1) / 2 * cell_m
     ahead_left = np.array([[half, half], [half, half - cell_m], [half - cell_m, half]])
     c, s = np.cos(pose[2]), np.sin(pose[2])

@@ -1,19 +1,19 @@
-"""Where the plans of an environment come from: files, folders, a suite of tasks, or invented homes.
+"""Sources of plans for an environment: files, folders, a suite of tasks, or generated homes.
 
 An environment is given one of
 
 - a floor plan, its file, the name of a shipped one, a folder of plans, or several of these;
 - a suite file: then the tasks are the suite's;
-- "homes" or "homes:500": invented homes (`robosim.generator`), so many different ones; or `MadeHomes(...)`.
+- "homes" or "homes:500": that many generated homes (`robosim.generator`); or `GeneratedHomes(...)`.
 
-Plans are read when they are first asked for, and kept while they are in use.
+Plans are read on first use, and cached.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Annotated, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -22,14 +22,14 @@ from robosim.evaluation.suite import Suite, is_suite, read_suite
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
-from robosim.support.checks import SEED, check_numbers
+from robosim.support.checks import SEED, Range, checked
 
-#: Plans that are kept.
-_KEPT = 256
+#: Cached plans.
+_CACHED = 256
 
 
-class Given(NamedTuple):
-    """What a source says of a task; the rest is drawn."""
+class TaskSpec(NamedTuple):
+    """A plan, and what a source specifies of the task in it; the rest is drawn."""
 
     plan: FloorPlan
     start: Float[np.ndarray, "3"] | None = None
@@ -39,35 +39,33 @@ class Given(NamedTuple):
 
 @runtime_checkable
 class Source(Protocol):
-    """Gives plans, or tasks in plans, by number."""
+    """Plans, or tasks in plans, by number."""
 
     def __len__(self) -> int:
-        """How many there are."""
+        """Number of plans or tasks."""
 
-    def given(self, number: int) -> Given:
-        """One of them."""
+    def task_spec(self, number: int) -> TaskSpec:
+        """Plan and task of a number."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class MadeHomes:
-    """Invented homes."""
+@checked
+class GeneratedHomes:
+    """Generated homes."""
 
-    count: int = 100
+    count: Annotated[int, Range(1, 10_000_000, "homes")] = 100
     """Different homes."""
-    seed: int = 0
-    """Number of the first; the others follow it."""
+    seed: Annotated[int, SEED] = 0
+    """Seed of the first home; the others follow it."""
     config: GeneratorConfig = field(default_factory=GeneratorConfig)
-    """What kind of building is invented."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, count=(1, 10_000_000, "homes"), seed=SEED)
+    """Kind of building."""
 
     def __len__(self) -> int:
         return self.count
 
-    def given(self, number: int) -> Given:
-        """A home."""
-        return Given(_home(self.seed + number, self.config))
+    def task_spec(self, number: int) -> TaskSpec:
+        """A home without a task."""
+        return TaskSpec(_home(self.seed + number, self.config))
 
 
 class _Plans:
@@ -79,9 +77,9 @@ class _Plans:
     def __len__(self) -> int:
         return len(self._plans)
 
-    def given(self, number: int) -> Given:
+    def task_spec(self, number: int) -> TaskSpec:
         plan = self._plans[number]
-        return Given(plan if isinstance(plan, FloorPlan) else _plan_of(plan))
+        return TaskSpec(plan if isinstance(plan, FloorPlan) else _plan_of(plan))
 
 
 class _Tasks:
@@ -94,27 +92,27 @@ class _Tasks:
     def __len__(self) -> int:
         return len(self._suite.tasks)
 
-    def given(self, number: int) -> Given:
+    def task_spec(self, number: int) -> TaskSpec:
         task = self._suite.tasks[number]
         x, y, yaw_deg = task.start
         plan = _plan_of(self._suite.plans[task.plan], self._suite.reader)
-        return Given(plan, np.array([x, y, np.radians(yaw_deg)]), np.array(task.target))
+        return TaskSpec(plan, np.array([x, y, np.radians(yaw_deg)]), np.array(task.target))
 
 
 def source_of(plan: object) -> Source:
-    """What an environment's argument `plan` means.
+    """The source that the argument `plan` of an environment stands for.
 
     Raises:
-        ValueError: If it means nothing.
+        ValueError: If it stands for none.
         MapError: If a file or folder has no plan.
     """
-    if isinstance(plan, MadeHomes):
+    if isinstance(plan, GeneratedHomes):
         return plan
     if isinstance(plan, str) and plan.partition(":")[0] == "homes":
         count = plan.partition(":")[2]
         if count and not count.isdecimal():
             raise ValueError(f"plan is {plan!r}, expected homes, or a number of them such as homes:500.")
-        return MadeHomes(count=int(count)) if count else MadeHomes()
+        return GeneratedHomes(count=int(count)) if count else GeneratedHomes()
     if isinstance(plan, str | Path) and is_suite(plan):
         return _Tasks(read_suite(plan))
     several = [plan] if isinstance(plan, str | Path | FloorPlan) else plan
@@ -128,11 +126,11 @@ def source_of(plan: object) -> Source:
     return _Plans(found)
 
 
-@lru_cache(_KEPT)
+@lru_cache(_CACHED)
 def _home(seed: int, config: GeneratorConfig) -> FloorPlan:
     return generate_plan(seed, config=config)
 
 
-@lru_cache(_KEPT)
+@lru_cache(_CACHED)
 def _plan_of(file: Path, reader: str = "auto") -> FloorPlan:
     return read_plan(file, reader=reader)

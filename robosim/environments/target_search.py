@@ -8,7 +8,7 @@ from jaxtyping import UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
 from robosim.environments.places import Place
-from robosim.environments.search import Search, spaces_of
+from robosim.environments.search import Search, make_spaces
 from robosim.environments.sources import source_of
 from robosim.simulator import SimulatorConfig
 
@@ -22,8 +22,8 @@ class TargetSearch(gymnasium.Env):
     [-1, 1] as a fraction of 90 degrees/s, held for 0.5 s.
 
     ## Observation space
-    Dict, all in the robot's own frame, of the senses that `observe` names: rgb, depth, lidar, odometry, radio, map,
-    pose. By default depth, odometry and radio. `robosim.environments.senses` tells keys, shapes, units and bounds.
+    Dict of the senses in `observe`, all in the robot's own frame: rgb, depth, lidar, odometry, radio, map, pose. By
+    default depth, odometry and radio. `robosim.environments.senses` has keys, shapes, units and bounds.
 
     ## Reward
     Weighted sum of the terms of `robosim.environments.rewards`; `rewards={...}` gives the weights, and functions for
@@ -32,19 +32,19 @@ class TargetSearch(gymnasium.Env):
 
     ## Start
     Drawn from the seed: the plan if there are several, the target and a start at least 3 m of driving from it.
-    `options` of `reset` may fix `start` (x, y, yaw [rad]) and `target` (x, y), in the frame of the plan, `plan` (its
+    `options` of `reset` can set `start` (x, y, yaw [rad]) and `target` (x, y), in the frame of the plan, `plan` (its
     number) and `difficulty` (0 to 1), which bounds the drive.
 
     ## End
     Terminated when the robot's true position is within 0.3 m of the target. Truncated after 1000 steps.
 
-    `info` holds what the robot must not know: `pose`, `target`, `distance_m` (of the shortest drive),
-    `collided`, `arrived`; after a step also `rewards`, the weighted terms, whose
-    sum is the reward; after a reset `plan` and `difficulty`.
+    `info` holds ground truth that the robot must not know: `pose`, `target`, `distance_m` (of the shortest drive),
+    `collided`, `arrived`; after a step also `rewards`, the weighted terms, whose sum is the reward; after a reset
+    `plan` and `difficulty`.
 
     ## Versions
     v1: radio, lidar, map and pose; depth as a picture of 8 bits; many plans, difficulty and named rewards. By default
-    the fastest simulator that gives what is observed.
+    the fastest simulator with the needed sensors.
     v0: rgb, depth in metres, odometry; by default MuJoCo and pictures of 128 x 128.
     """
 
@@ -61,13 +61,13 @@ class TargetSearch(gymnasium.Env):
         """Nothing is built before the first reset.
 
         Args:
-            plan: Where plans come from: see `robosim.environments.sources`.
-            config: What is simulated, and how faithfully; the fastest that gives what is observed if not given.
+            plan: Source of plans: see `robosim.environments.sources`.
+            config: Configuration of the simulator; by default the fastest with the needed sensors.
             render_mode: None, "rgb_array" or "ansi" (text).
             search: Fields of `SearchConfig`.
 
         Raises:
-            ValueError: If the render mode is unknown, or the robot does not carry what it is to observe by.
+            ValueError: If the render mode is unknown, or the robot lacks a sensor that it observes by.
             MapError: If there is no such plan.
         """
         check_render_mode(render_mode, self.metadata["render_modes"])
@@ -75,7 +75,7 @@ class TargetSearch(gymnasium.Env):
         self.search = SearchConfig(**search)
         simulator = config or simulator_for(self.search)
         self._search = Search(source_of(plan), self.search, simulator)
-        self.observation_space, self.action_space = spaces_of(self.search, simulator)
+        self.observation_space, self.action_space = make_spaces(self.search, simulator)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -90,14 +90,14 @@ class TargetSearch(gymnasium.Env):
         return observation, reward, arrived, False, info
 
     def render(self) -> UInt8[np.ndarray, "height width 3"] | str | None:
-        """The camera's view beside the plan with the robot's way, or the plan in letters."""
+        """The camera's view next to the plan with the robot's trajectory, or the plan as text."""
         if self.render_mode is None:
             return None
         return self._search.text() if self.render_mode == "ansi" else self._search.picture()
 
     @property
     def place(self) -> Place:
-        """The building of the present search, for drivers that know the way."""
+        """The building of the current search, for guides that know the route."""
         return self._search.place
 
     def close(self) -> None:
@@ -112,7 +112,7 @@ def target_search_v0(
     config: SimulatorConfig | None = None,
     render_mode: str | None = None,
 ) -> TargetSearch:
-    """`TargetSearch` with what its first version observed."""
+    """`TargetSearch` with the observations of its first version."""
     return TargetSearch(
         plan,
         config=config or SimulatorConfig(),
@@ -124,10 +124,10 @@ def target_search_v0(
 
 
 def check_render_mode(mode: str | None, known: list[str]) -> None:
-    """See that pictures can be drawn as asked.
+    """See that a render mode is known.
 
     Raises:
-        ValueError: If they cannot.
+        ValueError: If it is not.
     """
     if mode not in (None, *known):
         raise ValueError(f"render_mode = {mode!r}, expected None or one of {', '.join(known)}.")

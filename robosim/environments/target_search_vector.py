@@ -1,8 +1,8 @@
-"""Many searches in one process, by the API of Gymnasium's vector environments.
+"""Many searches in one process, with the API of Gymnasium's vector environments.
 
-What `gymnasium.make_vec("robosim/TargetSearch-v1", n)` makes. Robots share the buildings that they are in, with all
-that is built for them, and nothing else: robot i does step for step what a lone environment of seed + i does. Each may
-be in another building.
+This is what `gymnasium.make_vec("robosim/TargetSearch-v1", n)` makes. Robots share only the buildings with everything
+that is computed for them: robot i does step for step the same as a single environment of seed + i. Robots can be in
+different buildings.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from gymnasium.vector.utils import batch_space, iterate
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.environments.config import SearchConfig, simulator_for
-from robosim.environments.search import Search, spaces_of
+from robosim.environments.search import Search, make_spaces
 from robosim.environments.sources import source_of
 from robosim.environments.target_search import TargetSearch, check_render_mode
 from robosim.simulator import SimulatorConfig
@@ -27,7 +27,7 @@ Batch = tuple[dict[str, np.ndarray], Float[np.ndarray, " n"], Flags, Flags, dict
 
 
 class TargetSearchVector(gymnasium.vector.VectorEnv):
-    """`TargetSearch` many times over; a search that has ended begins anew with the next step."""
+    """`TargetSearch` for many robots; after the end of a search, the next step starts a new one."""
 
     metadata = {  # noqa: RUF012
         "render_modes": TargetSearch.metadata["render_modes"],
@@ -48,16 +48,16 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         """Nothing is built before the first reset.
 
         Args:
-            num_envs: How many robots.
-            plan: Where plans come from: see `robosim.environments.sources`.
-            config: What is simulated, and how faithfully; the fastest that gives what is observed if not given.
+            num_envs: Number of robots.
+            plan: Source of plans: see `robosim.environments.sources`.
+            config: Configuration of the simulator; by default the fastest with the needed sensors.
             max_episode_steps: Steps after which a search is truncated.
             render_mode: None, "rgb_array" or "ansi" (text).
             search: Fields of `SearchConfig`.
 
         Raises:
-            ValueError: If a number is out of bounds, the render mode unknown, or the robot does not carry what it is to
-                observe by.
+            ValueError: If a number is out of bounds, the render mode unknown, or the robot lacks a sensor that it
+                observes by.
             MapError: If there is no such plan.
         """
         check_number("num_envs", num_envs, 1, 65536, "robots", whole=True)
@@ -67,7 +67,7 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         self.search = SearchConfig(**search)
         simulator, source = config or simulator_for(self.search), source_of(plan)
         self._searches = [Search(source, self.search, simulator) for _ in range(num_envs)]
-        self.single_observation_space, self.single_action_space = spaces_of(self.search, simulator)
+        self.single_observation_space, self.single_action_space = make_spaces(self.search, simulator)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._rngs: list[np.random.Generator] = [seeding.np_random()[0] for _ in range(num_envs)]
@@ -81,9 +81,9 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         """Start a new search with each robot.
 
         Args:
-            seed: One for the first robot, the next number for the next; or one each. None goes on as it was.
-            options: See `TargetSearch`; the same for all. `reset_mask` (n,) bool says whose search starts anew, if not
-                everybody's: then the others' observations are those of before.
+            seed: Seed of robot 0, robot i has seed + i; or one for each robot. None continues the random numbers.
+            options: See `TargetSearch`; the same for all. `reset_mask` (n,) bool marks the searches that start again;
+                the observations of the others do not change.
         """
         options = dict(options or {})
         mask = options.pop("reset_mask", np.ones(self.num_envs, bool))
@@ -104,13 +104,13 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
                 self._rngs[i], _ = seeding.np_random(own)
             self._seen[i], info = self._begin(i, options)
             infos = self._add_info(infos, info, i)
-        return self._together(self._seen), infos
+        return self._stack(self._seen), infos
 
     def step(self, actions: np.ndarray) -> Batch:
-        """Do one action with each robot; those whose search has ended begin a new one instead."""
+        """Do one action with each robot; robots whose search has ended start a new one instead."""
         rewards = np.zeros(self.num_envs)
         arrived, late = np.zeros(self.num_envs, bool), np.zeros(self.num_envs, bool)
-        told: list[dict[str, Any]] = []
+        infos: list[dict[str, Any]] = []
         for i, action in enumerate(iterate(self.action_space, actions)):
             if self._over[i]:
                 self._seen[i], info = self._begin(i, {})
@@ -118,9 +118,9 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
                 self._seen[i], rewards[i], arrived[i], info = self._searches[i].step(action)
                 self._steps[i] += 1
                 late[i] = self._steps[i] >= self._most
-            told.append(info)
+            infos.append(info)
         self._over = arrived | late
-        return self._together(self._seen), rewards, arrived, late, self._told(told)
+        return self._stack(self._seen), rewards, arrived, late, self._merge_infos(infos)
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"] | str, ...] | None:
         """A picture of each search, as `TargetSearch.render` draws one."""
@@ -137,25 +137,25 @@ class TargetSearchVector(gymnasium.vector.VectorEnv):
         self._steps[i], self._over[i] = 0, False
         return self._searches[i].reset(self._rngs[i], options)
 
-    def _told(self, infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
-        """What Gymnasium's own `_add_info` makes of them, but faster where all robots tell the same things."""
+    def _merge_infos(self, infos: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        """The same as Gymnasium's `_add_info`, but faster if all robots have the same keys."""
         keys = infos[0].keys()
         if any(info.keys() != keys for info in infos):
             found: dict[str, Any] = {}
             for i, info in enumerate(infos):
                 found = self._add_info(found, info, i)
             return found
-        all_told = np.ones(self.num_envs, bool)
+        present = np.ones(self.num_envs, bool)
         found = {}
         for key in keys:
             values = [info[key] for info in infos]
             if isinstance(values[0], dict):
-                found[key] = self._told(values)
+                found[key] = self._merge_infos(values)
             else:
                 found[key] = np.array(values, object if isinstance(values[0], str) else None)
-            found[f"_{key}"] = all_told.copy()
+            found[f"_{key}"] = present.copy()
         return found
 
-    def _together(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    def _stack(self, seen: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
         """Observations of all robots as arrays with one more axis in front."""
         return {key: np.stack([one[key] for one in seen]) for key in seen[0]}

@@ -1,12 +1,12 @@
-"""A plan in letters, for terminals: walls, the robot by the way it looks, the target."""
+"""A plan as text for terminals: walls, robot with its heading, target."""
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.plans.floorplan import FloorPlan
 
-#: Letters across; lines are half as many for a square, as letters are twice as high as wide.
-_ACROSS = 72
+#: Largest width in characters; a character stands for twice as many rows as columns.
+_WIDTH = 72
 _ARROWS = ">^<v"
 
 
@@ -15,28 +15,19 @@ def draw_text(plan: FloorPlan, pose: Float[np.ndarray, "3"], target: Float[np.nd
 
     Args:
         plan: The floor plan.
-        pose: Of the robot: x [m], y [m], yaw [rad] in `map`.
+        pose: Pose of the robot: x [m], y [m], yaw [rad] in `map`.
         target: x, y [m] in `map`.
     """
     ny, nx = plan.shape
-    step = max(1, -(-nx // _ACROSS))
-    letters = [
-        ["#" if not floor.all() and floor.any() else "." if floor.any() else " " for floor in row]
-        for row in _blocks(plan.free, 2 * step, step)
-    ]
-    turn = pose[2] + plan.origin[2] * -1
-    marks = ((target, "X"), (pose[:2], _ARROWS[round(turn / (np.pi / 2)) % 4]))
-    for place, letter in marks:
+    step = max(1, -(-nx // _WIDTH))
+    rows, columns = range(0, ny, 2 * step), range(0, nx, step)
+    free = plan.free.astype(int)
+    some = np.maximum.reduceat(np.maximum.reduceat(free, rows, axis=0), columns, axis=1) > 0
+    every = np.minimum.reduceat(np.minimum.reduceat(free, rows, axis=0), columns, axis=1) > 0
+    letters = np.where(every, ".", np.where(some, "#", " "))
+    arrow = _ARROWS[round((pose[2] - plan.origin[2]) / (np.pi / 2)) % 4]
+    for place, letter in ((target, "X"), (pose[:2], arrow)):
         column, row = np.floor(plan.to_cells(np.asarray(place, float))).astype(int)
         if 0 <= row < ny and 0 <= column < nx:
-            letters[row // (2 * step)][column // step] = letter
-    return "\n".join("".join(row).rstrip() for row in reversed(letters)) + "\n"
-
-
-def _blocks(free: np.ndarray, high: int, wide: int) -> list[list[np.ndarray]]:
-    """Pieces of the plan, one a letter, row by row."""
-    ny, nx = free.shape
-    return [
-        [free[row : row + high, column : column + wide] for column in range(0, nx, wide)]
-        for row in range(0, ny, high)
-    ]
+            letters[row // (2 * step), column // step] = letter
+    return "\n".join("".join(row).rstrip() for row in letters[::-1]) + "\n"

@@ -23,7 +23,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import yaml
@@ -33,7 +33,7 @@ from robosim.parts import READER
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FARTHEST_M
 from robosim.support.assets import shipped_plans
-from robosim.support.checks import SEED, check_choice, check_number, check_numbers, check_some
+from robosim.support.checks import SEED, check_choice, check_number, check_some, checked
 from robosim.support.files import whole_file
 from robosim.support.from_dict import from_dict
 from robosim.support.parts import check_code_allowed
@@ -177,16 +177,16 @@ class _Task:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class _File:
     """Keys of a file."""
 
     plans: Mapping[str, str]
     tasks: tuple[_Task, ...]
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     reader: str = "auto"
 
     def __post_init__(self) -> None:
-        check_numbers(self, seed=SEED)
         check_code_allowed("reader", self.reader)
         if self.reader != "auto":
             READER.check("reader", self.reader)

@@ -12,7 +12,7 @@ through the outermost free cells. Left out: storeys, windows, what furniture loo
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import cv2
 import numpy as np
@@ -27,7 +27,7 @@ from robosim.generator.rect import Rect
 from robosim.generator.rooms import hull_places, largest_piece
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.support.checks import SEED, check_choice, check_number, check_numbers
+from robosim.support.checks import SEED, Range, check_choice, check_number, checked
 
 #: Radius of the agent that the published navigable areas were made for [m].
 AGENT_RADIUS_M = 0.1
@@ -38,24 +38,25 @@ RASTER_M = 0.06
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class GeneratorConfig:
     """Kind of a generated building. Values of None are drawn from the seed."""
 
     style: Literal["home", "office"] = "home"
     """Home, or office: larger, with wide corridors and desks."""
-    area_m2: float | None = None
+    area_m2: Annotated[float | None, Range(4, 2000, "m2")] = None
     """Floor area of all rooms together, before furniture [m2]."""
-    rooms: int | None = None
+    rooms: Annotated[int | None, Range(1, 100)] = None
     """Number of rooms, corridors included."""
-    furniture: float | None = None
+    furniture: Annotated[float | None, Range(0, 5)] = None
     """Share of the usual furniture: 0 for an empty building, 1 for the usual, 2 for a crowded one."""
-    rotation_deg: float | None = None
+    rotation_deg: Annotated[float | None, Range(-360, 360, "degrees")] = None
     """Angle from the grid's x axis to the building's [deg]."""
-    door_width_m: tuple[float, float] = (0.7, 1.0)
+    door_width_m: Annotated[tuple[float, float], Range(0, 2, "m")] = (0.7, 1.0)
     """Clear width of doors, narrowest and widest [m]."""
-    hull_radius_m: float = 0.18
+    hull_radius_m: Annotated[float, Range(0.02, 1, "m")] = 0.18
     """Radius of the robot that must get everywhere [m]."""
-    resolution_m: float = 0.05
+    resolution_m: Annotated[float, Range(0.01, 0.1, "m")] = 0.05
     """Side of a cell [m]."""
     heights: bool = False
     """Furniture is pieces of true height, which robots see, hear and drive over and under, rather than cells up to the
@@ -65,16 +66,6 @@ class GeneratorConfig:
 
     def __post_init__(self) -> None:
         check_choice("style", self.style, STYLES)
-        check_numbers(
-            self,
-            area_m2=(4, 2000, "m2"),
-            rooms=(1, 100),
-            furniture=(0, 5),
-            rotation_deg=(-360, 360, "degrees"),
-            door_width_m=(0, 2, "m"),
-            hull_radius_m=(0.02, 1, "m"),
-            resolution_m=(0.01, 0.1, "m"),
-        )
         if self.heights and self.navigable:
             raise ValueError(
                 "heights is True and navigable too, expected one of them: a navigable area is one for all heights."

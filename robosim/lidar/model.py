@@ -1,61 +1,49 @@
 """A planar laser scanner (2D lidar) on a robot: its beams and errors, and the interface of all lidars."""
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
 
-from robosim.support.checks import LEVEL, check_numbers
+from robosim.support.checks import LEVEL, Range, checked
 from slam.sensing.laser import LaserScan
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LidarConfig:
     """Mounting of a lidar, and scale of its errors."""
 
-    height_m: float = 0.2
+    height_m: Annotated[float, Range(0.001, 100, "m")] = 0.2
     """Height of the beams above the floor [m]."""
-    level: float = 1.0
+    level: Annotated[float, LEVEL] = 1.0
     """Scale of its errors and of the part of beams that return nothing: 0 none, 1 as in its data sheet."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, height_m=(0.001, 100, "m"), level=LEVEL)
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LidarModel:
     """A kind of lidar: its fan of beams and their errors; by default an RPLIDAR A1."""
 
-    beams: int = 360
+    beams: Annotated[int, Range(3, 100_000, "beams")] = 360
     """Beams of a turn."""
-    fov_deg: float = 360.0
+    fov_deg: Annotated[float, Range(1, 360, "degrees")] = 360.0
     """Angle from the first to the last beam [deg]; 360 for all around."""
-    min_range_m: float = 0.15
+    min_range_m: Annotated[float, Range(0, 1000, "m")] = 0.15
     """Nearer surfaces are not measured [m]."""
-    max_range_m: float = 12.0
+    max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 12.0
     """Farther surfaces are not measured [m]."""
-    sigma_m: float = 0.002
+    sigma_m: Annotated[float, Range(0, 10, "m")] = 0.002
     """Least standard deviation of a range [m]."""
-    sigma_share: float = 0.005
+    sigma_share: Annotated[float, Range(0, 1)] = 0.005
     """Standard deviation as a part of the range, where that is more."""
-    missing: float = 0.01
+    missing: Annotated[float, Range(0, 1)] = 0.01
     """Part of the beams that return nothing at random."""
-    grazing_deg: float = 85.0
+    grazing_deg: Annotated[float, Range(1, 90, "degrees")] = 85.0
     """Surfaces met at more than this from their normal return nothing [deg]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            beams=(3, 100_000, "beams"),
-            fov_deg=(1, 360, "degrees"),
-            min_range_m=(0, 1000, "m"),
-            max_range_m=(0.01, 1000, "m"),
-            sigma_m=(0, 10, "m"),
-            sigma_share=(0, 1),
-            missing=(0, 1),
-            grazing_deg=(1, 90, "degrees"),
-        )
         if not self.min_range_m < self.max_range_m:
             raise ValueError(
                 f"min_range_m is {self.min_range_m} and max_range_m {self.max_range_m}, expected the first below the "

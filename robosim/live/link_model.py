@@ -6,6 +6,7 @@ is made by whoever asks for it first, in a thread of its own.
 
 from dataclasses import dataclass, field, replace
 from threading import Lock
+from typing import Annotated
 
 import numpy as np
 import shapely
@@ -18,7 +19,7 @@ from robosim.radio.link import RadioLink, RadioLinkConfig
 from robosim.radio.measurement import Interpreter, Measurement
 from robosim.radio.receivers import ReceiverGrid, receiver_grid
 from robosim.radio.scene import RadioConfig
-from robosim.support.checks import FREQUENCY_HZ, check_numbers
+from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from wireless.paths import LinkState, Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -31,27 +32,20 @@ WALL_MATERIALS = ("partition", "concrete_wall", "glazing", "door", "metal")
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LinkSettings:
     """What the page's sliders set."""
 
-    frequency_hz: float = 28e9
+    frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
-    height_m: float = 1.5
+    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
     """Height of both antennas above the floor [m]."""
-    tx_power_dbm: float = 23.0
+    tx_power_dbm: Annotated[float, Range(-200, 200, "dBm", "Try 23.")] = 23.0
     """Power sent [dBm]."""
     wall_material: MaterialPart = "partition"
     """Radio material of walls."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths are looked for."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            frequency_hz=FREQUENCY_HZ,
-            height_m=(0, 100, "m"),
-            tx_power_dbm=(-200, 200, "dBm, such as 23"),
-        )
 
     @classmethod
     def of(cls, config: RadioConfig) -> "LinkSettings":

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from time import process_time
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ from jaxtyping import Float
 
 from robosim.logs.robot_log import RobotLog
 from robosim.plans.floorplan import FREE, MAX_CELLS, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 from slam.graph.submaps import View
 from slam.graph.tracker import Tracker, TrackerConfig
 from slam.matching.scan_matching import MatchConfig, points_of_beams
@@ -22,32 +23,22 @@ _NOTHING_M = 10.0
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LogOdometryConfig:
     """Errors of odometry between two scans. Standard deviations: a constant part, and one that grows."""
 
-    position_m: float = 0.04
+    position_m: Annotated[float, Range(1e-6, 10, "m")] = 0.04
     """Of the place, constant part [m]."""
-    position_per_m: float = 0.05
+    position_per_m: Annotated[float, Range(0, 10)] = 0.05
     """Of the place, for each metre driven."""
-    yaw_rad: float = 0.05
+    yaw_rad: Annotated[float, Range(1e-6, math.pi, "rad")] = 0.05
     """Of the heading, constant part [rad]."""
-    yaw_per_rad: float = 0.15
+    yaw_per_rad: Annotated[float, Range(0, 10)] = 0.15
     """Of the heading, for each radian turned."""
-    unknown_m: tuple[float, float] = (1.0, 0.2)
+    unknown_m: Annotated[tuple[float, float], Range(1e-3, 100, "m")] = (1.0, 0.2)
     """Without odometry: of the place ahead, and to the side [m]."""
-    unknown_rad: float = 0.45
+    unknown_rad: Annotated[float, Range(1e-3, 2 * math.pi, "rad")] = 0.45
     """The same for the turn [rad]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            position_m=(1e-6, 10, "m"),
-            position_per_m=(0, 10),
-            yaw_rad=(1e-6, math.pi, "rad"),
-            yaw_per_rad=(0, 10),
-            unknown_m=(1e-3, 100, "m"),
-            unknown_rad=(1e-3, 2 * math.pi, "rad"),
-        )
 
     def predicted(
         self, displacement: Float[np.ndarray, "3"], known: bool
@@ -62,32 +53,23 @@ class LogOdometryConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LogConfig:
     """Settings of mapping a log."""
 
     odometry: LogOdometryConfig = field(default_factory=LogOdometryConfig)
     """Errors of odometry."""
-    resolution_m: float = 0.05
+    resolution_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of a map cell [m]."""
-    range_m: float = 25.0
+    range_m: Annotated[float, Range(1, 1000, "m")] = 25.0
     """Farther points are not matched [m]."""
-    sigma_m: float = 0.02
+    sigma_m: Annotated[float, Range(1e-4, 1, "m")] = 0.02
     """Standard deviation of a point from its surface [m]."""
-    drift_m: float = 0.02
+    drift_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]: a real robot's
     scans lie a metre apart, and are taken as it moves."""
-    drift_rad: float = math.radians(0.3)
+    drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            resolution_m=(0.005, 0.5, "m"),
-            range_m=(1, 1000, "m"),
-            sigma_m=(1e-4, 1, "m"),
-            drift_m=(0, 10, "m"),
-            drift_rad=(0, math.pi, "rad"),
-        )
 
     def tracker(self, loops: bool) -> TrackerConfig:
         """Settings of the tracker."""

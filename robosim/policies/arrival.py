@@ -12,48 +12,37 @@ Reference: arXiv 2110.14789.
 import math
 from collections import deque
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 
 from robosim.radio.measurement import Measurement
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 from wireless.paths import LinkState
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class FollowConfig:
     """When and how far a path is followed."""
 
-    min_snr_db: float = 10.0
+    min_snr_db: Annotated[float, Range(-200, 200, "dB")] = 10.0
     """Weaker paths are not followed."""
-    ahead_m: float = 0.6
+    ahead_m: Annotated[float, Range(0.01, 100, "m")] = 0.6
     """How far along the arrival the goal lies [m]."""
-    every: int = 10
+    every: Annotated[int, Range(1, 1_000_000, "decisions")] = 10
     """Decisions for which a goal is kept, if it is not reached before."""
-    reached_m: float = 0.2
+    reached_m: Annotated[float, Range(0, 100, "m")] = 0.2
     """A goal this near is reached [m]."""
-    dwell_steps: int = 30
+    dwell_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 30
     """Decisions within `dwell_m` of one place after which the robot dwells: more than a turn to any side takes."""
-    dwell_window: int = 120
+    dwell_window: Annotated[int, Range(1, 1_000_000, "decisions")] = 120
     """Decisions of following that these are counted in: a robot may go to and fro before a gap that it does not fit."""
-    dwell_m: float = 0.5
+    dwell_m: Annotated[float, Range(0, 100, "m")] = 0.5
     """See above [m]."""
-    leave_steps: int = 50
+    leave_steps: Annotated[int, Range(0, 1_000_000, "decisions")] = 50
     """Decisions for which arrivals are left alone, the first time; as many more each time after."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            min_snr_db=(-200, 200, "dB"),
-            ahead_m=(0.01, 100, "m"),
-            every=(1, 1_000_000, "decisions"),
-            reached_m=(0, 100, "m"),
-            dwell_steps=(1, 1_000_000, "decisions"),
-            dwell_window=(1, 1_000_000, "decisions"),
-            dwell_m=(0, 100, "m"),
-            leave_steps=(0, 1_000_000, "decisions"),
-        )
 
 
 class Dwelling:

@@ -9,6 +9,7 @@ that later ones can put right what an early one got wrong.
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -19,7 +20,7 @@ from robosim.policies.likelihood import Likelihood, normal
 from robosim.policies.sightlines import in_sight
 from robosim.policies.survey import Survey
 from robosim.radio.measurement import Measurement, free_path_m
-from robosim.support.checks import FREQUENCY_HZ, check_numbers
+from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from slam.graph.landmarks import Transmitter
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import wrap
@@ -42,35 +43,36 @@ _LEAST_PRIOR = 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class BeliefConfig:
     """Size of the grid, and how far measurements are trusted."""
 
-    frequency_hz: float = 28e9
+    frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency; turns power into distance."""
-    cell_m: float = 0.2
+    cell_m: Annotated[float, Range(0.01, 10, "m")] = 0.2
     """Side of a cell [m]."""
-    half_side_m: float = 30.0
+    half_side_m: Annotated[float, Range(1, 1000, "m")] = 30.0
     """Half the side of the grid around the robot's start [m]; it grows where the robot goes, and where a transmitter in
     line of sight may stand."""
-    arrival_deg: float = 2.5
+    arrival_deg: Annotated[float, Range(0.01, 180, "degrees")] = 2.5
     """Standard deviation of directions of arrival, with that of the heading [deg]."""
-    departure_deg: float = 2.5
+    departure_deg: Annotated[float, Range(0.01, 180, "degrees")] = 2.5
     """Standard deviation of directions of departure [deg]."""
-    power_db: float = 2.5
+    power_db: Annotated[float, Range(0.01, 200, "dB")] = 2.5
     """Standard deviation of powers in line of sight [dB]: other paths add to them and take from them."""
-    doubt: float = 0.05
+    doubt: Annotated[float, Range(0, 1)] = 0.05
     """Probability that a measurement says nothing."""
-    weight: float = 0.6
+    weight: Annotated[float, Range(0, 1)] = 0.6
     """Part of an independent measurement that each one counts as."""
-    apart_m: float = 0.3
+    apart_m: Annotated[float, Range(0, 100, "m")] = 0.3
     """Measurements nearer to the last one do not count [m]."""
-    beyond_m: float = 5.0
+    beyond_m: Annotated[float, Range(0.1, 1e6, "m")] = 5.0
     """How far beyond what was seen the target may be: every so many metres it is less likely by a factor e [m]."""
-    look_m: float = 1.2
+    look_m: Annotated[float, Range(0, 100, "m")] = 1.2
     """How far the camera finds the target for sure; 0 if it does not look for it [m]."""
-    look_deg: float = 80.0
+    look_deg: Annotated[float, Range(0, 360, "degrees")] = 80.0
     """Width of the camera's view in which it finds it for sure [deg]."""
-    in_sight: float = 0.02
+    in_sight: Annotated[float, Range(0, 1)] = 0.02
     """How much less likely the target is where it would be in line of sight, if it is not."""
     ways: bool = True
     """Whether arrivals that come round corners tell of the target by the ways that lead there."""
@@ -80,22 +82,6 @@ class BeliefConfig:
     """Whether measurements are gathered on the way; if not, the belief is that of the last one alone."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            frequency_hz=FREQUENCY_HZ,
-            cell_m=(0.01, 10, "m"),
-            half_side_m=(1, 1000, "m"),
-            arrival_deg=(0.01, 180, "degrees"),
-            departure_deg=(0.01, 180, "degrees"),
-            power_db=(0.01, 200, "dB"),
-            doubt=(0, 1),
-            weight=(0, 1),
-            apart_m=(0, 100, "m"),
-            beyond_m=(0.1, 1e6, "m"),
-            look_m=(0, 100, "m"),
-            look_deg=(0, 360, "degrees"),
-            in_sight=(0, 1),
-        )
         if self.half_side_m > MOST_CELLS / 2 * self.cell_m:
             raise ValueError(
                 f"half_side_m is {self.half_side_m:g} and cell_m {self.cell_m:g}, expected a grid of at most "

@@ -11,7 +11,7 @@ decision that the way takes.
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +22,7 @@ from robosim.policies.prospects import prospects
 from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.sightlines import in_sight
 from robosim.policies.situation import Situation
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
@@ -33,6 +33,7 @@ from wireless.paths import LinkState
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class FusedConfig:
     """When a belief is acted on, and what a look is worth."""
 
@@ -46,41 +47,26 @@ class FusedConfig:
     """What a metre costs."""
     in_sight: FollowConfig = field(default_factory=lambda: FollowConfig(every=5))
     """How the arrival is followed in line of sight."""
-    at_first: int = 30
+    at_first: Annotated[int, Range(0, 1_000_000, "decisions")] = 30
     """Decisions from the start in which strong arrivals of first order are followed, until the belief is sure."""
-    first_snr_db: float = 25.0
+    first_snr_db: Annotated[float, Range(-200, 200, "dB")] = 25.0
     """How strong they have to be."""
-    sure: float = 0.3
+    sure: Annotated[float, Range(0, 1)] = 0.3
     """Probability within half a metre of a place from which on the robot goes there."""
-    view_m: float = 5.0
+    view_m: Annotated[float, Range(0.1, 100, "m")] = 5.0
     """Range around a frontier in which the belief counts [m]."""
-    head_start: float = 10.0
+    head_start: Annotated[float, Range(0, 1e6, "decisions")] = 10.0
     """Decisions added to each way, so that the nearest frontier is not always the best."""
-    keep: float = 1.3
+    keep: Annotated[float, Range(0, 1000)] = 1.3
     """How much better another frontier must be before the goal is changed."""
-    every: int = 5
+    every: Annotated[int, Range(1, 1_000_000, "decisions")] = 5
     """Decisions for which a goal is kept, if it is not reached before."""
-    candidates: int = 12
+    candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 12
     """Frontiers that are looked at closely."""
-    dwell_steps: int = 40
+    dwell_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 40
     """Decisions within `dwell_m` of one place after which a goal is given up."""
-    dwell_m: float = 0.5
+    dwell_m: Annotated[float, Range(0, 100, "m")] = 0.5
     """See above [m]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            at_first=(0, 1_000_000, "decisions"),
-            first_snr_db=(-200, 200, "dB"),
-            sure=(0, 1),
-            view_m=(0.1, 100, "m"),
-            head_start=(0, 1e6, "decisions"),
-            keep=(0, 1000),
-            every=(1, 1_000_000, "decisions"),
-            candidates=(1, 10_000, "frontiers"),
-            dwell_steps=(1, 1_000_000, "decisions"),
-            dwell_m=(0, 100, "m"),
-        )
 
 
 class _Rated(NamedTuple):

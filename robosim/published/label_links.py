@@ -24,7 +24,7 @@ from robosim.published.label_adjacent import adopted, with_coarse
 from robosim.published.label_walls import published_mesh
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.reading import reading
-from wireless.formats.mmwrobotnav import Measurements, link_states
+from wireless.formats.mmwrobotnav_measurements import Measurements, link_states
 from wireless.paths import Paths
 from wireless.tracing.tracer import Tracer, TracerConfig
 

@@ -5,6 +5,7 @@ path at most; of all ways to pair them the one that explains most is taken, the 
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -12,31 +13,23 @@ from scipy.constants import speed_of_light
 from scipy.optimize import linear_sum_assignment
 
 from robosim.published.measured_paths import MeasuredHall
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 from slam.poses import wrap
 from wireless.paths import Interaction, Paths
 from wireless.tracing.tracer import Tracer
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class MatchConfig:
     """How far apart the same path may be measured and traced."""
 
-    delay_ns: float = 1.0
-    angle_deg: float = 5.0
-    height_m: float = 1.5
+    delay_ns: Annotated[float, Range(1e-3, 1e3, "ns")] = 1.0
+    angle_deg: Annotated[float, Range(1e-3, 180, "degrees")] = 5.0
+    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
     """Height of both ends [m], which such tables do not say."""
-    range_db: float = 40.0
+    range_db: Annotated[float, Range(0, 300, "dB")] = 40.0
     """Traced paths weaker than the strongest of their place by more explain nothing [dB]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            delay_ns=(1e-3, 1e3, "ns"),
-            angle_deg=(1e-3, 180, "degrees"),
-            height_m=(0, 100, "m"),
-            range_db=(0, 300, "dB"),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from copy import copy
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -27,7 +27,7 @@ from robosim.radio.classifier import Classifier
 from robosim.radio.table import RadioTable
 from robosim.radio.table_reader import read_paths, states_of
 from robosim.radio.tables import RadioTables
-from robosim.support.checks import FREQUENCY_HZ, check_choice, check_numbers
+from robosim.support.checks import FREQUENCY_HZ, Range, checked
 from robosim.support.parts import Part
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
@@ -39,6 +39,7 @@ RadioEngine = Literal["live", "cached", "table"]
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class RadioLinkConfig:
     """How the target sends, and how the robot measures."""
 
@@ -47,9 +48,9 @@ class RadioLinkConfig:
     rule, without a measurement."""
     tables: Path | None = None
     """Folder where tables are kept in files; without it they last as long as the process."""
-    frequency_hz: float = 28e9
+    frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
-    height_m: float = 1.5
+    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
     """Height of both antennas above the floor [m]."""
     transmitter: TerminalPart = "gnb"
     """The target's arrays; gnb, the published base station's, face 0 and ±120 degrees in `map`."""
@@ -61,13 +62,6 @@ class RadioLinkConfig:
     """Power, waveform and noise."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths there are."""
-
-    def __post_init__(self) -> None:
-        check_choice("engine", self.engine, get_args(RadioEngine))
-        TERMINAL.check("transmitter", self.transmitter)
-        TERMINAL.check("receiver", self.receiver)
-        ESTIMATOR.check("estimator", self.estimator)
-        check_numbers(self, frequency_hz=FREQUENCY_HZ, height_m=(0, 100, "m"))
 
 
 @cache

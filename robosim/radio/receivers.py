@@ -16,12 +16,14 @@ from jaxtyping import Float, Int
 from robosim.building.building import Building
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.outside import lie_outside
-from robosim.support.checks import check_number
+from robosim.support.checks import Range, check_number
 
 #: Cells across a block of the published grids.
 BLOCK = 3
 #: A receiver is at least this far from a wall [m], on plans that are free to choose.
 CLEARANCE_M = 1e-3
+#: Steps between receivers.
+STEP_M = Range(0.01, 100, "m between receivers", "Try 0.15.")
 #: Finer grids are taken for a mistake.
 MAX_RECEIVERS = 1_000_000
 
@@ -75,12 +77,12 @@ def raised(grid: ReceiverGrid, by_m: float) -> ReceiverGrid:
 
 
 def check_step(step_m: float) -> None:
-    """Complain of a step between receivers that makes no grid.
+    """See that a step between receivers makes a grid.
 
     Raises:
         ValueError: If it does not.
     """
-    check_number("grid", step_m, 0.01, 100, "m between receivers, such as 0.15")
+    check_number("grid", step_m, *STEP_M)
 
 
 def check_height(building: Building, height_m: float, name: str) -> None:

@@ -1,7 +1,7 @@
 """A floor plan, or a storey among others, made ready for radio: its building, the tracer of it, and fit places."""
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import shapely
@@ -12,7 +12,7 @@ from robosim.building.multi_storey import Storeys, StoreysConfig, make_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_height, raised, receiver_grid
-from robosim.support.checks import FARTHEST, FREQUENCY_HZ, check_number, check_numbers
+from robosim.support.checks import FARTHEST, FREQUENCY_HZ, Range, check_number, checked
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 #: A place this far from free space still counts as on its edge [m].
@@ -20,30 +20,22 @@ ON_EDGE_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class RadioConfig:
     """What is traced and how."""
 
-    frequency_hz: float = 28e9
+    frequency_hz: Annotated[float, FREQUENCY_HZ] = 28e9
     """Carrier frequency."""
-    height_m: float = 1.5
+    height_m: Annotated[float, Range(0, 100, "m")] = 1.5
     """Height of receivers, and of transmitters that do not say theirs [m]."""
-    tx_power_dbm: float = 23.0
+    tx_power_dbm: Annotated[float, Range(-200, 200, "dBm", "Try 23.")] = 23.0
     """Power sent, which received powers count from."""
-    threshold_dbm: float | None = None
+    threshold_dbm: Annotated[float | None, Range(-400, 200, "dBm", "Try -100.")] = None
     """Paths received with less do not count for link states; None counts all."""
     tracer: TracerConfig = field(default_factory=TracerConfig)
     """Which paths are looked for."""
     building: BuildingConfig = field(default_factory=BuildingConfig)
     """How the plan becomes walls."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            frequency_hz=FREQUENCY_HZ,
-            height_m=(0, 100, "m"),
-            tx_power_dbm=(-200, 200, "dBm, such as 23"),
-            threshold_dbm=(-400, 200, "dBm, such as -100"),
-        )
 
     @property
     def threshold_db(self) -> float:

@@ -24,12 +24,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, get_args
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Float
 
-from robosim.support.checks import LEVEL, check_choice, check_number
+from robosim.support.checks import Range, checked
 from slam.actions import FORWARD_M, TURN_RAD, Action
 
 NoiseVariant = Literal["published", "corrected"]
@@ -59,19 +59,16 @@ _TO_SI = np.array([0.01, 0.01, math.radians(1.0)])
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class NoiseModel:
     """How a robot's motion and odometry differ from what is asked and done."""
 
-    level: float = 1.0
+    level: Annotated[float, Range(0, 100, "times the published noise of motion")] = 1.0
     """Scale of all deviations: 0 none, 1 as published."""
     variant: NoiseVariant = "published"
     """Numbers as published, or with their two probable defects undone."""
     exact_odometry: bool = False
     """Whether odometry tells motions as they were; the robot still does not quite do what it is told."""
-
-    def __post_init__(self) -> None:
-        check_number("noise level", self.level, *LEVEL)
-        check_choice("variant", self.variant, get_args(NoiseVariant))
 
     def actuation(self, action: Action, rng: np.random.Generator) -> Float[np.ndarray, "3"]:
         """Motion dx [m], dy [m], dyaw [rad] that the robot makes of an action, if nothing is in the way."""

@@ -12,40 +12,38 @@ Left out: anything but floor and walls, and what is above the robot.
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
 from robosim.robot.collision import WallSolids
-from robosim.support.checks import check_numbers
+from robosim.support.checks import Range, checked
 
 #: Collision bits: walls meet the hull only, the floor wheels and casters only.
 WALL, FLOOR = 1, 2
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PhysicsConfig:
     """How finely physics is computed, and how rough things are."""
 
-    timestep_s: float = 0.005
+    timestep_s: Annotated[float, Range(1e-4, 0.01, "s", "Beyond, contacts are too soft to hold.")] = 0.005
     """Step of the physics engine [s]."""
-    control_period_s: float = 0.02
+    control_period_s: Annotated[float, Range(1e-4, 0.1, "s")] = 0.02
     """Time between two commands to the wheels [s]."""
-    floor_friction: float = 0.6
+    floor_friction: Annotated[float, Range(0, 100)] = 0.6
     """Grip of the wheels on the floor. Wheels that slip hop, the more the better their grip."""
-    wall_friction: float = 0.0
-    """Friction of the hull on walls. At 0.1 a robot that scrapes along loses half of its way."""
+    wall_friction: Annotated[float, Range(0, 100)] = 0.0
+    """Friction of the hull on walls. At 0.1 a robot that scrapes along a wall covers half the distance."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            timestep_s=(1e-4, 0.01, "s: beyond, contacts are too soft to hold"),
-            control_period_s=(self.timestep_s, 0.1, "s, from timestep_s on"),
-            floor_friction=(0, 100),
-            wall_friction=(0, 100),
-        )
+        if self.control_period_s < self.timestep_s:
+            raise ValueError(
+                f"control_period_s is {self.control_period_s}, expected at least timestep_s = {self.timestep_s} s."
+            )
 
     @property
     def control_steps(self) -> int:

@@ -27,7 +27,7 @@ from jaxtyping import Float
 
 from robosim.robot.motion import SpeedProfile
 from robosim.robot.physics import FLOOR, WALL, PhysicsConfig
-from robosim.support.checks import RADIUS_M, check_numbers
+from robosim.support.checks import RADIUS_M, Range, checked
 from robosim.support.files import write_json
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import reading
@@ -43,42 +43,32 @@ STALL_GRIP = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class RobotConfig:
     """Size and abilities of the robot; by default like a small TurtleBot."""
 
-    radius_m: float = 0.10
+    radius_m: Annotated[float, RADIUS_M] = 0.10
     """Radius of the hull [m]."""
-    mass_kg: float = 2.0
+    mass_kg: Annotated[float, Range(0.01, 10_000, "kg")] = 2.0
     """Mass of all but the wheels [kg]."""
-    wheel_radius_m: float = 0.033
+    wheel_radius_m: Annotated[float, Range(0.001, 1, "m")] = 0.033
     """Radius of the driven wheels [m]."""
-    track_m: float = 0.16
+    track_m: Annotated[float, Range(0.001, 10, "m")] = 0.16
     """Distance between the wheels [m]."""
-    rotor_inertia_kgm2: float = 0.0005
+    rotor_inertia_kgm2: Annotated[float, Range(1e-9, 100, "kg m2")] = 0.0005
     """Inertia of a motor's rotor as felt at the wheel [kg m^2]."""
-    mast_m: float = 1.25
+    mast_m: Annotated[float, Range(0.01, 10, "m")] = 1.25
     """Height of the camera [m], which is the robot's too: it drives under what hangs higher. Pictures follow the
     camera's own settings."""
-    max_speed_mps: float = 0.5
+    max_speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
     """Highest speed of a wheel [m/s]."""
-    max_accel_mps2: float = 2.0
+    max_accel_mps2: Annotated[float, Range(0.001, 1000, "m/s2")] = 2.0
     """Highest acceleration of a wheel [m/s^2]."""
     odometry: Annotated[OdometryConfig | None, tyro.conf.Suppress] = None
     """What a calibration has found of its odometry, as `robosim calibrate` writes it into a robot's file. None: the
     robot is calibrated before its first episode, on an open floor."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            radius_m=RADIUS_M,
-            mass_kg=(0.01, 10_000, "kg"),
-            wheel_radius_m=(0.001, 1, "m"),
-            track_m=(0.001, 10, "m"),
-            rotor_inertia_kgm2=(1e-9, 100, "kg m2"),
-            mast_m=(0.01, 10, "m"),
-            max_speed_mps=(0.001, 10, "m/s"),
-            max_accel_mps2=(0.001, 1000, "m/s2"),
-        )
         if self.track_m > 2 * self.radius_m:
             raise ValueError(
                 f"track_m is {self.track_m:g}, expected at most the hull's diameter, {2 * self.radius_m:g} m: "

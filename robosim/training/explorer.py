@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -24,7 +24,7 @@ from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
 from robosim.simulator import SimulatorConfig
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.checks import SEED, check_numbers
+from robosim.support.checks import SEED, Range, checked
 from robosim.support.figures import save_figure
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
@@ -43,34 +43,24 @@ _HELD_OUT, _TEST, _LEARN = 0, 10_000, 20_000
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class ExplorerRecipe:
     """How the choice is trained."""
 
-    rounds: int = 60
+    rounds: Annotated[int, Range(1, 100_000)] = 60
     """Rounds of walks and improvement."""
-    homes: int = 24
+    homes: Annotated[int, Range(1, 100_000)] = 24
     """Homes of a round."""
-    decisions: int = 300
+    decisions: Annotated[int, Range(1, 100_000)] = 300
     """Decisions of a walk."""
-    held_out: int = 40
+    held_out: Annotated[int, Range(1, _TEST - _HELD_OUT, "homes")] = 40
     """Homes that the best weights are chosen by, and as many others for the comparison in the end."""
-    every: int = 5
+    every: Annotated[int, Range(1, 100_000, "rounds")] = 5
     """Rounds between validations."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of homes, starts, weights and choices."""
     ppo: PpoConfig = field(default_factory=PpoConfig)
     """How weights are improved."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            rounds=(1, 100_000),
-            homes=(1, 100_000),
-            decisions=(1, 100_000),
-            held_out=(1, _TEST - _HELD_OUT, "homes"),
-            every=(1, 100_000, "rounds"),
-            seed=SEED,
-        )
 
 
 def walk_home(

@@ -27,7 +27,7 @@ from robosim.support.progress import told_units
 from robosim.support.reading import reading
 from robosim.support.workers import Workers
 from wireless.estimation.public import PublicReceiver
-from wireless.formats.mmwrobotnav import link_states
+from wireless.formats.mmwrobotnav_measurements import link_states
 from wireless.linkstate.tokens import make_tokens
 from wireless.paths import LinkState
 from wireless.sounding.sounder import Rays

@@ -14,10 +14,10 @@ Schulman et al., arXiv:1707.06347.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -27,77 +27,63 @@ from torch import Tensor
 
 from robosim.policies.search_network import HIDDEN, SearchNetwork, initial_weights, no_memory
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.checks import SEED, STEPS, check_numbers
+from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.run_folder import run_folder
-from robosim.training.search_learning import SearchLearning, as_tensors, learn
+from robosim.training.search_learning import as_tensors, learn
 from robosim.training.search_walks import Robots, Walks, judge, walk
+from slam.learning.ppo import PpoConfig
 from slam.learning.restoring import check_weights, restore_optimiser
 from slam.learning.threads import torch_threads
 
 #: Numbers of the first homes to choose the best weights by, and to compare in; homes to learn from begin at the seed.
 _CHOICE, _TEST = 10_000_000, 20_000_000
+#: How segments are learnt from; a batch counts robots.
+_PPO = PpoConfig(trace=0.95, passes=3, batch=16, rate=4e-4, entropy=0.003)
 #: Shares of arrivals that make searches harder and easier, and by how much.
 _HARDER, _EASIER, _STEP = 0.6, 0.2, 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class SearchRecipe:
     """How the learned search is trained."""
 
-    epochs: int = 400
+    epochs: Annotated[int, Range(1, 1_000_000)] = 400
     """Epochs in all."""
-    imitation: int = 30
+    imitation: Annotated[int, Range(0, 1_000_000, "epochs")] = 30
     """Of which in so many the guide's advice is all that is learnt."""
-    robots: int = 32
+    robots: Annotated[int, Range(1, 65536, "robots")] = 32
     """Robots side by side."""
-    segments: int = 8
+    segments: Annotated[int, Range(1, 100_000)] = 8
     """Segments of an epoch."""
-    segment: int = 128
+    segment: Annotated[int, Range(1, 100_000, "steps")] = 128
     """Steps of a segment."""
-    homes: int = 144
+    homes: Annotated[int, Range(1, _CHOICE)] = 144
     """Different homes."""
-    at_once: int = 12
+    at_once: Annotated[int, Range(1, 100, "homes")] = 12
     """Homes of an epoch."""
-    targets: int = 3
+    targets: Annotated[int, Range(1, 10_000, "places in each home")] = 3
     """Places of targets in each home."""
-    search_steps: int = 500
+    search_steps: Annotated[int, STEPS] = 500
     """Steps after which a search is given up."""
-    difficulty: float = 0.3
+    difficulty: Annotated[float, Range(0, 1)] = 0.3
     """How far targets are away at first, 0 to 1."""
-    advice: float = 0.3
+    advice: Annotated[float, Range(0, 1000)] = 0.3
     """Weight of the guide's advice after imitation."""
-    half_life: float = 30.0
+    half_life: Annotated[float, Range(1e-3, 1e6, "epochs")] = 30.0
     """Epochs in which it falls to one half."""
-    every: int = 10
+    every: Annotated[int, Range(1, 1_000_000, "epochs")] = 10
     """Epochs after which weights are judged."""
-    held_out: int = 32
+    held_out: Annotated[int, Range(1, 100_000, "searches")] = 32
     """Searches to judge weights by, and twice as many to compare in the end, in as many homes."""
-    learning: SearchLearning = field(default_factory=SearchLearning)
-    """How segments are learnt from."""
-    seed: int = 0
+    ppo: PpoConfig = _PPO
+    """How segments are learnt from; a batch counts robots."""
+    reward_scale: Annotated[float, Range(1e-6, 1e6)] = 0.1
+    """Factor of rewards, for values of about 1."""
+    seed: Annotated[int, SEED] = 0
     """Seed of homes, searches, noise, weights and choices."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            epochs=(1, 1_000_000),
-            imitation=(0, 1_000_000, "epochs"),
-            robots=(1, 65536, "robots"),
-            segments=(1, 100_000),
-            segment=(1, 100_000, "steps"),
-            homes=(1, _CHOICE),
-            at_once=(1, 100, "homes"),
-            targets=(1, 10_000, "places in each home"),
-            search_steps=STEPS,
-            difficulty=(0, 1),
-            advice=(0, 1000),
-            half_life=(1e-3, 1e6, "epochs"),
-            every=(1, 1_000_000, "epochs"),
-            held_out=(1, 100_000, "searches"),
-            seed=SEED,
-        )
 
 
 class Training:
@@ -112,7 +98,7 @@ class Training:
         """
         self.recipe, self._tables = recipe, tables
         self.weights = as_tensors(initial_weights(np.random.default_rng(recipe.seed)))
-        self._optimiser = torch.optim.Adam(self.weights.values(), lr=recipe.learning.rate, eps=1e-5)
+        self._optimiser = torch.optim.Adam(self.weights.values(), lr=recipe.ppo.rate, eps=1e-5)
         self.epoch, self.difficulty, self.seconds = 0, recipe.difficulty, 0.0
         self.curve: list[dict[str, float]] = []
         self.best: dict[str, Tensor] | None = None
@@ -135,8 +121,8 @@ class Training:
                 learn(
                     self.weights,
                     self._optimiser,
-                    segment,
-                    recipe.learning,
+                    replace(segment, reward=recipe.reward_scale * segment.reward),
+                    recipe.ppo,
                     advice=weigh,
                     own=own,
                     rng=rng,

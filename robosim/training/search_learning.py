@@ -25,47 +25,8 @@ import torch
 from jaxtyping import Bool, Float, Float32, Int
 from torch import Tensor
 
-from robosim.support.checks import check_numbers
-from slam.learning.ppo import descend, surrogate
+from slam.learning.ppo import PpoConfig, descend, surrogate
 from slam.support.weights import Weights
-
-
-@dataclass(frozen=True, kw_only=True)
-class SearchLearning:
-    """How a segment is learnt from."""
-
-    discount: float = 0.99
-    """Worth of the next step's reward beside that of this one's; 0.99 looks 100 steps ahead."""
-    trace: float = 0.95
-    """Weight of the next step's error in the advantage of this one (lambda)."""
-    clip: float = 0.2
-    """Ratio of probabilities, off 1, beyond which nothing more is gained."""
-    passes: int = 3
-    """Passes over a segment."""
-    groups: int = 2
-    """Groups that the robots are dealt into, learnt from one after the other."""
-    rate: float = 4e-4
-    """Learning rate (Adam)."""
-    entropy: float = 0.003
-    """Worth of undecidedness."""
-    value: float = 0.5
-    """Weight of the squared error of the value."""
-    scale: float = 0.1
-    """Rewards count so much: then values are about 1."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            discount=(0, 1),
-            trace=(0, 1),
-            clip=(1e-6, 10),
-            passes=(1, 10_000),
-            groups=(1, 65536, "groups"),
-            rate=(1e-8, 1),
-            entropy=(0, 100),
-            value=(0, 100),
-            scale=(1e-6, 1e6),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,10 +58,10 @@ class Segment:
 
 
 def advantages(
-    segment: Segment, config: SearchLearning
+    segment: Segment, config: PpoConfig
 ) -> tuple[Float[np.ndarray, "steps robots"], Float[np.ndarray, "steps robots"]]:
     """By how much each step was better than expected, and what it was worth."""
-    reward = config.scale * segment.reward
+    reward = segment.reward
     found, after = np.zeros_like(reward), np.zeros(reward.shape[1])
     for t in reversed(range(len(reward))):
         going_on = ~(segment.arrived[t] | segment.late[t])
@@ -144,7 +105,7 @@ def learn(
     weights: Mapping[str, Tensor],
     optimiser: torch.optim.Optimizer,
     segment: Segment,
-    config: SearchLearning,
+    config: PpoConfig,
     *,
     advice: float,
     own: bool,
@@ -156,7 +117,7 @@ def learn(
         weights: Of the policy, which the optimiser was made for.
         optimiser: Of Adam's kind.
         segment: The steps.
-        config: How.
+        config: How; a batch counts robots.
         advice: Weight of the guide's advice.
         own: Whether the policy itself drove all the way, so that its surrogate may be climbed.
         rng: Deals the robots into groups.
@@ -170,7 +131,7 @@ def learn(
     gained = (gained - counted.mean()) / (counted.std() + 1e-6)
     robots, told = segment.told.shape[1], dict[str, list[float]]()
     for _ in range(config.passes):
-        for group in np.array_split(rng.permutation(robots), min(config.groups, robots)):
+        for group in np.array_split(rng.permutation(robots), max(1, round(robots / config.batch))):
             loss, means = _loss(weights, segment, gained, worth, group, config, advice=advice, own=own)
             descend(loss, weights, optimiser)
             for name, value in means.items():
@@ -184,7 +145,7 @@ def _loss(
     gained: np.ndarray,
     worth: np.ndarray,
     group: np.ndarray,
-    config: SearchLearning,
+    config: PpoConfig,
     *,
     advice: float,
     own: bool,

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from robosim.camera.model import CameraConfig
-from robosim.environments.guide import way_action
-from robosim.environments.sources import MadeHomes
+from robosim.environments.route_guide import route_action
+from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.policies.search_network import SearchNetwork, drawn_actions, likelihood, no_memory
 from robosim.policies.search_senses import INPUTS, SearchSenses
@@ -60,7 +60,7 @@ class Robots:
             radio=RadioLinkConfig(engine="table", tables=walks.tables),
         )
         self.count, self._most, self._seed = walks.robots, walks.steps, walks.seed
-        homes = MadeHomes(count=walks.homes, seed=walks.first)
+        homes = GeneratedHomes(count=walks.homes, seed=walks.first)
         self._envs = [
             TargetSearch(
                 homes,
@@ -89,7 +89,7 @@ class Robots:
     def advised(self) -> np.ndarray:
         """What a guide that knows the way would do, (robots,) int."""
         known = zip(self._envs, self.infos, strict=True)
-        return np.array([int(way_action(env.place, info["pose"], info["target"])) for env, info in known])
+        return np.array([int(route_action(env.place, info["pose"], info["target"])) for env, info in known])
 
     def step(self, actions: np.ndarray, *, again: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Do one action with each.

@@ -12,7 +12,7 @@ import time
 from contextlib import closing
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -28,7 +28,7 @@ from robosim.policies.goals import Oracle
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Simulator, SimulatorConfig
 from robosim.support.arrays_in import FAR, Array, read_npz
-from robosim.support.checks import SEED, STEPS, check_numbers
+from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import npz_bytes, write_json, write_whole
 from robosim.support.progress import tracked
 from robosim.support.reading import reading
@@ -47,40 +47,30 @@ _TEST = 100_000
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class SteeringRecipe:
     """How the local policy is trained."""
 
-    rounds: int = 5
+    rounds: Annotated[int, Range(1, 1000)] = 5
     """Rounds of driving and learning."""
-    homes: int = 60
+    homes: Annotated[int, Range(1, _TEST)] = 60
     """Homes of a round, a drive to one target in each."""
-    epochs: int = 30
+    epochs: Annotated[int, Range(1, 10_000)] = 30
     """Passes over all that was seen, after each round."""
-    held_out: int = 60
+    held_out: Annotated[int, Range(1, 100_000, "homes")] = 60
     """Homes for the comparison in the end."""
-    max_steps: int = 300
+    max_steps: Annotated[int, STEPS] = 300
     """Actions of a drive."""
-    rate: float = 2e-3
+    rate: Annotated[float, Range(1e-8, 1)] = 2e-3
     """Highest learning rate."""
-    batch: int = 256
+    batch: Annotated[int, Range(1, 1_000_000, "decisions")] = 256
     """Decisions of a step of learning."""
     noise: NoiseModel = field(default_factory=NoiseModel)
     """Noise of motion and odometry."""
-    seed: int = 0
+    seed: Annotated[int, SEED] = 0
     """Seed of homes, targets, noise and weights."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            rounds=(1, 1000),
-            homes=(1, _TEST),
-            epochs=(1, 10_000),
-            held_out=(1, 100_000, "homes"),
-            max_steps=STEPS,
-            rate=(1e-8, 1),
-            batch=(1, 1_000_000, "decisions"),
-            seed=SEED,
-        )
         if self.rounds * self.homes > _TEST:
             raise ValueError(
                 f"rounds is {self.rounds} and homes {self.homes}, expected at most {_TEST} homes in all: "

@@ -21,7 +21,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -32,59 +32,45 @@ from slam.control.swing import swung, turns_round
 from slam.planning.clearance import Clearance
 from slam.planning.planner import Plan
 from slam.poses import between, wrap
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class ControlConfig:
     """How actions are chosen."""
 
-    radius_m: float = 0.10
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
-    slacks_m: tuple[float, ...] = (-0.02, 0.01, 0.03, 0.06, 0.1)
+    slacks_m: Annotated[tuple[float, ...], Range(-1, 1, "m")] = (-0.02, 0.01, 0.03, 0.06, 0.1)
     """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
-    slack_prices: tuple[float, ...] = (20.0, 12.0, 6.0, 2.0, 0.0)
+    slack_prices: Annotated[tuple[float, ...], Range(0, 1e6, "decisions")] = (20.0, 12.0, 6.0, 2.0, 0.0)
     """... and what such a run costs extra [decisions], for the risk of a bump."""
-    reach_steps: int = 10
+    reach_steps: Annotated[int, Range(1, 1000, "steps")] = 10
     """Longest run looked at [steps forward]."""
-    forward_m: float = FORWARD_M
+    forward_m: Annotated[float, Range(0.001, 10, "m")] = FORWARD_M
     """Nominal distance of a step forward [m]; what it really does is learned."""
-    turn_rad: float = TURN_RAD
+    turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
     motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(Action)
     """What each action does in the mean, in the order of `Action`: x, y [m], yaw [rad], as a calibration finds it; None
     for nominal. The step back may be left out."""
-    push_price: float = 2.0
+    push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
     """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
     reverses: bool = True
     """Whether the robot may step back to where it can turn without pushing, or forward only."""
-    arrived_m: float = 0.15
+    arrived_m: Annotated[float, Range(0, 10, "m")] = 0.15
     """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
-    stuck_decisions: int = 45
+    stuck_decisions: Annotated[int, Range(1, 1_000_000, "decisions")] = 45
     """Decisions without getting away by `stuck_radius_m` after which the robot walks off [decisions]."""
-    stuck_radius_m: float = 0.35
+    stuck_radius_m: Annotated[float, Range(0, 100, "m")] = 0.35
     """See above [m]."""
-    speed_mps: float = 0.5
+    speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
     """Greatest speed of the continuous controller [m/s]."""
-    turn_rate_radps: float = 1.0
+    turn_rate_radps: Annotated[float, Range(0.001, 20, "rad/s")] = 1.0
     """Greatest turn rate of the continuous controller [rad/s]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            radius_m=(0.01, 5, "m"),
-            slacks_m=(-1, 1, "m"),
-            slack_prices=(0, 1e6, "decisions"),
-            reach_steps=(1, 1000, "steps"),
-            forward_m=(0.001, 10, "m"),
-            turn_rad=(1e-4, math.pi, "rad"),
-            push_price=(0, 1e6, "decisions"),
-            arrived_m=(0, 10, "m"),
-            stuck_decisions=(1, 1_000_000, "decisions"),
-            stuck_radius_m=(0, 100, "m"),
-            speed_mps=(0.001, 10, "m/s"),
-            turn_rate_radps=(0.001, 20, "rad/s"),
-        )
         if len(self.motions) not in (len(PUBLISHED), len(Action)):
             raise ValueError(
                 f"motions has {len(self.motions)} entries, expected {len(PUBLISHED)}, or {len(Action)} with a "

@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Literal, Protocol, get_args, runtime_checkable
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -27,7 +27,7 @@ from slam.planning.known_ground import ways_from_robot
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
-from slam.support.checks import check_choice, check_numbers
+from slam.support.checks import Range, checked
 
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
@@ -39,6 +39,7 @@ ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class ExplorerConfig:
     """How frontiers are found and rated."""
 
@@ -46,45 +47,28 @@ class ExplorerConfig:
     """What makes a frontier the best: the way, the decisions, area seen against decisions, or what was learned."""
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
-    view_m: float = 3.2
+    view_m: Annotated[float, Range(0.1, 100, "m")] = 3.2
     """Range of the camera that counts as seeing [m]."""
-    min_cells: int = 3
+    min_cells: Annotated[int, Range(1, 10_000, "cells")] = 3
     """Shorter frontiers are ignored [cells]."""
-    piece_m: float = 1.6
+    piece_m: Annotated[float, Range(0.05, 100, "m")] = 1.6
     """Longer frontiers are cut into pieces of about this size [m]."""
-    depth_m: float = 1.5
+    depth_m: Annotated[float, Range(0, 100, "m")] = 1.5
     """Depth of unseen space behind a frontier [m]: its length times this bounds the area."""
-    gain_weight: float = 10.0
+    gain_weight: Annotated[float, Range(0, 1e6)] = 10.0
     """Decisions that a square metre of unseen area is worth."""
-    max_gain_m2: float = 5.0
+    max_gain_m2: Annotated[float, Range(0, 1e6, "m2")] = 5.0
     """More unseen area than this makes a frontier no better [m^2]."""
-    keep: float = 4.0
+    keep: Annotated[float, Range(0, 1e6, "decisions")] = 4.0
     """Decisions by which another frontier must be better before the goal is changed."""
-    candidates: int = 6
+    candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 6
     """Frontiers whose way is priced exactly."""
-    every: int = 8
+    every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
     """Decisions after which frontiers are rated anew even if the goal still stands."""
-    near_m: float = 1.4
+    near_m: Annotated[float, Range(0, 100, "m")] = 1.4
     """A frontier nearer than this is looked at when the robot faces it [m]; the planner stops before that."""
-    patience: int = 12
+    patience: Annotated[int, Range(1, 1_000_000, "decisions")] = 12
     """Decisions near a frontier that show nothing new after which it is given up."""
-
-    def __post_init__(self) -> None:
-        check_choice("rating", self.rating, get_args(ExplorerName))
-        check_numbers(
-            self,
-            view_m=(0.1, 100, "m"),
-            min_cells=(1, 10_000, "cells"),
-            piece_m=(0.05, 100, "m"),
-            depth_m=(0, 100, "m"),
-            gain_weight=(0, 1e6),
-            max_gain_m2=(0, 1e6, "m2"),
-            keep=(0, 1e6, "decisions"),
-            candidates=(1, 10_000, "frontiers"),
-            every=(1, 1_000_000, "decisions"),
-            near_m=(0, 100, "m"),
-            patience=(1, 1_000_000, "decisions"),
-        )
 
 
 @runtime_checkable

@@ -15,7 +15,7 @@ measurement set maximization for robust multi-robot map merging, ICRA 2018 (the 
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -37,18 +37,19 @@ from slam.matching.levels import SurfaceLevels, difference, matches
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints
 from slam.poses import between, compose, rotation, wrap
 from slam.sensing.bearings import Bearing
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class TrackerConfig:
     """How a trajectory is put together."""
 
-    cell_m: float = 0.05
+    cell_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of the cells of surfaces [m]."""
-    submap_m: float = 4.0
+    submap_m: Annotated[float, Range(0.1, 1000, "m")] = 4.0
     """Way after which a submap is closed [m]."""
-    submap_scans: int = 60
+    submap_scans: Annotated[int, Range(1, 100_000, "scans")] = 60
     """Scans after which it is closed, at the latest."""
     loops: bool = True
     """Whether loops are closed; without, each pose stays as it was found."""
@@ -56,38 +57,22 @@ class TrackerConfig:
     """Whether sources of a radio are landmarks."""
     match: MatchConfig = field(default_factory=MatchConfig)
     """How far scans are trusted."""
-    together_m: float = 0.05
+    together_m: Annotated[float, Range(0.001, 10, "m")] = 0.05
     """Submaps known to lie within this of the present one are matched to [m]."""
-    together_rad: float = math.radians(1.0)
+    together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)
     """The same for their turn [rad]."""
-    drift_m: float = 0.01
+    drift_m: Annotated[float, Range(0, 10, "m")] = 0.01
     """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]."""
-    drift_rad: float = math.radians(0.03)
+    drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.03)
     """The same for their turn [rad]."""
-    drift_turn_rad: float = math.radians(0.12)
+    drift_turn_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.12)
     """How far their turn drifts on the square root of a radian that the robot turned by [rad]."""
-    overlap: int = 40
+    overlap: Annotated[int, Range(1, 1_000_000, "surfaces")] = 40
     """Surfaces that two submaps must both have seen to be fitted."""
-    agreement: float = 0.8
+    agreement: Annotated[float, Range(0, 1)] = 0.8
     """Part of the surfaces seen by both that must not contradict, where odometry says well where to look."""
-    searched_agreement: float = 0.9
+    searched_agreement: Annotated[float, Range(0, 1)] = 0.9
     """The same where it had to be searched for."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            cell_m=(0.005, 0.5, "m"),
-            submap_m=(0.1, 1000, "m"),
-            submap_scans=(1, 100_000, "scans"),
-            together_m=(0.001, 10, "m"),
-            together_rad=(1e-4, math.pi, "rad"),
-            drift_m=(0, 10, "m"),
-            drift_rad=(0, math.pi, "rad"),
-            drift_turn_rad=(0, math.pi, "rad"),
-            overlap=(1, 1_000_000, "surfaces"),
-            agreement=(0, 1),
-            searched_agreement=(0, 1),
-        )
 
 
 class _Pending(NamedTuple):

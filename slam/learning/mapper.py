@@ -11,7 +11,7 @@ instructions for it, and used in float32.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Annotated, Any, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -23,7 +23,7 @@ from slam.learning.restoring import check_weights, restore_network, restore_opti
 from slam.networks.features import BELIEF, PLACE_LEFT
 from slam.networks.map_network import OBSTACLE, MapNetwork, NetworkConfig
 from slam.networks.scores import PatchScores
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @runtime_checkable
@@ -38,37 +38,26 @@ class Store(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Recipe:
     """How a mapper is trained."""
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     """Size of the network."""
-    steps: int = 4000
+    steps: Annotated[int, Range(1, 10_000_000, "batches")] = 4000
     """Batches to learn from."""
-    batch: int = 32
+    batch: Annotated[int, Range(1, 100_000, "frames")] = 32
     """Frames of a batch."""
-    rate: float = 3e-3
+    rate: Annotated[float, Range(1e-8, 1)] = 3e-3
     """Highest learning rate."""
-    decay: float = 1e-2
+    decay: Annotated[float, Range(0, 10)] = 1e-2
     """Weight decay (AdamW)."""
-    forget: float = 0.25
+    forget: Annotated[float, Range(0, 1)] = 0.25
     """Share of frames whose map is taken away."""
-    every: int = 250
+    every: Annotated[int, Range(1, 10_000_000, "steps")] = 250
     """Steps between validations and checkpoints."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     """Seed of the first weights and of the order of frames."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            steps=(1, 10_000_000, "batches"),
-            batch=(1, 100_000, "frames"),
-            rate=(1e-8, 1),
-            decay=(0, 10),
-            forget=(0, 1),
-            every=(1, 10_000_000, "steps"),
-            seed=(0, 2**63 - 1),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,6 +9,7 @@ run takes minutes, so it has no checkpoints.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -19,35 +20,26 @@ from slam.learning.pose_module import PoseModule, surprise
 from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetworkConfig
 from slam.poses import compose
 from slam.sensing.egocentric import AHEAD, cut_ahead
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PoseRecipe:
     """How the pose is learnt."""
 
     network: PoseNetworkConfig = field(default_factory=PoseNetworkConfig)
     """Size of the network."""
-    steps: int = 5000
+    steps: Annotated[int, Range(1, 10_000_000, "batches")] = 5000
     """Batches to learn from."""
-    batch: int = 48
+    batch: Annotated[int, Range(1, 100_000, "pairs")] = 48
     """Pairs of a batch."""
-    rate: float = 1.5e-3
+    rate: Annotated[float, Range(1e-8, 1)] = 1.5e-3
     """Highest learning rate."""
-    decay: float = 1e-4
+    decay: Annotated[float, Range(0, 10)] = 1e-4
     """Weight decay (AdamW)."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     """Seed of the first weights, of the order of pairs and of predicted poses."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            steps=(1, 10_000_000, "batches"),
-            batch=(1, 100_000, "pairs"),
-            rate=(1e-8, 1),
-            decay=(0, 10),
-            seed=(0, 2**63 - 1),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

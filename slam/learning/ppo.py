@@ -11,7 +11,7 @@ estimation, ICLR 2016; Sutton, Precup and Singh, Between MDPs and semi-MDPs, Art
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
@@ -19,45 +19,33 @@ from jaxtyping import Float, Float32, Int
 from torch import Tensor
 
 from slam.exploration.choosing import FEATURES, evaluate
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Length to which gradients are cut.
 LONGEST = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PpoConfig:
-    """How a choice is improved."""
+    """How a policy is improved by proximal policy optimisation."""
 
-    discount: float = 0.99
-    """Worth of the next decision's reward beside that of this one's; 0.99 looks 100 decisions ahead."""
-    trace: float = 0.9
-    """Weight of the next choice's error in the advantage of this one (lambda)."""
-    clip: float = 0.2
-    """Ratio of probabilities, off 1, beyond which nothing more is gained."""
-    passes: int = 8
-    """Passes over the walks."""
-    batch: int = 256
-    """Choices of a step."""
-    rate: float = 2e-3
+    discount: Annotated[float, Range(0, 1)] = 0.99
+    """Weight of a reward one decision later; 0.99 looks 100 decisions ahead."""
+    trace: Annotated[float, Range(0, 1)] = 0.9
+    """Weight of the next decision's error in the advantage of this one (lambda)."""
+    clip: Annotated[float, Range(1e-6, 10)] = 0.2
+    """Distance of the ratio of probabilities from 1 beyond which the objective is clipped."""
+    passes: Annotated[int, Range(1, 10_000)] = 8
+    """Passes over the collected data."""
+    batch: Annotated[int, Range(1, 1_000_000)] = 256
+    """Choices, or robots, of a gradient step."""
+    rate: Annotated[float, Range(1e-8, 1)] = 2e-3
     """Learning rate (Adam)."""
-    entropy: float = 0.001
-    """Worth of undecidedness."""
-    value: float = 0.5
+    entropy: Annotated[float, Range(0, 100)] = 0.001
+    """Weight of the entropy of the policy."""
+    value: Annotated[float, Range(0, 100)] = 0.5
     """Weight of the squared error of the value."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            discount=(0, 1),
-            trace=(0, 1),
-            clip=(1e-6, 10),
-            passes=(1, 10_000),
-            batch=(1, 1_000_000, "choices"),
-            rate=(1e-8, 1),
-            entropy=(0, 100),
-            value=(0, 100),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,7 +15,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -36,7 +36,7 @@ from slam.poses import between, rotation, wrap
 from slam.sensing.bearings import Bearing
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import Band, CameraModel, Scan, scan_from_depth
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 logger = logging.getLogger(__name__)
 
@@ -49,14 +49,15 @@ _SHOWS = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class MapperConfig:
     """Everything the classical mapper can be told."""
 
-    resolution_m: float = 0.05
+    resolution_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of a map cell [m]."""
-    max_area_m2: float = 40_000.0
+    max_area_m2: Annotated[float, Range(400, 1e6, "m2", "The camera sees 10 m far.")] = 40_000.0
     """Area to which the map may grow [m^2]; bounds the memory."""
-    radius_m: float = 0.10
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the robot's hull [m]."""
     camera: CameraModel = field(default_factory=CameraModel)
     """The depth camera."""
@@ -72,14 +73,6 @@ class MapperConfig:
     """Errors of odometry."""
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
     """How poses are put together; cells and matching are those above."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            resolution_m=(0.005, 0.5, "m"),
-            max_area_m2=(400, 1e6, "m2: the camera sees 10 m far"),
-            radius_m=(0.01, 5, "m"),
-        )
 
 
 @runtime_checkable

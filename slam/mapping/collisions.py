@@ -10,6 +10,7 @@ Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bum
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -17,39 +18,28 @@ from jaxtyping import Float, Float32
 from slam.actions import FORWARD_M, STEPS, Action
 from slam.grid import GridFrame
 from slam.poses import to_map
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CollisionConfig:
     """When a step counts as stopped, and what is marked."""
 
-    radius_m: float = 0.10
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
-    short_m: float = 0.8 * FORWARD_M
+    short_m: Annotated[float, Range(1e-6, FORWARD_M, "m", "That is the length of a step.")] = 0.8 * FORWARD_M
     """A step measured shorter than this was stopped [m]."""
-    touch_m: float = 0.05
+    touch_m: Annotated[float, Range(0, 1, "m")] = 0.05
     """An obstacle on the map this near to the hull explains the stop [m]."""
-    depth_m: float = 0.10
+    depth_m: Annotated[float, Range(0, 1, "m")] = 0.10
     """Depth of the marked strip, from the hull on [m]."""
-    max_width_m: float = 0.45
+    max_width_m: Annotated[float, Range(0.01, 5, "m")] = 0.45
     """Width to which the strip grows [m]; it begins as one cell."""
-    patience: int = 3
+    patience: Annotated[int, Range(1, 1_000_000, "stops")] = 3
     """Stops in a row at a place that the map explains before the place is marked all the same."""
-    memory_steps: int = 150
+    memory_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 150
     """Decisions for which a first mark lasts; doubled at each further bump in the same place."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            radius_m=(0.01, 5, "m"),
-            short_m=(1e-6, FORWARD_M, "m, the length of a step"),
-            touch_m=(0, 1, "m"),
-            depth_m=(0, 1, "m"),
-            max_width_m=(0.01, 5, "m"),
-            patience=(1, 1_000_000, "stops"),
-            memory_steps=(1, 1_000_000, "decisions"),
-        )
 
 
 class CollisionMarks:

@@ -13,6 +13,7 @@ Neighbouring frames err alike, since they are compared with the same map: `trust
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -24,20 +25,18 @@ from slam.networks.pose_network import INPUTS, SPREAD, UNIT, PoseNetwork
 from slam.poses import compose
 from slam.sensing.egocentric import cut_ahead
 from slam.sensing.projection import Scan
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class LearnedMatchConfig:
     """How far the network is trusted."""
 
-    trust: float = 0.1
+    trust: Annotated[float, Range(1e-6, 1)] = 0.1
     """Part of the information told that counts."""
-    known: float = 0.05
+    known: Annotated[float, Range(0, 1)] = 0.05
     """Share of the patch that must be known; with less the prediction stands."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, trust=(1e-6, 1), known=(0, 1))
 
 
 class LearnedMatcher:

@@ -15,6 +15,7 @@ Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -30,22 +31,20 @@ from slam.poses import to_map
 from slam.sensing.bearings import Bearing
 from slam.sensing.egocentric import AHEAD, belief_ahead
 from slam.sensing.laser import LaserScan
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class FusionConfig:
     """How answers about patches become a map."""
 
-    in_view: float = 0.5
+    in_view: Annotated[float, Range(1e-6, 1)] = 0.5
     """Weight of a new answer against those before, for cells in view."""
-    hidden: float = 0.3
+    hidden: Annotated[float, Range(1e-6, 1)] = 0.3
     """The same for cells that are not."""
-    limit: float = 5.0
+    limit: Annotated[float, Range(0.01, 1000)] = 5.0
     """Bound of the log-odds."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, in_view=(1e-6, 1), hidden=(1e-6, 1), limit=(0.01, 1000))
 
 
 class NeuralMapper:

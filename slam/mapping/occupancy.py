@@ -10,7 +10,7 @@ Reference: Elfes, Using occupancy grids for mobile robot perception and navigati
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32, Int
@@ -19,34 +19,31 @@ from slam.grid import GridFrame
 from slam.poses import to_map
 from slam.sensing.laser import LaserScan
 from slam.sensing.projection import BETWEEN, ONE_SURFACE_M, Scan
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 from slam.support.compiled import compiled
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class OccupancyConfig:
     """Weight and reach of the evidence."""
 
-    hit: float = 1.2
+    hit: Annotated[float, Range(1e-6, 1000)] = 1.2
     """Log-odds added where a surface is seen."""
-    miss: float = 0.4
+    miss: Annotated[float, Range(1e-6, 1000)] = 0.4
     """Log-odds taken off where nothing stands before the surface."""
-    limit: float = 4.0
+    limit: Annotated[float, Range(0.01, 1000)] = 4.0
     """Bound of the log-odds: how firmly a cell can be believed."""
-    free_range_m: float = 5.0
+    free_range_m: Annotated[float, Range(0.01, 1000, "m")] = 5.0
     """Free space and surfaces farther than this are not entered [m]."""
-    explored_range_m: float = 3.2
-    """Cells nearer than this count as seen [m]."""
+    explored_range_m: Annotated[float, Range(0.01, 1000, "m")] = 3.2
+    """Cells nearer than this count as seen [m]; at most free_range_m."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            hit=(1e-6, 1000),
-            miss=(1e-6, 1000),
-            limit=(0.01, 1000),
-            free_range_m=(0.01, 1000, "m"),
-            explored_range_m=(0.01, self.free_range_m, "m, at most free_range_m"),
-        )
+        if self.explored_range_m > self.free_range_m:
+            raise ValueError(
+                f"explored_range_m is {self.explored_range_m}, expected at most free_range_m = {self.free_range_m} m."
+            )
 
 
 class OccupancyGrid:

@@ -16,12 +16,13 @@ Feng, Measurement and correction of systematic odometry errors in mobile robots,
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 
 from slam.actions import Action
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
@@ -35,18 +36,18 @@ _DRIFT = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class ActionError:
     """Measured minus true displacement of one kind of action, x, y [m] and yaw [rad] in the robot's frame before it."""
 
-    mean: Vector = (0.0, 0.0, 0.0)
+    mean: Annotated[Vector, Range(-1, 1, "m and rad")] = (0.0, 0.0, 0.0)
     """Its constant part [m, m, rad]."""
     covariance: Matrix = ((1.6e-5, 0.0, 0.0), (0.0, 1.6e-5, 0.0), (0.0, 0.0, 9e-6))
     """Of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees where nobody has calibrated."""
-    motion: Vector | None = None
+    motion: Annotated[Vector | None, Range(-100, 100, "m and rad")] = None
     """What the action truly does on open floor, in the mean: x, y [m], yaw [rad]. None where nobody has calibrated."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, mean=(-1, 1, "m and rad"), motion=(-100, 100, "m and rad"))
         matrix = np.asarray(self.covariance, float)
         if matrix.shape != (3, 3) or not np.isfinite(matrix).all():
             raise ValueError("covariance has to be three rows of three numbers [m^2, m rad, rad^2].")
@@ -62,6 +63,7 @@ class ActionError:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class OdometryConfig:
     """Errors of measured displacements, action by action."""
 
@@ -73,20 +75,12 @@ class OdometryConfig:
     """Of a turn to the right."""
     backward: ActionError | None = None
     """Of a step back. None where it was not measured: as of a step forward driven the other way."""
-    runs: int = 0
+    runs: Annotated[int, Range(0, 1_000_000_000, "runs")] = 0
     """Measured actions of each kind that the numbers above come from; 0 if they are guessed."""
-    guess_position_std_m: float = 0.02
+    guess_position_std_m: Annotated[float, Range(0, 10, "m")] = 0.02
     """How far guessed constants may be off [m]."""
-    guess_yaw_std_rad: float = 0.005
+    guess_yaw_std_rad: Annotated[float, Range(0, 10, "rad")] = 0.005
     """The same for the turn [rad]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            runs=(0, 1_000_000_000, "runs"),
-            guess_position_std_m=(0, 10, "m"),
-            guess_yaw_std_rad=(0, 10, "rad"),
-        )
 
     @property
     def of_actions(self) -> tuple[ActionError, ...]:

@@ -18,6 +18,7 @@ Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -28,54 +29,40 @@ from slam.mapping.occupancy import OccupancyGrid
 from slam.matching.scan_matching import Match, MatchConfig, ScanPoints, match_scan
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import compose, to_map, wrap
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class RelocalizationConfig:
     """When a robot counts as lost, and how it is looked for."""
 
-    contradiction: float = 0.2
+    contradiction: Annotated[float, Range(0, 1)] = 0.2
     """Share of a scan in firmly free space above which the pose is doubted."""
-    settled: float = 0.08
+    settled: Annotated[float, Range(1e-6, 1)] = 0.08
     """Share below which a pose found is believed."""
-    near_m: float = 0.12
+    near_m: Annotated[float, Range(0, 10, "m")] = 0.12
     """A point this near to an obstacle of the map does not contradict it [m]."""
-    min_points: int = 20
+    min_points: Annotated[int, Range(1, 1_000_000, "points")] = 20
     """Scans with fewer points say nothing."""
-    search_m: float = 0.8
+    search_m: Annotated[float, Range(0.01, 100, "m")] = 0.8
     """Half side of the square that is searched [m]."""
-    search_rad: float = math.radians(30.0)
+    search_rad: Annotated[float, Range(1e-3, math.pi, "rad")] = math.radians(30.0)
     """Headings to both sides that are searched first [rad]; all of them after `narrow_tries`."""
-    patience: int = 2
+    patience: Annotated[int, Range(0, 1_000_000, "frames")] = 2
     """Doubted frames in a row before the robot is looked for, where odometry is sure of the pose."""
-    sure_m: float = 0.1
+    sure_m: Annotated[float, Range(0, 100, "m")] = 0.1
     """It is where its standard deviation is below this [m]."""
-    same_m: float = 0.15
+    same_m: Annotated[float, Range(0, 100, "m")] = 0.15
     """Places found from two frames are one if they lie this near to each other [m]."""
-    same_rad: float = math.radians(5.0)
+    same_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(5.0)
     """The same for their headings [rad]."""
-    narrow_tries: int = 6
+    narrow_tries: Annotated[int, Range(0, 1_000_000, "frames")] = 6
     """Frames searched for small turns only."""
-    tries: int = 20
+    tries: Annotated[int, Range(1, 1_000_000, "frames")] = 20
     """Frames after which the map is taken to be wrong rather than the pose: scans are entered again."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            contradiction=(0, 1),
-            settled=(1e-6, 1),
-            near_m=(0, 10, "m"),
-            min_points=(1, 1_000_000, "points"),
-            search_m=(0.01, 100, "m"),
-            search_rad=(1e-3, math.pi, "rad"),
-            patience=(0, 1_000_000, "frames"),
-            sure_m=(0, 100, "m"),
-            same_m=(0, 100, "m"),
-            same_rad=(0, math.pi, "rad"),
-            narrow_tries=(0, 1_000_000, "frames"),
-            tries=(1, 1_000_000, "frames"),
-        )
         if not self.settled < self.contradiction:
             raise ValueError(
                 f"settled is {self.settled} and contradiction {self.contradiction}, expected the first below the other."

@@ -15,6 +15,7 @@ Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbr
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -22,7 +23,7 @@ from jaxtyping import Bool, Float
 from slam.matching.surfaces import SurfaceGrid
 from slam.poses import to_map, wrap
 from slam.sensing.projection import Scan
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Neighbouring points farther apart than this are of two surfaces [m], unless their beams spread as far on one that is
 #: slanted by no more than this (secant) and a third point lies in line with them within this [m].
@@ -36,37 +37,26 @@ _AIM_RAD = 0.0017
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class MatchConfig:
     """How far scans are trusted."""
 
-    sigma_m: float = 0.01
+    sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.01
     """Standard deviation of one point from its surface [m], of a laser or a submap; neighbouring points err alike, so
     larger than the sensor's own."""
-    depth_sigma_m: float = 0.001
+    depth_sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.001
     """The same for a column of a depth camera's image, right before it [m]."""
-    depth_sigma_per_m3: float = 6e-5
+    depth_sigma_per_m3: Annotated[float, Range(0, 10, "m/m3")] = 6e-5
     """How much that grows with the cube of the range [m/m^3]: triangulation errs by its square, and a wall that is
     farther away covers fewer of the column's rows."""
-    outlier_m: float = 0.03
+    outlier_m: Annotated[float, Range(1e-6, 10, "m")] = 0.03
     """Residual at which a pair counts half, or two standard deviations of its point: wild pairs lie beyond [m]."""
-    iterations: int = 6
+    iterations: Annotated[int, Range(1, 1000, "steps")] = 6
     """Most Gauss-Newton steps."""
-    max_range_m: float = 8.0
+    max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 8.0
     """Farther points are left out [m]: in a hall they are all that tells the heading."""
-    min_pairs: int = 8
+    min_pairs: Annotated[int, Range(1, 1_000_000, "points")] = 8
     """With fewer paired points the prediction stands."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            sigma_m=(1e-6, 10, "m"),
-            depth_sigma_m=(1e-6, 10, "m"),
-            depth_sigma_per_m3=(0, 10, "m/m3"),
-            outlier_m=(1e-6, 10, "m"),
-            iterations=(1, 1000, "steps"),
-            max_range_m=(0.01, 1000, "m"),
-            min_pairs=(1, 1_000_000, "points"),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

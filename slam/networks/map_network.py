@@ -10,6 +10,7 @@ Reference: Ronneberger et al., U-Net, MICCAI 2015; Ramakrishnan et al., Occupanc
 
 import itertools
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float32
@@ -18,7 +19,7 @@ from slam.networks.features import N_CHANNELS
 from slam.networks.onnx_graph import OnnxGraph
 from slam.networks.runtime import OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, merged, trained_numbers
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Index of each logit.
 OBSTACLE, SEEN = 0, 1
@@ -27,16 +28,16 @@ MOST_SCALES, WIDEST = 7, 512
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class NetworkConfig:
     """Size of the network."""
 
-    widths: tuple[int, ...] = (16, 32, 64, 96)
+    widths: Annotated[tuple[int, ...], Range(1, 4096, "channels")] = (16, 32, 64, 96)
     """Channels at each scale, finest first; each scale halves the resolution."""
-    inputs: int = N_CHANNELS
+    inputs: Annotated[int, Range(1, 1024, "channels")] = N_CHANNELS
     """Channels of the input."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, widths=(1, 4096, "channels"), inputs=(1, 1024, "channels"))
         if not 1 <= len(self.widths) <= 7:
             raise ValueError(f"widths is {self.widths}, expected one to seven numbers of channels.")
 

@@ -9,6 +9,7 @@ Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 20
 """
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -16,7 +17,7 @@ from jaxtyping import Float, Float32
 from slam.networks.onnx_graph import OnnxGraph
 from slam.networks.runtime import OnnxRunner
 from slam.networks.weights import Weights, check_weights, convolution_shapes, trained_numbers
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Channels: what the scan says (the first four of `slam.networks.features`), and the map's belief.
 INPUTS = 5
@@ -33,16 +34,16 @@ N_TOLD, LIMIT = 9, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PoseNetworkConfig:
     """Size of the network."""
 
-    widths: tuple[int, ...] = (24, 32, 48, 64)
+    widths: Annotated[tuple[int, ...], Range(1, 4096, "channels")] = (24, 32, 48, 64)
     """Channels at each scale; each halves the resolution of the patch."""
-    hidden: int = 96
+    hidden: Annotated[int, Range(1, 65_536, "units")] = 96
     """Width of the layer that sees the whole patch."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, widths=(1, 4096, "channels"), hidden=(1, 65_536, "units"))
         if not 1 <= len(self.widths) <= 6:
             raise ValueError(f"widths is {self.widths}, expected one to six numbers of channels.")
 

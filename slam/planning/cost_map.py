@@ -10,6 +10,7 @@ Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered cost
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import cv2
 import numpy as np
@@ -17,49 +18,36 @@ from jaxtyping import Bool, Float, Float32
 
 from slam.grid import GridFrame, MapEstimate
 from slam.planning.clearance import Clearance
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Cost per metre of halved cells through which no way leads; more than any other.
 _NO_WAY = np.float32(1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CostConfig:
     """What a way costs."""
 
-    radius_m: float = 0.10
+    radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
-    slack_m: float = 0.005
+    slack_m: Annotated[float, Range(0, 1, "m")] = 0.005
     """Space that must be left on each side of the hull where something has stopped the robot [m]."""
-    overlap_m: float = 0.02
+    overlap_m: Annotated[float, Range(0, 1, "m")] = 0.02
     """How far the hull may reach into obstacles of the map [m]: maps err."""
-    comfort_m: float = 0.12
+    comfort_m: Annotated[float, Range(0.001, 10, "m")] = 0.12
     """Space on each side above which a wall no longer costs anything [m]."""
-    wall_weight: float = 3.0
+    wall_weight: Annotated[float, Range(0, 1e4)] = 3.0
     """Extra cost per metre with the hull at a wall; falls with the square of the space left."""
-    squeeze_m: float = 0.025
+    squeeze_m: Annotated[float, Range(0.001, 1, "m")] = 0.025
     """Space on each side below which passing takes many tries [m]."""
-    squeeze_weight: float = 20.0
+    squeeze_weight: Annotated[float, Range(0, 1e4)] = 20.0
     """Extra cost per metre with no space left at all; falls linearly with the space left."""
-    unknown_cost: float = 1.5
+    unknown_cost: Annotated[float, Range(1, 1e4)] = 1.5
     """Cost per metre through unknown cells."""
-    anticipated_weight: float = 20.0
+    anticipated_weight: Annotated[float, Range(0, 1e4)] = 20.0
     """Extra cost per metre through unknown cells where the anticipated map is sure of an obstacle; none where it is
     undecided, linear in between."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            radius_m=(0.01, 5, "m"),
-            slack_m=(0, 1, "m"),
-            overlap_m=(0, 1, "m"),
-            comfort_m=(0.001, 10, "m"),
-            wall_weight=(0, 1e4),
-            squeeze_m=(0.001, 1, "m"),
-            squeeze_weight=(0, 1e4),
-            unknown_cost=(1, 1e4),
-            anticipated_weight=(0, 1e4),
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -15,6 +15,7 @@ Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (plan
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
@@ -25,53 +26,41 @@ from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known
 from slam.planning.known_ground import ways_to
 from slam.planning.paths import along, downhill, gone, length, onward, taut
 from slam.planning.travel_time import TravelTime
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: A goal that moves by more is another one, to which the coarse cells may know a way again [m].
 _SAME_GOAL_M = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PlannerConfig:
     """What a way costs, and how often it is thought over."""
 
     cost: CostConfig = field(default_factory=CostConfig)
     """What a metre costs."""
-    border_m: float = 1.0
+    border_m: Annotated[float, Range(0, 100, "m")] = 1.0
     """Unknown border around the known map through which ways may lead [m]."""
-    direct_m: float = 4.5
+    direct_m: Annotated[float, Range(0, 1000, "m")] = 4.5
     """Goals nearer than this are planned for directly [m]."""
-    near_m: tuple[float, float] = (3.5, 5.5)
+    near_m: Annotated[tuple[float, float], Range(1, 1000, "m")] = (3.5, 5.5)
     """Between these distances along the way the near field hands over to the far one [m]."""
-    near_margin_m: float = 1.2
+    near_margin_m: Annotated[float, Range(0.05, 100, "m")] = 1.2
     """Margin of the near field around the way [m]; twice as much around a goal planned for directly."""
-    near_every: int = 8
+    near_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
     """Decisions after which the near field is computed anew even if nothing is in the way."""
-    far_every: int = 16
+    far_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 16
     """The same for the far field."""
-    look_m: float = 3.2
+    look_m: Annotated[float, Range(0.05, 100, "m")] = 3.2
     """Half side of the window around the robot in which obstacles are checked at every decision [m]."""
-    max_far_m: float = 20.0
+    max_far_m: Annotated[float, Range(0, 1000, "m")] = 20.0
     """A goal farther outside of the known map is replaced by a point on the way to it [m]; bounds the work."""
-    look_from_m: float = 1.0
+    look_from_m: Annotated[float, Range(0, 100, "m")] = 1.0
     """Where it is enough to look at the goal, the way ends at most so far before it [m] ..."""
-    look_room_m: float = 0.1
+    look_room_m: Annotated[float, Range(0, 10, "m")] = 0.1
     """... at the first place with this much space beside the hull, to turn in [m]; at the roomiest if there is none."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            border_m=(0, 100, "m"),
-            direct_m=(0, 1000, "m"),
-            near_m=(1, 1000, "m"),
-            near_margin_m=(0.05, 100, "m"),
-            near_every=(1, 1_000_000, "decisions"),
-            far_every=(1, 1_000_000, "decisions"),
-            look_m=(0.05, 100, "m"),
-            max_far_m=(0, 1000, "m"),
-            look_from_m=(0, 100, "m"),
-            look_room_m=(0, 10, "m"),
-        )
         if not self.near_m[0] < self.near_m[1]:
             raise ValueError(f"near_m is {self.near_m}, expected two rising distances.")
 

@@ -14,37 +14,32 @@ Reference: Hartley and Zisserman, Multiple View Geometry in Computer Vision, 2nd
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
-from slam.support.checks import check_numbers
+from slam.support.checks import Range, checked
 
 #: Points of a surface for each column of a scan: neighbours are of one if they lie no farther apart than this [m].
 BETWEEN, ONE_SURFACE_M = 4, 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class CameraModel:
     """A level pinhole camera with square pixels, above the centre of the robot and looking forward."""
 
-    hfov_deg: float = 90.0
+    hfov_deg: Annotated[float, Range(1, 179, "degrees", "The angle is in degrees, not in radians.")] = 90.0
     """Horizontal field of view [deg]."""
-    height_m: float = 1.25
+    height_m: Annotated[float, Range(0.01, 100, "m")] = 1.25
     """Height above the floor [m]."""
-    min_depth_m: float = 0.05
+    min_depth_m: Annotated[float, Range(0, 100, "m")] = 0.05
     """Nearer depths are taken for missing [m]."""
-    max_depth_m: float = 10.0
+    max_depth_m: Annotated[float, Range(0.01, 1000, "m")] = 10.0
     """Farther depths are taken for missing [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            hfov_deg=(1, 179, "degrees. The angle is not in radians"),
-            height_m=(0.01, 100, "m"),
-            min_depth_m=(0, 100, "m"),
-            max_depth_m=(0.01, 1000, "m"),
-        )
         if not self.min_depth_m < self.max_depth_m:
             raise ValueError(
                 f"min_depth_m is {self.min_depth_m} and max_depth_m {self.max_depth_m}, expected the first below "
@@ -65,16 +60,16 @@ class CameraModel:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Band:
     """Which heights above the floor stop the robot."""
 
-    low_m: float = 0.10
+    low_m: Annotated[float, Range(0, 100, "m")] = 0.10
     """Lower edge [m]: what is lower counts as floor. The published map uses 0.25 m."""
-    high_m: float = 1.50
+    high_m: Annotated[float, Range(0, 100, "m")] = 1.50
     """Upper edge [m]: what is higher passes over the robot."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, low_m=(0, 100, "m"), high_m=(0, 100, "m"))
         if not self.low_m < self.high_m:
             raise ValueError(
                 f"low_m is {self.low_m} and high_m {self.high_m}, expected the first below the other."

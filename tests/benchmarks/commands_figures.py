@@ -4,9 +4,9 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from robosim.commands.speaking import console, tell
-from robosim.commands.terminal import (
-    results_in,
+from robosim.commands.output import console, emit_result
+from robosim.commands.shared_options import (
+    results_folder,
 )
 from robosim.support.checks import PLANS, SEED, check_number, check_some
 from wireless.support.counting import counted
@@ -38,10 +38,10 @@ def plans(
     config = GeneratorConfig(navigable=True)
     with tracked(range(seed, seed + count), "generating", console) as numbers:
         made = [generate_plan(number, config=config) for number in numbers]
-    with results_in(out, "figures") as folder:
+    with results_folder(out, "figures") as folder:
         path = folder / "plans.png"
         plot_comparison(real, made, path)
-    tell({"files": [path.name]}, folder)
+    emit_result({"files": [path.name]}, folder)
     console.print(f"Wrote {path}: {counted(len(real), 'real plan')} and {counted(count, 'generated one')}")
 
 
@@ -66,9 +66,9 @@ def search(
     from tests.benchmarks.search_figures import draw_search
 
     (follower,), (other,) = check_policies([stuck]), check_policies([better])
-    with results_in(out, "figures") as folder:
+    with results_folder(out, "figures") as folder:
         page, notes = draw_search(results, folder, follower, other)
-    tell({"page": page.name, "notes": notes}, folder)
+    emit_result({"page": page.name, "notes": notes}, folder)
     for note in notes:
         console.print(note, highlight=False)
     console.print(f"Wrote {page} and the pictures that it shows")

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from robosim.commands.speaking import console, tell_file
-from robosim.commands.terminal import read, results_in
+from robosim.commands.output import console, emit_result_file
+from robosim.commands.shared_options import read, results_folder
 from robosim.support.checks import PLANS, SEED, STEPS, check_number, check_some
 
 
@@ -37,11 +37,11 @@ def live(
     check_number("decisions", decisions, *STEPS, whole=True)
     check_number("seed", seed, *SEED, whole=True)
     viser_module()
-    with results_in(out, "bench live") as folder:
+    with results_folder(out, "bench live") as folder:
         from tests.benchmarks.live import run
 
         console.print(
             run([read(plan) for plan in plans], out=folder, moves=moves, decisions=decisions, seed=seed)
         )
-    tell_file(folder / "live.json")
+    emit_result_file(folder / "live.json")
     console.print(f"Wrote live.json in {folder}")

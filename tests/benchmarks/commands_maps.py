@@ -5,14 +5,14 @@ from typing import Annotated, Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.speaking import console, tell_file
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result_file
+from robosim.commands.shared_options import (
     ALL_CORES,
     WorkOptions,
-    folder_for,
-    going_on,
+    output_folder,
     read,
-    results_in,
+    results_folder,
+    resume_hint,
 )
 from robosim.parts import EXPLORER, ExplorerPart, MapperPart, PhysicsPart
 from robosim.support.checks import PLANS, SEED, STEPS, check_number, check_some
@@ -50,8 +50,8 @@ def navigation(
     check_some("plans", plans, PLANS)
     check_some("goals", goals, "goal policies, such as oracle explore")
     check_number("seed", seed, *SEED, whole=True)
-    folder = folder_for(out, "bench navigation")
-    with going_on(folder):
+    folder = output_folder(out, "bench navigation")
+    with resume_hint(folder):
         table = run(
             plans,
             goals=goals,
@@ -65,7 +65,7 @@ def navigation(
             console=console,
         )
     console.print(table)
-    tell_file(folder / "navigation.json")
+    emit_result_file(folder / "navigation.json")
     console.print(f"Wrote navigation.json and the episodes in {folder}")
 
 
@@ -105,8 +105,8 @@ def exploration(
     settings = ExplorationSettings(
         mapper=mapper, seed=seed, noise=noise, depth_noise=depth_noise, physics=physics
     )
-    folder = folder_for(out, "bench exploration")
-    with going_on(folder):
+    folder = output_folder(out, "bench exploration")
+    with resume_hint(folder):
         table = run(
             plans,
             settings,
@@ -117,7 +117,7 @@ def exploration(
             console=console,
         )
     console.print(table)
-    tell_file(folder / "exploration.json")
+    emit_result_file(folder / "exploration.json")
     console.print(
         f"Wrote exploration.json, curves, and ways through the worst, median and best plan in {folder}"
     )
@@ -183,8 +183,8 @@ def slam(
         transmitters=transmitters,
     )
     speed = SpeedSettings(sizes=sizes, mappers=others, frames=min(steps, 150)) if sizes else None
-    folder = folder_for(out, "bench slam")
-    with going_on(folder):
+    folder = output_folder(out, "bench slam")
+    with resume_hint(folder):
         tables = run(
             plans,
             settings,
@@ -196,7 +196,7 @@ def slam(
             console=console,
         )
     console.print(tables)
-    tell_file(folder / "slam.json")
+    emit_result_file(folder / "slam.json")
     console.print(
         f"Wrote slam.json, curves, and maps of the worst, median and best plan in {folder}", soft_wrap=True
     )
@@ -230,7 +230,7 @@ def endurance(
 
     check_number("steps", steps, PARTS, STEPS[1], "decisions", whole=True)
     settings = SlamSettings(mapper=mapper, steps=steps, seed=seed, noise=noise, depth_noise=depth_noise)
-    with results_in(out, "bench endurance") as folder:
+    with results_folder(out, "bench endurance") as folder:
         console.print(run(read(plan), settings, out=folder, console=console))
-    tell_file(folder / "endurance.json")
+    emit_result_file(folder / "endurance.json")
     console.print(f"Wrote endurance.json in {folder}")

@@ -5,15 +5,15 @@ from pathlib import Path
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.speaking import console, tell_file
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result_file
+from robosim.commands.shared_options import (
     ALL_CORES,
+    THREADS,
     WorkOptions,
-    check_threads,
-    folder_for,
-    going_on,
+    output_folder,
     read,
-    results_in,
+    results_folder,
+    resume_hint,
 )
 from robosim.support.checks import PLANS, SEED, check_number, check_some
 
@@ -46,13 +46,14 @@ def wireless(
     check_some("plans", plans, PLANS)
     check_number("receivers", receivers, 1, 1_000_000, whole=True)
     check_number("seed", seed, *SEED, whole=True)
-    check_threads(workers)
-    with results_in(out, "bench wireless") as folder:
+    if workers is not None:
+        check_number("workers", workers, *THREADS, whole=True)
+    with results_folder(out, "bench wireless") as folder:
         found = [read(str(plan)) for plan in find_plans(plans)]
         console.print(
             run(found, out=folder, receivers=receivers, workers=workers, seed=seed, console=console)
         )
-    tell_file(folder / "wireless.json")
+    emit_result_file(folder / "wireless.json")
     console.print(f"Wrote wireless.json, wireless.png and space.png in {folder}")
 
 
@@ -78,10 +79,10 @@ def storeys(
 
     check_number("receivers", receivers, 1, 1_000_000, whole=True)
     check_number("seed", seed, *SEED, whole=True)
-    with results_in(out, "bench storeys") as folder:
+    with results_folder(out, "bench storeys") as folder:
         plan = three_villas() if building is None else read_storeys(building)
         console.print(run(plan, out=folder, receivers=receivers, seed=seed))
-    tell_file(folder / "storeys.json")
+    emit_result_file(folder / "storeys.json")
     console.print(f"Wrote storeys.json in {folder}")
 
 
@@ -106,11 +107,11 @@ def labels(
     """
     from tests.benchmarks.labels import run
 
-    folder = folder_for(out, "bench labels")
+    folder = output_folder(out, "bench labels")
     console.print(f"Writing labels.json and maps of the worst buildings in {folder}")
-    with going_on(folder):
+    with resume_hint(folder):
         run(data, plans, workers=work.count, cluster=work.cluster, out=folder, console=console)
-    tell_file(folder / "labels.json")
+    emit_result_file(folder / "labels.json")
 
 
 def edges(
@@ -136,9 +137,9 @@ def edges(
     from tests.benchmarks.edges import run
 
     check_number("transmitters", transmitters, 1, 1000, "of each building", whole=True)
-    with results_in(out, "bench edges") as folder:
+    with results_folder(out, "bench edges") as folder:
         console.print(run(data, plans, transmitters=transmitters, out=folder, console=console))
-    tell_file(folder / "edges.json")
+    emit_result_file(folder / "edges.json")
     console.print(f"Wrote edges.json and edges.png in {folder}")
 
 
@@ -166,9 +167,9 @@ def scattering(
     check_number("links", links, 10, 100_000, "in each plan", whole=True)
     check_number("seed", seed, *SEED, whole=True)
     found = [read(str(plan)) for plan in find_plans(plans)]
-    with results_in(out, "bench scattering") as folder:
+    with results_folder(out, "bench scattering") as folder:
         console.print(run(found, links=links, seed=seed, out=folder, console=console))
-    tell_file(folder / "scattering.json")
+    emit_result_file(folder / "scattering.json")
     console.print(f"Wrote scattering.json in {folder}")
 
 
@@ -205,9 +206,10 @@ def estimation(
     check_number("links", links, 4 * TX_PER_PLAN, 1_000_000, "in each plan", whole=True)
     check_tolerance(tolerance)
     check_number("seed", seed, *SEED, whole=True)
-    check_threads(workers)
+    if workers is not None:
+        check_number("workers", workers, *THREADS, whole=True)
     found = [read(str(plan)) for plan in find_plans(plans)]
-    with results_in(out, "bench estimation") as folder:
+    with results_folder(out, "bench estimation") as folder:
         console.print(
             run(
                 found,
@@ -219,7 +221,7 @@ def estimation(
                 console=console,
             )
         )
-    tell_file(folder / "estimation.json")
+    emit_result_file(folder / "estimation.json")
     console.print(f"Wrote estimation.json and estimation.png in {folder}")
 
 
@@ -248,7 +250,7 @@ def positioning(
 
     check_number("turn_deg", turn_deg, -360, 360, "degrees")
     hall = read_measured_paths(paths, math.radians(turn_deg))
-    with results_in(out, "bench positioning") as folder:
+    with results_folder(out, "bench positioning") as folder:
         console.print(run(hall, folder, PositioningConfig(), console))
-    tell_file(folder / "positioning.json")
+    emit_result_file(folder / "positioning.json")
     console.print(f"Wrote the table and the plot in {folder}")

@@ -5,14 +5,14 @@ from typing import Literal
 
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.commands.speaking import console, tell_file
-from robosim.commands.terminal import (
+from robosim.commands.output import console, emit_result_file
+from robosim.commands.shared_options import (
     ALL_CORES,
     WorkOptions,
-    folder_for,
-    going_on,
+    output_folder,
     read,
-    results_in,
+    results_folder,
+    resume_hint,
 )
 from robosim.support.checks import PLANS, SEED, SIZE_PX, STEPS, TASKS, check_number, check_some
 
@@ -31,9 +31,9 @@ def render(*, plan: str = "flat", sizes: tuple[int, ...] = (128, 256), out: Path
     check_some("sizes", sizes, "widths of pictures, such as 128 256")
     for size in sizes:
         check_number("sizes", size, *SIZE_PX, whole=True)
-    with results_in(out, "bench render") as folder:
+    with results_folder(out, "bench render") as folder:
         console.print(run(make_building(read(plan)), sizes=sizes, out=folder))
-    tell_file(folder / "render.json")
+    emit_result_file(folder / "render.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -48,9 +48,9 @@ def physics(*, plans: tuple[str, ...] = ("flat", "office"), out: Path | None = N
     from tests.benchmarks.physics import run
 
     check_some("plans", plans, PLANS)
-    with results_in(out, "bench physics") as folder:
+    with results_folder(out, "bench physics") as folder:
         console.print(run([make_building(read(name)) for name in plans], out=folder))
-    tell_file(folder / "physics.json")
+    emit_result_file(folder / "physics.json")
     console.print(f"Wrote the table and the plot in {folder}")
 
 
@@ -84,12 +84,12 @@ def episode(
     check_number("targets", targets, *TASKS, whole=True)
     check_number("seed", seed, *SEED, whole=True)
     check_number("max_steps", max_steps, *STEPS, whole=True)
-    folder = folder_for(out, "bench episode")
+    folder = output_folder(out, "bench episode")
     table = run(
         plans, goal=goal, targets=targets, seed=seed, max_steps=max_steps, out=folder, console=console
     )
     console.print(table)
-    tell_file(folder / "episode.json")
+    emit_result_file(folder / "episode.json")
     console.print(f"Wrote episode.json and episode.png in {folder}")
 
 
@@ -125,8 +125,8 @@ def belief(
     check_number("targets", targets, *TASKS, whole=True)
     check_number("seed", seed, *SEED, whole=True)
     check_number("max_steps", max_steps, *STEPS, whole=True)
-    folder = folder_for(out, "bench belief")
-    with going_on(folder):
+    folder = output_folder(out, "bench belief")
+    with resume_hint(folder):
         table = run(
             plans,
             goal=goal,
@@ -139,7 +139,7 @@ def belief(
             console=console,
         )
     console.print(table)
-    tell_file(folder / "belief.json")
+    emit_result_file(folder / "belief.json")
     console.print(f"Wrote belief.json and belief.png in {folder}")
 
 
@@ -169,8 +169,8 @@ def environment(
     check_number("robots", robots, 1, 4096, whole=True)
     check_number("links", links, 10, 100_000, whole=True)
     check_number("seed", seed, *SEED, whole=True)
-    with results_in(out, "bench environment") as folder:
+    with results_folder(out, "bench environment") as folder:
         for one in run(read(plan), robots=robots, links=links, seed=seed, out=folder, console=console):
             console.print(one)
-    tell_file(folder / "environment.json")
+    emit_result_file(folder / "environment.json")
     console.print(f"Wrote environment.json, environment.png and radio_tables.png in {folder}")

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from robosim.published.label_links import in_the_clear, prepared, published_paths
 from tests.benchmarks.edge_laws import Wedges
 from wireless.estimation.public import PublicReceiver
-from wireless.formats.mmwrobotnav import Measurements
+from wireless.formats.mmwrobotnav_measurements import Measurements
 from wireless.paths import Interaction, LinkState, Paths
 from wireless.sounding.sounder import Rays
 from wireless.tracing.scenes import PlanScene

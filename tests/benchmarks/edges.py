@@ -24,7 +24,7 @@ from robosim.support.progress import told_units
 from tests.benchmarks.edge_cases import Cases, find_cases, offset_db
 from tests.benchmarks.edge_laws import laws, published_faces
 from wireless.estimation.public import PublicReceiver
-from wireless.formats.mmwrobotnav import DataError, find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import DataError, find_measurements, read_measurements
 from wireless.paths import Interaction
 
 FREQUENCY_HZ = 28e9

@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -26,11 +26,11 @@ from robosim.building.reach import reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.drawing.plots import plan_axes
 from robosim.episode import EpisodeConfig, run_episode
-from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
+from robosim.parts import MapperPart, PhysicsPart
 from robosim.plans.files import find_plans, read_plan
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
-from robosim.support.checks import LEVEL, SEED, check_numbers
+from robosim.support.checks import LEVEL, SEED, checked
 from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
@@ -48,24 +48,20 @@ MILESTONES = (250, 500, 1000)
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class ExplorationSettings:
     """What is the same for every explorer."""
 
     mapper: MapperPart
     """Who makes the map, as in `robosim.navigation`."""
-    seed: int = 1
+    seed: Annotated[int, SEED] = 1
     """Seed of tasks and noise."""
-    noise: float = 1.0
+    noise: Annotated[float, LEVEL] = 1.0
     """Level of actuation and odometry noise."""
-    depth_noise: float = 0.0
+    depth_noise: Annotated[float, LEVEL] = 0.0
     """Level of the depth camera's noise."""
     physics: PhysicsPart = "dynamic"
     """How the robot is moved."""
-
-    def __post_init__(self) -> None:
-        MAPPER.check("mapper", self.mapper)
-        PHYSICS.check("physics", self.physics)
-        check_numbers(self, seed=SEED, noise=LEVEL, depth_noise=LEVEL)
 
     def episode(self, explorer: ExplorerName, plan: str) -> EpisodeConfig:
         """Exploring a plan by an explorer."""

@@ -10,7 +10,7 @@ from robosim.drawing.radio import TX_COLOUR
 from robosim.published.label_links import Links, prepared
 from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
 from robosim.support.figures import save_figure
-from wireless.formats.mmwrobotnav import Measurements
+from wireless.formats.mmwrobotnav_measurements import Measurements
 from wireless.paths import LinkState
 
 COLUMNS = 5

@@ -23,7 +23,7 @@ from robosim.support.progress import told_units
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from tests.benchmarks import label_maps
-from wireless.formats.mmwrobotnav import DataError, find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import DataError, find_measurements, read_measurements
 from wireless.paths import LinkState
 
 STATES = ("outage", "LOS", "first", "higher")

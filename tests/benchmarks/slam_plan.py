@@ -17,7 +17,7 @@ classical one there, and takes the poses of that one: what it adds is the map.
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -29,14 +29,14 @@ from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
 from robosim.episode import Decision, EpisodeConfig, run_episode
 from robosim.generator.trial_floors import TRIAL_FLOORS, turned
 from robosim.navigation import make_navigator
-from robosim.parts import MAPPER, PHYSICS, MapperPart, PhysicsPart
+from robosim.parts import MapperPart, PhysicsPart
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
 from robosim.policies.goals import Explore, PolicyContext
 from robosim.radio.bearings import bearings_of
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
-from robosim.support.checks import LEVEL, SEED, STEPS, check_numbers
+from robosim.support.checks import LEVEL, SEED, STEPS, Range, checked
 from robosim.support.files import npz_bytes
 from robosim.support.stopwatch import LOOP_STAGES
 from robosim.task.record import EpisodeLog
@@ -94,35 +94,24 @@ class Floor(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class SlamSettings:
     """What is run in each plan."""
 
     mapper: MapperPart = "neural"
     """Learned mapper, as in `robosim.navigation`."""
-    steps: int = 1000
+    steps: Annotated[int, STEPS] = 1000
     """Most decisions of each walk."""
-    seed: int = 1
+    seed: Annotated[int, SEED] = 1
     """Seed of tasks and noise."""
-    noise: float = 1.0
+    noise: Annotated[float, LEVEL] = 1.0
     """Level of actuation and odometry noise."""
-    depth_noise: float = 1.0
+    depth_noise: Annotated[float, LEVEL] = 1.0
     """Level of the depth camera's noise."""
     physics: PhysicsPart = "kinematic"
     """How the robot is moved."""
-    transmitters: int = 0
+    transmitters: Annotated[int, Range(0, 100, "transmitters")] = 0
     """How many are heard by mappers beside that of the walk; with none there is no radio."""
-
-    def __post_init__(self) -> None:
-        MAPPER.check("mapper", self.mapper)
-        PHYSICS.check("physics", self.physics)
-        check_numbers(
-            self,
-            seed=SEED,
-            noise=LEVEL,
-            depth_noise=LEVEL,
-            steps=STEPS,
-            transmitters=(0, 100, "transmitters"),
-        )
 
     @property
     def simulator(self) -> SimulatorConfig:

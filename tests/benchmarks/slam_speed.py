@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -28,7 +28,7 @@ from robosim.episode import Decision, run_episode
 from robosim.navigation import make_navigator
 from robosim.parts import MAPPER
 from robosim.plans.files import read_plan
-from robosim.support.checks import SIZE_PX, check_numbers
+from robosim.support.checks import SIZE_PX, Range, checked
 from robosim.support.figures import save_figure
 from robosim.support.files import write_json
 from robosim.support.progress import told_units
@@ -45,20 +45,20 @@ from tests.benchmarks.slam_plan import EVERY, SlamSettings, told_ahead
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class SpeedSettings:
     """What is compared."""
 
-    sizes: tuple[int, ...] = (64, 96, 128, 192, 256)
+    sizes: Annotated[tuple[int, ...], SIZE_PX] = (64, 96, 128, 192, 256)
     """Widths of the square depth images [pixels]."""
     mappers: tuple[str, ...] = ()
     """Other networks, .safetensors files, at the size of 128."""
-    plans: int = 4
+    plans: Annotated[int, Range(1, 10_000)] = 4
     """Plans that are used, the first ones."""
-    frames: int = 150
+    frames: Annotated[int, Range(1, 100_000)] = 150
     """Frames of each."""
 
     def __post_init__(self) -> None:
-        check_numbers(self, sizes=SIZE_PX, plans=(1, 10_000), frames=(1, 100_000))
         for mapper in self.mappers:
             MAPPER.check("others", mapper)
 

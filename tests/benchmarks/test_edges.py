@@ -11,7 +11,7 @@ from tests.benchmarks.edge_laws import Wedges, laws, published_faces
 from wireless.em.fields import diffract
 from wireless.em.materials import wall_row
 from wireless.estimation.public import PublicReceiver
-from wireless.formats.mmwrobotnav import read_measurements
+from wireless.formats.mmwrobotnav_measurements import read_measurements
 from wireless.paths import Interaction
 
 K = 2 * np.pi * edges.FREQUENCY_HZ / speed_of_light

@@ -16,7 +16,7 @@ from robosim.published.label_links import received_azimuth
 from robosim.published.label_walls import published_walls
 from tests.benchmarks import labels
 from wireless.estimation.public import PublicReceiver
-from wireless.formats.mmwrobotnav import link_states, read_measurements
+from wireless.formats.mmwrobotnav_measurements import link_states, read_measurements
 from wireless.paths import LinkState
 from wireless.sounding.sounder import Rays
 from wireless.tracing.tracer import Tracer

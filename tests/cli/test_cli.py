@@ -9,8 +9,8 @@ import pytest
 import trimesh
 
 from robosim.cli import main
+from robosim.commands.command_table import COMMANDS, GROUPS, command_summary, load_command
 from robosim.commands.episode import episode
-from robosim.commands.table import COMMANDS, GROUPS, loaded, said
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import read_plan
 from tests.plans import two_rooms
@@ -51,7 +51,7 @@ def test_a_command_and_the_library_have_the_same_defaults():
 def test_the_list_of_commands_says_what_they_say():
     """Read from their files, so that a list imports none."""
     for name in COMMANDS:
-        assert " ".join(loaded(name).__doc__.split("\n\n")[0].split()) == said(name)
+        assert " ".join(load_command(name).__doc__.split("\n\n")[0].split()) == command_summary(name)
 
 
 def test_negative_coordinates_are_no_options(plan_file, fails):

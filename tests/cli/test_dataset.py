@@ -16,7 +16,7 @@ from robosim.plans.files import read_plan
 from robosim.radio.scene import RadioScene
 from wireless.estimates import wrapped
 from wireless.formats.link_records import COLUMNS, read_links, read_rays
-from wireless.formats.mmwrobotnav import find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
 from wireless.paths import LinkState
 
 #: Two buildings, the second a generated home, with two transmitters each.
@@ -140,7 +140,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(made, plan_file, tmp_path, capsy
     (tmp_path / "links" / ".torn.partial-1.parquet").write_bytes(b"PAR1")
     capsys.readouterr()
     main(command)
-    assert "going on from there" in capsys.readouterr().out
+    assert "resuming from there" in capsys.readouterr().out
     assert {path: path.stat().st_mtime_ns for path in done} == kept
     assert contents(tmp_path) == contents(made)
 
@@ -206,7 +206,7 @@ def test_ctrl_c_says_how_to_go_on(plan_file, tmp_path):
     os.killpg(process.pid, signal.SIGINT)
     said, complained = process.communicate(timeout=1200)
     assert process.returncode == 130
-    assert "Go on with the same command" in said
+    assert "Resume with the same command" in said
     assert complained == (
         "Stopping after the transmitters that are being worked on. Press Ctrl-C again to end at once.\n"
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from robosim.cli import main
-from robosim.commands import speaking as terminal
+from robosim.commands import output as terminal
 from robosim.plans.files import write_ros
 from robosim.support.installation import install_command
 from tests.plans import room, two_rooms
@@ -78,7 +78,7 @@ def test_tracing_a_plan_of_any_name(tmp_path, monkeypatch, shown):
     assert f"in {NAMES[0]}" in printed
     assert f"cd '{NAMES[0]}'" in printed
     again = shown("trace", plan, "--tx", "1,1", "--grid", "1.5", "--no-diffraction", "--out", NAMES[0])
-    assert f"{NAMES[0]} holds 8 of the 8 links; going on from there." in again
+    assert f"{NAMES[0]} holds 8 of the 8 links; resuming from there." in again
 
 
 @pytest.mark.parametrize("path", ["x[/b].yaml", "[/]", ":smile:.png", "[red]x[/red].yaml"])

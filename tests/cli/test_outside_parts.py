@@ -13,7 +13,7 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.camera.rendering.embree_camera import EmbreeCamera
 from robosim.cli import main
-from robosim.commands.episode_config import read_config, words_of
+from robosim.commands.episode_config import command_options, read_config
 from robosim.episode import EpisodeConfig, run_episode
 from robosim.radio.link import RadioLinkConfig
 from robosim.robot.kinematic import KinematicWorld
@@ -153,7 +153,7 @@ def test_a_result_gives_its_configuration_back(strangers_folder):
         config = read_config(Path("a/result.json"))
     assert config.goal == "mine:Straight"
     assert config.simulator.noise.level == 0.5
-    assert "--noise.level 0.5" in words_of(config)
+    assert "--noise.level 0.5" in command_options(config)
     run("episode studio.txt --reader mine:read --config a/result.json --allow-code --no-video --out b")
     first, second = (json.loads((strangers_folder / name / "result.json").read_text()) for name in "ab")
     del first["timing"], second["timing"]

@@ -106,7 +106,7 @@ def test_an_interruption_says_how_to_go_on(plan_file, tmp_path, monkeypatch, cap
     with pytest.raises(SystemExit) as stop:
         main(["trace", str(plan_file), "--tx", "1,1", "--out", str(tmp_path / "o")])
     assert stop.value.code == 130
-    assert "Go on with the same command" in re.sub(r"\s+", " ", capsys.readouterr().out)
+    assert "Resume with the same command" in re.sub(r"\s+", " ", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

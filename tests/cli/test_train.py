@@ -117,8 +117,8 @@ def test_a_baseline_without_departures(folders, tmp_path):
 def test_what_cannot_be_is_told(folders, tmp_path, capsys):
     for more, message in (
         (["--folds", "0"], "nothing would be scored"),
-        (["--of", "4"], "4 folds asked for"),
-        (["--of", "1", "--folds", "1"], "leaves none to train on"),
+        (["--n-folds", "4"], "4 folds asked for"),
+        (["--n-folds", "1", "--folds", "1"], "leaves none to train on"),
         (["--homes", "-1"], "homes is -1"),
         (["--workers", "0"], "workers is 0"),
         (["--folds", "4"], "folds is 4, expected a whole number from 0 to 3"),

@@ -74,7 +74,7 @@ def commands_in(text: str) -> list[str]:
 def _run(line: str, short: bool) -> str:
     """Run a command and return its output."""
     from robosim.cli import main
-    from robosim.commands.speaking import console
+    from robosim.commands.output import console
 
     words = shlex.split(line)[1:]
     if short:

@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 import robosim.cli as cli
-from robosim.commands.table import loaded
+from robosim.commands.command_table import load_command
 from tests.docs.conftest import Ended
 from tests.docs.run_page import commands_in, run_page
 
@@ -52,7 +52,7 @@ def test_commands_exist(
     monkeypatch.syspath_prepend(tmp_path)
 
     def idle(name: str) -> Callable[..., None]:
-        @functools.wraps(loaded(name))
+        @functools.wraps(load_command(name))
         def nothing(*args: object, **options: object) -> None: ...
 
         return nothing

@@ -61,8 +61,8 @@ from tests import kept
 from tests.plans import two_rooms
 from tests.robot_logs import WAY, Drive
 from wireless.estimates import PathEstimates
-from wireless.formats.estimated_csv import estimated_csv
 from wireless.formats.link_records import link_table, write_links
+from wireless.formats.mmwrobotnav_csv import estimated_csv
 from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.learning.training import Recipe as LinkStateRecipe
 from wireless.linkstate.learning.training import train as train_classifier

@@ -51,7 +51,7 @@ from tests.benchmarks.belief import read_search
 from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
-from wireless.formats.mmwrobotnav import read_tx_positions
+from wireless.formats.mmwrobotnav_measurements import read_tx_positions
 from wireless.linkstate.data import read_links
 from wireless.paths import Paths
 
@@ -257,7 +257,7 @@ def _train_link_state(folder: Path, file: Path) -> None:
                 str(folder),
                 "--folds",
                 "0",
-                "--of",
+                "--n-folds",
                 "1",
                 "--test",
                 str(folder),

@@ -10,10 +10,15 @@ Reference: C. A. Balanis, Antenna Theory, 4th ed., 14.2 (the patch as a cavity w
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Annotated, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
+
+from wireless.support.ranges import Range, checked
+
+#: What to do about thick substrates.
+_THIN = "The cavity model is one of thin substrates."
 
 
 @runtime_checkable
@@ -35,22 +40,14 @@ class IsotropicElement:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PatchElement:
     """Rectangular microstrip patch in its lowest mode, over an endless ground plane."""
 
-    permittivity: float = 2.2
+    permittivity: Annotated[float, Range(1, 1e6)] = 2.2
     """Relative permittivity of the substrate."""
-    thickness_wl: float = 0.024
+    thickness_wl: Annotated[float, Range(1e-6, 0.1, "wavelengths", _THIN)] = 0.024
     """Thickness of the substrate, in wavelengths in air (0.254 mm at 28 GHz)."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.permittivity <= 1e6:
-            raise ValueError(f"permittivity is {self.permittivity:g}, expected 1 (air) to 1e6.")
-        if not 0 < self.thickness_wl < 0.1:
-            raise ValueError(
-                f"thickness_wl is {self.thickness_wl:g}, expected between 0 and 0.1 wavelengths: "
-                "the cavity model is one of thin substrates."
-            )
 
     @cached_property
     def width_wl(self) -> float:
@@ -73,19 +70,14 @@ class PatchElement:
 
 
 @dataclass(frozen=True)
+@checked
 class SectorElement:
     """Element of 3GPP TR 38.901: 65 degrees wide both ways, 30 dB weaker behind."""
 
-    width_deg: float = 65.0
+    width_deg: Annotated[float, Range(1, 360, "degrees")] = 65.0
     """Full width at half power, in azimuth and in elevation."""
-    floor_db: float = 30.0
+    floor_db: Annotated[float, Range(0, 200, "dB")] = 30.0
     """Most that any direction is weaker than the best."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= self.width_deg <= 360:
-            raise ValueError(f"width_deg is {self.width_deg:g}, expected 1 to 360 degrees.")
-        if not 0 <= self.floor_db <= 200:
-            raise ValueError(f"floor_db is {self.floor_db:g}, expected 0 to 200 dB.")
 
     def amplitude(self, direction: Float[np.ndarray, "*batch 3"]) -> Float[np.ndarray, "*batch"]:
         """Size of the far field, one straight ahead."""

@@ -19,13 +19,14 @@ Left out: magnetic materials, moisture, and walls whose sides differ.
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from jaxtyping import Complex
 from scipy.constants import epsilon_0
 
 from wireless.em.scattering import MOST_NARROW
+from wireless.support.ranges import Range, checked
 
 #: Thicker layers and more of them are taken for a mistake.
 THICKEST_M, MOST_LAYERS = 10.0, 20
@@ -98,23 +99,20 @@ MATERIALS: dict[str, tuple[Row, ...]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Layer:
     """One layer of a wall: of a material of the table, or of a permittivity and conductivity of its own."""
 
-    thickness_m: float
+    thickness_m: Annotated[float, Range(1e-9, THICKEST_M, "m")]
     """Thickness [m]."""
     material: str | None = None
     """A name of `MATERIALS`."""
-    relative_permittivity: float | None = None
+    relative_permittivity: Annotated[float | None, Range(1, 1e6)] = None
     """Real part of the relative permittivity, at least 1."""
-    conductivity_spm: float = 0.0
+    conductivity_spm: Annotated[float, Range(0, 1e9, "S/m")] = 0.0
     """Conductivity [S/m]."""
 
     def __post_init__(self) -> None:
-        if not 0 < self.thickness_m <= THICKEST_M:
-            raise ValueError(
-                f"thickness_m is {self.thickness_m}, expected more than 0 and at most {THICKEST_M:g} m."
-            )
         if (self.material is None) == (self.relative_permittivity is None):
             raise ValueError(
                 f"material is {self.material!r} and relative_permittivity is {self.relative_permittivity}, expected "
@@ -122,10 +120,6 @@ class Layer:
             )
         if self.material is not None:
             _check_known(self.material, "material", MATERIALS)
-        elif self.relative_permittivity is None or not 1 <= self.relative_permittivity <= 1e6:
-            raise ValueError(f"relative_permittivity is {self.relative_permittivity}, expected 1 to 1e6.")
-        if not 0 <= self.conductivity_spm <= 1e9:
-            raise ValueError(f"conductivity_spm is {self.conductivity_spm}, expected 0 to 1e9 S/m.")
 
     def properties(self, frequency_hz: float) -> tuple[float, float]:
         """Relative permittivity and conductivity [S/m] at a frequency.

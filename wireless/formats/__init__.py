@@ -1,1 +1,1 @@
-"""Files that paths, estimates and links are kept in, ours and others'."""
+"""File formats of paths, estimates and links, of this project and of others."""

@@ -3,7 +3,7 @@
 One file per transmitter and quantity, `QUANTITY_t000_txNNN_r001.npz`: power [dBW received for 1 W sent], phase
 [degrees], delay [s], aoa_az, aoa_el, aod_az, aod_el [degrees, elevation from the zenith], inter (kinds of
 interactions as decimal digits from the transmitter on: 1 reflection, 2 diffraction, 4 transmission, 0 line of
-sight) and inter_pos [m], each receiver by path, NaN where there is none; rx_pos and tx_pos [m]. Beside them
+sight) and inter_pos [m], each receiver by path, NaN for missing paths; rx_pos and tx_pos [m]. The folder also has
 `params.json`, and the building as triangles.
 
 `deepmimo.load("NAME")` looks for the folder in `deepmimo_scenarios` below the working directory, by its name
@@ -31,7 +31,7 @@ _TX_SET, _RX_SET = 0, 1
 
 
 def scenario_name(name: str) -> str:
-    """A name as scenarios may have: in lower case, without blanks, slashes and the like."""
+    """A valid name of a scenario: in lower case, without blanks, slashes and the like."""
     return re.sub(r"[^a-z0-9._-]+", "_", name.lower()).strip("._") or "scenario"
 
 
@@ -83,19 +83,17 @@ def scene_files(
     n_rx: int,
     n_rx_active: int,
 ) -> dict[str, bytes]:
-    """What a scenario has beside its paths: the building, and the parameters that `load` needs.
-
-    They are files by their names in the folder of the scenario.
+    """The building and the parameters of a scenario, as files by their names in its folder.
 
     Args:
         mesh: The building.
         materials: Its radio materials, by the names of `wireless.em.materials`.
-        face_material: What each face is made of, index into materials.
+        face_material: Material of each face, index into materials.
         frequency_hz: Carrier frequency.
-        config: Which paths were looked for.
+        config: Which paths were traced.
         n_tx: Number of transmitters.
         n_rx: Number of receivers.
-        n_rx_active: Number of receivers that any transmitter reaches.
+        n_rx_active: Number of receivers that are reached by a transmitter.
     """
     faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, np.float32)
     used = np.unique(face_material)
@@ -135,12 +133,12 @@ def _npz(arrays: dict[str, np.ndarray]) -> bytes:
 
 
 def _rt_params(frequency_hz: float, config: TracerConfig) -> dict[str, Any]:
-    bent = config.diffraction_reflections + 1 if config.diffraction else 0
+    diffracted = config.diffraction_reflections + 1 if config.diffraction else 0
     return {
         "raytracer_name": "wireless.tracing.tracer (robosim)",
         "raytracer_version": "exact images and UTD",
         "frequency": frequency_hz,
-        "max_path_depth": max(config.max_reflections, bent) + config.walls_passed(frequency_hz),
+        "max_path_depth": max(config.max_reflections, diffracted) + config.walls_passed(frequency_hz),
         "max_reflections": config.max_reflections,
         "max_diffractions": int(config.diffraction),
         "max_scattering": 0,

@@ -1,19 +1,19 @@
-"""Links as rows of a Parquet file: where, true state, true paths, and what a receiver estimated.
+"""Links as rows of a Parquet file: places, true state, true paths, and estimated paths.
 
-One file is one transmitter of one building, one row a link. Columns (`COLUMNS` says the same to programs, as the
-metadata of each column do):
+One file is one transmitter of one building, one row per link. Columns (also in `COLUMNS`, and in the metadata of the
+file):
 
     plan, tx, rx, link                  names and numbers; tx counts from 1, as in file names
     rx_row, rx_column                   place in the grid of receivers, from 0 at the lower left
     tx_x_m ... rx_z_m                   positions in `map`
-    rx_heading_rad                      where the receiver's first array faces
-    link_state, n_paths                 true state (`wireless.paths.LinkState`), and how many paths are true
+    rx_heading_rad                      azimuth of the receiver's first array
+    link_state, n_paths                 true state (`wireless.paths.LinkState`), and number of true paths
     path_*                              true paths, the strongest first, as lists
-    n_estimates                         how many of the five places below are filled
+    n_estimates                         number of estimated paths, at most five
     aoa_az_rad_k, aod_az_rad_k          estimated azimuths of path k = 1 to 5, the strongest first
     snr_db_k, delay_s_k                 its SNR (`wireless.estimates`), and delay after path 1
 
-Azimuths are those of the scene. Places without an estimate hold NaN. True paths are as between vertically polarised
+Azimuths are in the frame of the scene. Missing estimates are NaN. True paths are those between vertically polarised
 isotropic antennas: enough to sound the links again (`read_rays`). Left out: points of interaction, horizontal
 polarisation (`wireless.paths.Paths.write_parquet` has them).
 """
@@ -40,7 +40,7 @@ from wireless.support.reading import reading
 N_ESTIMATES = 5
 _PLACES = range(1, N_ESTIMATES + 1)
 _FLOATS = pa.list_(pa.float32())
-_WHAT, _REMEDY = "links of a data set", "Make it anew with `robosim dataset`."
+_WHAT, _REMEDY = "links of a data set", "Make it again with `robosim dataset`."
 
 #: Columns: type, unit and meaning.
 COLUMNS: dict[str, tuple[pa.DataType, str, str]] = {
@@ -92,9 +92,9 @@ class LinkRecords:
     number: int
     """Number of the transmitter, from 1."""
     tx_position: Float[np.ndarray, "3"]
-    """Where it is [m]."""
+    """Place of the transmitter [m]."""
     rx_position: Float[np.ndarray, "n 3"]
-    """Where receivers are [m]."""
+    """Places of receivers [m]."""
     rx_cell: Int[np.ndarray, "n 2"]
     """Row and column of receivers in their grid, from 0 at the lower left."""
     rx_heading: Float[np.ndarray, " n"]
@@ -104,7 +104,7 @@ class LinkRecords:
     n_paths: UInt8[np.ndarray, " n"]
     """Number of true paths."""
     estimates: PathEstimates
-    """What the receiver made out of them, in the frame of the scene."""
+    """Estimated paths, in the frame of the scene."""
 
 
 def link_table(
@@ -126,7 +126,7 @@ def link_table(
         cell: Row from the bottom and column of each receiver in its grid, from 0.
         plan: Name of the building.
         rx_heading_rad: Azimuth of each receiver's own +x.
-        threshold_db: Paths of less power gain do not count for the link state; they are kept nevertheless.
+        threshold_db: Paths of less power gain do not count for the link state, but are written.
     """
     some = paths.select(paths.tx == tx)
     found = some.count()[tx]
@@ -146,7 +146,7 @@ def link_table(
     for i, axis in enumerate("xyz"):
         filled[f"tx_{axis}_m"] = np.full(n, paths.tx_position[tx, i])
         filled[f"rx_{axis}_m"] = paths.rx_position[:, i]
-    there = np.arange(N_ESTIMATES) < estimates.count[:, None]
+    present = np.arange(N_ESTIMATES) < estimates.count[:, None]
     for name, of_paths in (
         ("aoa_az_rad", estimates.aoa_rad),
         ("aod_az_rad", estimates.aod_rad),
@@ -154,7 +154,7 @@ def link_table(
         ("delay_s", estimates.delay_s),
     ):
         for k in _PLACES:
-            filled[f"{name}_{k}"] = np.where(there, of_paths, np.nan)[:, k - 1]
+            filled[f"{name}_{k}"] = np.where(present, of_paths, np.nan)[:, k - 1]
     starts = pa.array(np.concatenate([[0], np.cumsum(found)]).astype(np.int32))
     lists = {name: pa.ListArray.from_arrays(starts, pa.array(v)) for name, v in _true_paths(some).items()}
     return pa.table(
@@ -167,15 +167,15 @@ def link_table(
 
 
 def write_links(path: str | PathLike[str] | BytesIO, table: pa.Table) -> None:
-    """Write what `link_table` made into a file."""
+    """Write a table of `link_table`."""
     pq.write_table(table, path, compression="zstd")
 
 
 def read_links(path: str | PathLike[str]) -> LinkRecords:
-    """What `write_links` wrote, without the true paths.
+    """Read a file of links, without the true paths.
 
     Raises:
-        DataError: If the file is not one of links, or damaged.
+        DataError: If the file is of another kind, or damaged.
     """
     names = [name for name in COLUMNS if not name.startswith("path_")]
     with reading(Path(path), _WHAT, _REMEDY) as file:
@@ -184,27 +184,27 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
         check_within(column["link_state"], "link_state", 0, max(LinkState))
         check_within(column["n_estimates"], "n_estimates", 0, N_ESTIMATES)
         check_within(column["rx_heading_rad"], "rx_heading_rad", -FAR, FAR)
-        there = np.arange(N_ESTIMATES) < column["n_estimates"][:, None]
+        present = np.arange(N_ESTIMATES) < column["n_estimates"][:, None]
 
-        def side_by_side(names: list[str]) -> np.ndarray:
+        def stack(names: list[str]) -> np.ndarray:
             return np.column_stack([column[name] for name in names])
 
-        def position(who: str) -> Float[np.ndarray, "n 3"]:
-            found = side_by_side([f"{who}_{axis}_m" for axis in "xyz"])
-            check_within(found, f"{who} position", -FAR, FAR)
+        def position(end: str) -> Float[np.ndarray, "n 3"]:
+            found = stack([f"{end}_{axis}_m" for axis in "xyz"])
+            check_within(found, f"{end} position", -FAR, FAR)
             return found
 
         def estimated(name: str, missing: float) -> Float[np.ndarray, "n 5"]:
-            found = side_by_side([f"{name}_{k}" for k in _PLACES]).astype(float)
-            check_within(np.where(there, found, 0.0), name, -FAR, FAR)
-            return np.where(there, found, missing)
+            found = stack([f"{name}_{k}" for k in _PLACES]).astype(float)
+            check_within(np.where(present, found, 0.0), name, -FAR, FAR)
+            return np.where(present, found, missing)
 
         return LinkRecords(
             plan=str(column["plan"][0]),
             number=int(column["tx"][0]),
             tx_position=position("tx")[0],
             rx_position=position("rx"),
-            rx_cell=side_by_side(["rx_row", "rx_column"]).astype(np.int64),
+            rx_cell=stack(["rx_row", "rx_column"]).astype(np.int64),
             rx_heading=column["rx_heading_rad"].astype(float),
             state=column["link_state"],
             n_paths=column["n_paths"],
@@ -219,10 +219,10 @@ def read_links(path: str | PathLike[str]) -> LinkRecords:
 
 
 def read_columns(path: str | PathLike[str], names: Sequence[str]) -> dict[str, np.ndarray]:
-    """Some of the columns of numbers of a file of links.
+    """Read some columns of numbers of a file of links.
 
     Raises:
-        DataError: If the file is not one of links, or damaged.
+        DataError: If the file is of another kind, or damaged.
     """
     with reading(Path(path), _WHAT, _REMEDY) as file:
         table = _table(file, names)
@@ -230,24 +230,24 @@ def read_columns(path: str | PathLike[str], names: Sequence[str]) -> dict[str, n
 
 
 def read_rays(path: str | PathLike[str]) -> Rays:
-    """The true paths of a file of links, ready to be sounded again.
+    """Read the true paths of a file of links, to sound them again.
 
     Raises:
-        DataError: If the file is not one of links, or damaged.
+        DataError: If the file is of another kind, or damaged.
     """
     names = ("gain_db", "phase_rad", "delay_s", "aoa_az_rad", "aoa_el_rad", "aod_az_rad", "aod_el_rad")
     with reading(Path(path), _WHAT, _REMEDY) as file:
         table = _table(file, ["n_paths", *(f"path_{name}" for name in names)])
         count = values(table, "n_paths", COLUMNS["n_paths"][0]).astype(np.int64)
-        there = np.arange(max(1, int(count.max(initial=0)))) < count[:, None]
+        present = np.arange(max(1, int(count.max(initial=0)))) < count[:, None]
 
         def padded(name: str, missing: float = 0.0) -> Float[np.ndarray, "n most"]:
             entries, lengths = lists(table, f"path_{name}", _FLOATS)
             if not np.array_equal(lengths, count):
-                raise ValueError(f"path_{name} has other numbers of paths than n_paths says")
+                raise ValueError(f"the numbers of paths in path_{name} differ from n_paths")
             check_within(entries, f"path_{name}", -FAR, FAR)
-            found = np.full(there.shape, missing)
-            found[there] = entries
+            found = np.full(present.shape, missing)
+            found[present] = entries
             return found
 
         return Rays(

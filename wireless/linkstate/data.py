@@ -1,7 +1,7 @@
 """Links with known states, ready for training: all transmitters of the buildings in a folder.
 
-Two kinds of folders are read. The public measurements (`wireless.formats.mmwrobotnav`) have heights of peaks but no
-delays; a link without paths holds zeros there, which `make_tokens` takes as missing. Data sets of our own
+Two kinds of folders are read. The public measurements (`wireless.formats.mmwrobotnav_measurements`) have heights of
+peaks but no delays; a link without paths holds zeros there, which `make_tokens` takes as missing. Data sets of our own
 (`wireless.formats.link_records`), known by their `manifest.json`, have delays but no peaks.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, UInt8
 
 from wireless.formats.link_records import read_links as read_records
-from wireless.formats.mmwrobotnav import find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
 from wireless.linkstate.tokens import COLUMNS, make_tokens
 from wireless.support.reading import reading
 

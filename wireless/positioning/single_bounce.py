@@ -20,10 +20,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.optimize import least_squares
+
+from wireless.support.ranges import Range, checked
 
 #: Directions differ by less than this many standard deviations where a path is taken for one in line of sight.
 _STRAIGHT = 2.5
@@ -63,36 +66,24 @@ class MeasuredPaths:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PositioningConfig:
     """How paths are measured, and how a radio is looked for."""
 
-    sigma_length_m: float = 0.12
+    sigma_length_m: Annotated[float, Range(1e-6, 1000, "m")] = 0.12
     """Standard deviation of lengths [m]."""
-    sigma_known_rad: float = math.radians(1.5)
+    sigma_known_rad: Annotated[float, Range(1e-6, 1, "rad")] = math.radians(1.5)
     """Standard deviation of directions at the known end [rad]."""
-    sigma_own_rad: float = math.radians(2.0)
+    sigma_own_rad: Annotated[float, Range(1e-6, 1, "rad")] = math.radians(2.0)
     """The same at the end that is looked for [rad]."""
-    cut: float = 6.0
+    cut: Annotated[float, Range(0.1, 1000)] = 6.0
     """Squared deviations from which on a path is taken to be no single bounce."""
-    straight_weight: float = 2.0
+    straight_weight: Annotated[float, Range(0.1, 100)] = 2.0
     """What a path in line of sight counts for among bounces: chance agrees with it more seldom."""
-    heading_step_rad: float = math.radians(2.0)
+    heading_step_rad: Annotated[float, Range(1e-3, 1, "rad")] = math.radians(2.0)
     """Headings are tried in such steps [rad]."""
-    max_offset_m: float = 5.0
+    max_offset_m: Annotated[float, Range(0.01, 1e5, "m")] = 5.0
     """Clocks are no farther apart [m]."""
-
-    def __post_init__(self) -> None:
-        for name, low, high in (
-            ("sigma_length_m", 1e-6, 1000.0),
-            ("sigma_known_rad", 1e-6, 1.0),
-            ("sigma_own_rad", 1e-6, 1.0),
-            ("cut", 0.1, 1000.0),
-            ("straight_weight", 0.1, 100.0),
-            ("heading_step_rad", 1e-3, 1.0),
-            ("max_offset_m", 0.01, 1e5),
-        ):
-            if not low <= getattr(self, name) <= high:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected {low:g} to {high:g}.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,6 +23,7 @@ Left out: Doppler, carrier offset, quantisation, phase noise.
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Complex, Float, Int
@@ -32,6 +33,7 @@ from wireless.antennas.codebook import Terminal
 from wireless.estimates import PathEstimates
 from wireless.paths import Paths
 from wireless.sounding.draw import draw_windows, find_candidates
+from wireless.support.ranges import Range, checked
 from wireless.tracing.blocks import available_cores
 
 #: Thermal noise at 290 K.
@@ -41,34 +43,26 @@ BLOCK_LINKS = 64
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class SoundingConfig:
     """Power, waveform and window of the measurement; as in the reference."""
 
-    tx_power_dbm: float = 23.0
+    tx_power_dbm: Annotated[float, Range(-200, 200, "dBm")] = 23.0
     """Transmit power [dBm]."""
-    bandwidth_mhz: float = 400.0
+    bandwidth_mhz: Annotated[float, Range(1e-3, 1e5, "MHz")] = 400.0
     """Bandwidth, and rate of complex samples [MHz]."""
-    n_samples: int = 2048
+    n_samples: Annotated[int, Range(8, 1 << 24, "samples")] = 2048
     """Samples of the waveform, sent once in each beam."""
-    loss_db: float = 6.0
+    loss_db: Annotated[float, Range(-200, 200, "dB")] = 6.0
     """Noise figure and other losses [dB]."""
-    half_window: int = 5
+    half_window: Annotated[int, Range(1, 1 << 16, "samples")] = 5
     """Samples that are kept before and after the strongest delay."""
 
     def __post_init__(self) -> None:
-        for name, least, most in (
-            ("tx_power_dbm", -200, 200),
-            ("bandwidth_mhz", 1e-3, 1e5),
-            ("n_samples", 8, 1 << 24),
-            ("loss_db", -200, 200),
-            ("half_window", 1, 1 << 16),
-        ):
-            if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{name} is {getattr(self, name):g}, expected {least:g} to {most:g}.")
-        if not 1 <= 8 * self.half_window <= self.n_samples:
+        if 8 * self.half_window > self.n_samples:
             raise ValueError(
-                f"half_window is {self.half_window} at n_samples {self.n_samples}, expected at least 1 and at "
-                "most an eighth of the samples. Shorten the window or lengthen the waveform."
+                f"half_window is {self.half_window} at n_samples {self.n_samples}, expected at most an eighth of the "
+                "samples. Shorten the window or lengthen the waveform."
             )
 
     @property

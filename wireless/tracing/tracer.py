@@ -16,7 +16,7 @@ import logging
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import parent_process
-from typing import Literal, Protocol, runtime_checkable
+from typing import Annotated, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
@@ -30,6 +30,7 @@ from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
 from wireless.paths import Paths
+from wireless.support.ranges import Range, checked
 from wireless.tracing.blocks import Rows
 from wireless.tracing.mesh_check import SceneError as SceneError
 from wireless.tracing.mesh_check import check_mesh
@@ -78,131 +79,71 @@ class Scene(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class TracerConfig:
     """Which paths are looked for, and how many are kept."""
 
-    max_reflections: int = 3
-    """Most reflections on a path without diffraction; 12 at most."""
+    max_reflections: Annotated[int, Range(0, MOST_IN_A_ROW)] = 3
+    """Most reflections on a path without diffraction."""
     diffraction: bool = True
     """Whether edges diffract."""
-    diffraction_reflections: int = 1
-    """Most reflections, before and after together, on a path with diffraction; 12 at most."""
-    diffraction_side_reflections: int | None = None
+    diffraction_reflections: Annotated[int, Range(0, MOST_IN_A_ROW)] = 1
+    """Most reflections, before and after together, on a path with diffraction."""
+    diffraction_side_reflections: Annotated[int | None, Range(0, MOST_INTERACTIONS)] = None
     """Most of them on either side of the edge; None for no such limit."""
     diffraction_law: Literal["nearer_face", "bisector"] = "nearer_face"
     """Angle at which the faces of an edge reflect: that of source or observer, whichever is nearer to the face, or half
     the angle between both. The former agrees with full-wave solutions, the latter with one commercial ray tracer."""
     floor_ceiling: bool = False
     """Whether floor and ceiling reflect; these reflections count like those of walls."""
-    max_transmissions: int | None = None
-    """Most walls that a path passes, 12 at most; half-spaces let nothing through. None for 2 below 10 GHz, and for no
-    wall from there on."""
+    max_transmissions: Annotated[int | None, Range(0, MOST_IN_A_ROW, "walls")] = None
+    """Most walls that a path passes; half-spaces let nothing through. None for 2 below 10 GHz, and for no wall from
+    there on."""
     wall_passage: Literal["wall", "face"] = "wall"
     """What counts as a wall: both faces of a drawn wall or a solid together, which are passed once, or each face alone,
     as in the published grids. A sheet without thickness is a wall in both."""
-    max_interactions: int | None = None
+    max_interactions: Annotated[int | None, Range(0, MOST_INTERACTIONS)] = None
     """Most interactions on a path, walls that it passes included; None for no such limit."""
-    wall_thickness_m: float | None = None
+    wall_thickness_m: Annotated[float | None, Range(1e-9, THICKEST_M, "m")] = None
     """Thickness of walls of one material, which are layers then [m]; None for half-spaces. Walls that have layers of
     their own, such as partition, keep them."""
-    wall_gap_m: float = 0.0
+    wall_gap_m: Annotated[float, Range(0, THICKEST_M, "m")] = 0.0
     """Air between two layers of that thickness, which are a wall then [m]; 0 for one layer."""
-    scattering: float | None = None
-    """Scattering coefficient S, 0 to 1, of walls whose material says none; 0 scatters only from those that do, None
+    scattering: Annotated[float | None, Range(0, 1)] = None
+    """Scattering coefficient S of walls whose material says none; 0 scatters only from those that do, None
     from none. In floor plans, one scattering a path (`wireless.tracing.scattered`)."""
-    scattering_lobe: int | None = 4
-    """Exponent of the scattered lobe of such walls, 0 to 1000; None for Lambert's law."""
-    scattering_tile_m: float = 0.5
+    scattering_lobe: Annotated[int | None, Range(0, MOST_NARROW)] = 4
+    """Exponent of the scattered lobe of such walls; None for Lambert's law."""
+    scattering_tile_m: Annotated[float, Range(0.05, 10, "m")] = 0.5
     """Largest side of the pieces that walls scatter by, each a path [m]."""
-    max_paths: int = 25
-    """Most paths of a link, 5000 at most; the strongest are kept."""
+    max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
+    """Most paths of a link; the strongest are kept."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
     scene: Literal["auto", "plan", "storeys", "space"] = "auto"
     """Trace as floor plan, as storeys over each other, in space, or as what it is."""
     search: Literal["auto", "exhaustive", "rays"] = "auto"
     """How chains of facets are found in space: all that there are, by rays, or by rays if there are many facets."""
-    rays: int = 100_000
-    """Rays that each transmitter shoots in a search by rays, 10 to 10,000,000; edges bend some more for each."""
-    snap_m: float = 1e-6
+    rays: Annotated[int, Range(10, 10_000_000, "rays")] = 100_000
+    """Rays that each transmitter shoots in a search by rays; edges bend some more for each."""
+    snap_m: Annotated[float, Range(1e-9, 1e-2, "m")] = 1e-6
     """Ends of walls closer than this are one, and corners closer than this to a plane lie in it [m]; farther where
     coordinates were rounded to 32 bits (`wireless.geometry.tolerance`)."""
 
     def __post_init__(self) -> None:
-        if self.scene not in ("auto", "plan", "storeys", "space"):
-            raise ValueError(f"scene is {self.scene!r}, expected auto, plan, storeys or space.")
-        if self.diffraction_law not in ("nearer_face", "bisector"):
-            raise ValueError(
-                f"diffraction_law is {_cut(self.diffraction_law)!r}, expected nearer_face or bisector."
-            )
-        if self.search not in ("auto", "exhaustive", "rays"):
-            raise ValueError(f"search is {self.search!r}, expected auto, exhaustive or rays.")
-        for name, low, high in (
-            ("rays", 10, 10_000_000),
-            ("max_reflections", 0, MOST_IN_A_ROW),
-            ("diffraction_reflections", 0, MOST_IN_A_ROW),
-            ("max_paths", 1, MOST_PATHS),
-        ):
-            value = getattr(self, name)
-            if not (_whole(value) and low <= value <= high):
-                raise ValueError(f"{name} is {_cut(value)}, expected a whole number from {low} to {high}.")
-        for name, high in (
-            ("diffraction_side_reflections", MOST_INTERACTIONS),
-            ("max_interactions", MOST_INTERACTIONS),
-            ("max_transmissions", MOST_IN_A_ROW),
-        ):
-            value = getattr(self, name)
-            if value is not None and not (_whole(value) and 0 <= value <= high):
-                raise ValueError(
-                    f"{name} is {_cut(value)}, expected a whole number from 0 to {high}, or None."
-                )
-        if self.wall_passage not in ("wall", "face"):
-            raise ValueError(f"wall_passage is {_cut(self.wall_passage)!r}, expected wall or face.")
-        if self.wall_thickness_m is not None and not 0 < self.wall_thickness_m <= THICKEST_M:
-            raise ValueError(
-                f"wall_thickness_m is {self.wall_thickness_m}, expected more than 0 and at most {THICKEST_M:g} m, or "
-                "None."
-            )
-        if not 0 <= self.wall_gap_m <= THICKEST_M:
-            raise ValueError(
-                f"wall_gap_m is {self.wall_gap_m}, expected 0 (walls of one layer) to {THICKEST_M:g} m."
-            )
         if self.wall_gap_m and self.wall_thickness_m is None:
             raise ValueError(
                 f"wall_gap_m is {self.wall_gap_m}, but half-spaces have no gap. "
                 "Give wall_thickness_m, the thickness of each of the two layers, such as 0.013."
             )
-        if self.scattering is not None and not 0 <= self.scattering <= 1:
-            raise ValueError(f"scattering is {self.scattering}, expected 0 to 1, or None for none.")
-        lobe = self.scattering_lobe
-        if lobe is not None and not (_whole(lobe) and 0 <= lobe <= MOST_NARROW):
-            raise ValueError(
-                f"scattering_lobe is {_cut(lobe)}, expected a whole number from 0 to {MOST_NARROW}, or None."
-            )
-        if not 0.05 <= self.scattering_tile_m <= 10:
-            raise ValueError(f"scattering_tile_m is {self.scattering_tile_m}, expected 0.05 to 10 m.")
         if self.scattering is not None and self.scene == "space":
             raise ValueError(NO_SPACE)
-        if self.polarisation not in POLARISATIONS:
-            raise ValueError(
-                f"polarisation is {self.polarisation!r}, expected one of {', '.join(POLARISATIONS)}."
-            )
-        if not 1e-9 <= self.snap_m <= 1e-2:
-            raise ValueError(
-                f"snap_m is {self.snap_m}, expected 1e-9 to 1e-2 m, well below any wall's length."
-            )
 
     def walls_passed(self, frequency_hz: float) -> int:
         """Most walls that a path passes at a carrier frequency [Hz]."""
         if self.max_transmissions is not None:
             return self.max_transmissions
         return WALLS_PASSED if frequency_hz < OPAQUE_HZ else 0
-
-
-def _cut(value: object) -> str:
-    """A value as messages show it."""
-    text = str(value)
-    return text if len(text) <= 60 else f"{text[:60]}..."
 
 
 def _whole(value: object) -> bool:

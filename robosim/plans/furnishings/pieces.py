@@ -7,16 +7,16 @@ Left out: doors, drawers, cushions, and all that is rounded but the plant.
 
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, Protocol
+from typing import Annotated, Any, Protocol
 
 import numpy as np
 import trimesh
 
 from robosim.plans.furnishings.boxes import Box, solid_of_boxes
 from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.support.checks import check_choice, check_numbers
+from robosim.support.checks import Range, check_choice, checked
 
-_SIDE_M, _BOARD_M = (0.05, 20, "m"), (0.002, 1, "m")
+_SIDE_M, _BOARD_M = Range(0.05, 20, "m"), Range(0.002, 1, "m")
 
 
 class PieceOfFurniture(Protocol):
@@ -47,24 +47,22 @@ def _slab(width_m: float, depth_m: float, low_m: float, high_m: float) -> Box:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Table:
     """A top on four legs; things lower than its underside pass below."""
 
-    width_m: float = 1.4
+    width_m: Annotated[float, _SIDE_M] = 1.4
     """Along x [m]."""
-    depth_m: float = 0.8
+    depth_m: Annotated[float, _SIDE_M] = 0.8
     """Along y [m]."""
-    height_m: float = 0.74
+    height_m: Annotated[float, _SIDE_M] = 0.74
     """Of the top's upper side [m]."""
-    top_m: float = 0.03
+    top_m: Annotated[float, _BOARD_M] = 0.03
     """Thickness of the top [m]."""
-    leg_m: float = 0.06
+    leg_m: Annotated[float, _BOARD_M] = 0.06
     """Side of a leg [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M, top_m=_BOARD_M, leg_m=_BOARD_M
-        )
         _check_below(self, "top_m", "height_m")
 
     @property
@@ -79,32 +77,24 @@ class Table:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Chair:
     """A seat on four legs with a back."""
 
-    width_m: float = 0.44
+    width_m: Annotated[float, _SIDE_M] = 0.44
     """Along x [m]."""
-    depth_m: float = 0.44
+    depth_m: Annotated[float, _SIDE_M] = 0.44
     """Along y [m]."""
-    seat_m: float = 0.45
+    seat_m: Annotated[float, _SIDE_M] = 0.45
     """Height of the seat [m]."""
-    height_m: float = 0.85
+    height_m: Annotated[float, _SIDE_M] = 0.85
     """Of the back's upper edge [m]."""
-    board_m: float = 0.03
+    board_m: Annotated[float, _BOARD_M] = 0.03
     """Thickness of seat and back [m]."""
-    leg_m: float = 0.04
+    leg_m: Annotated[float, _BOARD_M] = 0.04
     """Side of a leg [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            width_m=_SIDE_M,
-            depth_m=_SIDE_M,
-            seat_m=_SIDE_M,
-            height_m=_SIDE_M,
-            board_m=_BOARD_M,
-            leg_m=_BOARD_M,
-        )
         _check_below(self, "board_m", "seat_m")
         _check_below(self, "seat_m", "height_m")
 
@@ -120,24 +110,22 @@ class Chair:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Shelf:
     """Boards between two sides, with a back."""
 
-    width_m: float = 0.8
+    width_m: Annotated[float, _SIDE_M] = 0.8
     """Along x [m]."""
-    depth_m: float = 0.3
+    depth_m: Annotated[float, _SIDE_M] = 0.3
     """Along y [m]."""
-    height_m: float = 1.8
+    height_m: Annotated[float, _SIDE_M] = 1.8
     """Of the uppermost board's upper side [m]."""
-    boards: int = 5
+    boards: Annotated[int, Range(2, 50)] = 5
     """How many, the lowest and the uppermost among them."""
-    board_m: float = 0.02
+    board_m: Annotated[float, _BOARD_M] = 0.02
     """Thickness of boards, sides and back [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M, boards=(2, 50), board_m=_BOARD_M
-        )
         for side in ("width_m", "depth_m"):
             _check_below(self, "board_m", side)
         if self.boards * self.board_m >= self.height_m:
@@ -161,32 +149,24 @@ class Shelf:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Sofa:
     """A seat with a back and two arms on low feet."""
 
-    width_m: float = 1.9
+    width_m: Annotated[float, _SIDE_M] = 1.9
     """Along x [m]."""
-    depth_m: float = 0.9
+    depth_m: Annotated[float, _SIDE_M] = 0.9
     """Along y [m]."""
-    seat_m: float = 0.43
+    seat_m: Annotated[float, _SIDE_M] = 0.43
     """Height of the seat [m]."""
-    height_m: float = 0.82
+    height_m: Annotated[float, _SIDE_M] = 0.82
     """Of the back [m]."""
-    foot_m: float = 0.12
+    foot_m: Annotated[float, _BOARD_M] = 0.12
     """Height of the feet, which leave the floor below free [m]."""
-    arm_m: float = 0.18
+    arm_m: Annotated[float, _BOARD_M] = 0.18
     """Width of an arm, and depth of the back [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            width_m=_SIDE_M,
-            depth_m=_SIDE_M,
-            seat_m=_SIDE_M,
-            height_m=_SIDE_M,
-            foot_m=_BOARD_M,
-            arm_m=_BOARD_M,
-        )
         _check_below(self, "foot_m", "seat_m")
         _check_below(self, "seat_m", "height_m")
         if 2 * self.arm_m >= self.width_m or self.arm_m >= self.depth_m:
@@ -208,29 +188,22 @@ class Sofa:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Bed:
     """A mattress in a frame on four legs, with a headboard."""
 
-    width_m: float = 1.4
+    width_m: Annotated[float, Range(0.2, 20, "m")] = 1.4
     """Along x [m]."""
-    depth_m: float = 2.05
+    depth_m: Annotated[float, Range(0.2, 20, "m")] = 2.05
     """Along y, from head to foot [m]."""
-    height_m: float = 0.5
+    height_m: Annotated[float, _SIDE_M] = 0.5
     """Of the mattress [m]."""
-    clearance_m: float = 0.22
+    clearance_m: Annotated[float, _BOARD_M] = 0.22
     """Of the frame above the floor [m]."""
-    head_m: float = 0.95
+    head_m: Annotated[float, _SIDE_M] = 0.95
     """Height of the headboard [m]."""
 
     def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            width_m=(0.2, 20, "m"),
-            depth_m=(0.2, 20, "m"),
-            height_m=_SIDE_M,
-            clearance_m=_BOARD_M,
-            head_m=_SIDE_M,
-        )
         _check_below(self, "clearance_m", "height_m")
         _check_below(self, "height_m", "head_m")
 
@@ -243,18 +216,16 @@ class Bed:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Cupboard:
     """A closed box on the floor: wardrobes, sideboards, kitchen counters, machines."""
 
-    width_m: float = 1.0
+    width_m: Annotated[float, _SIDE_M] = 1.0
     """Along x [m]."""
-    depth_m: float = 0.6
+    depth_m: Annotated[float, _SIDE_M] = 0.6
     """Along y [m]."""
-    height_m: float = 2.0
+    height_m: Annotated[float, _SIDE_M] = 2.0
     """Along z [m]."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, width_m=_SIDE_M, depth_m=_SIDE_M, height_m=_SIDE_M)
 
     def mesh(self) -> trimesh.Trimesh:
         """The closed surface [m]."""
@@ -262,23 +233,21 @@ class Cupboard:
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Plant:
     """A pot, a stem and a crown of uneven leaves: a coarse form of revolution, made smooth by Loop's subdivision.
 
     Reference: Loop, "Smooth subdivision surfaces based on triangles", master's thesis, University of Utah (1987).
     """
 
-    width_m: float = 0.6
+    width_m: Annotated[float, _SIDE_M] = 0.6
     """Across the crown, along x and y [m]."""
-    height_m: float = 1.2
+    height_m: Annotated[float, _SIDE_M] = 1.2
     """Along z [m]."""
-    sides: int = 6
+    sides: Annotated[int, Range(3, 64)] = 6
     """Of the coarse form."""
-    subdivisions: int = 1
+    subdivisions: Annotated[int, Range(0, 4)] = 1
     """How often each triangle becomes four."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, width_m=_SIDE_M, height_m=_SIDE_M, sides=(3, 64), subdivisions=(0, 4))
 
     def mesh(self) -> trimesh.Trimesh:
         """The closed surface [m]."""

@@ -95,7 +95,7 @@ def test_frames_are_those_of_the_files(shards):
 
 def test_a_loader_gives_frames_the_same_each_time(shards):
     """In order without shuffling; with one seed in one order; however few homes are kept in memory."""
-    few, all_of_them = FrameDataset(shards, kept_homes=1), FrameDataset(shards, keys=("depth", "action"))
+    few, all_of_them = FrameDataset(shards, cached_homes=1), FrameDataset(shards, keys=("depth", "action"))
     (batch,) = DataLoader(all_of_them, batch_size=10)
     assert set(batch) == {"depth", "action", "home"}
     assert batch["home"].tolist() == [0] * 5 + [1] * 5

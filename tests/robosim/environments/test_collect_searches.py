@@ -7,7 +7,7 @@ import pytest
 from rich.console import Console
 
 from robosim.environments.collect import CollectSearchesConfig, collect_searches
-from robosim.environments.guide import way_action
+from robosim.environments.route_guide import route_action
 from robosim.plans.formats.ros_map import write_ros
 from robosim.support.run_folder import FolderError
 from tests.plans import two_rooms
@@ -64,7 +64,7 @@ def test_the_way_is_followed_through_a_door(config):
     _, info = env.reset(seed=0, options={"start": [0.7, 0.6, np.pi], "target": [5.4, 2.4]})
     least, steps, arrived = info["distance_m"] / 0.25, 0, False
     while not arrived and steps < 200:
-        _, _, arrived, _, info = env.step(int(way_action(env.place, info["pose"], info["target"])))
+        _, _, arrived, _, info = env.step(int(route_action(env.place, info["pose"], info["target"])))
         steps += 1
     assert arrived
     assert steps < 2 * least + 18  # half a turn at first

@@ -10,8 +10,8 @@ from gymnasium.utils.env_checker import check_env
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 from robosim.environments.config import SearchConfig
-from robosim.environments.curriculum import Curriculum, longest_m
-from robosim.environments.sources import MadeHomes
+from robosim.environments.curriculum import Curriculum, longest_drive_m
+from robosim.environments.sources import GeneratedHomes
 from robosim.environments.target_search import TargetSearch
 from robosim.generator.generate import GeneratorConfig
 from robosim.plans.files import write_ros
@@ -230,10 +230,14 @@ def test_tasks_of_a_suite_are_taken_as_they_are(tmp_path):
 
 def test_homes_are_made_from_their_numbers():
     """Two environments of the same homes agree on which home is number 1; it is another than number 0."""
-    homes = MadeHomes(count=2, seed=7, config=GeneratorConfig(rooms=2, area_m2=25.0))
+    homes = GeneratedHomes(count=2, seed=7, config=GeneratorConfig(rooms=2, area_m2=25.0))
     names = [
         TargetSearch(source, observe=("pose",)).reset(seed=0, options={"plan": number})[1]["plan"]
-        for source, number in ((homes, 1), (MadeHomes(count=1, seed=8, config=homes.config), 0), (homes, 0))
+        for source, number in (
+            (homes, 1),
+            (GeneratedHomes(count=1, seed=8, config=homes.config), 0),
+            (homes, 0),
+        )
     ]
     assert names[0] == names[1] != names[2]
 
@@ -246,24 +250,24 @@ def test_difficulty_bounds_the_drive():
     assert min(near) > 2.9
     assert max(near) < 5.3
     assert max(far) > 5.3
-    assert longest_m(0.5, 3.0) == pytest.approx(3 + 2 + 30 / 4)
+    assert longest_drive_m(0.5, 3.0) == pytest.approx(3 + 2 + 30 / 4)
 
 
 def test_curriculum_follows_arrivals():
     """Ten arrivals raise difficulty by a step, ten failures lower it, and it stays within 0 and 1."""
     follows = Curriculum(0.5, moves=True)
     for _ in range(10):
-        follows.ended(True)
+        follows.record(True)
     assert follows.difficulty == pytest.approx(0.55)
     for _ in range(20):
-        follows.ended(False)
+        follows.record(False)
     assert follows.difficulty == pytest.approx(0.45)
     for _ in range(300):
-        follows.ended(True)
+        follows.record(True)
     assert follows.difficulty == 1.0
     stays = Curriculum(0.5, moves=False)
     for _ in range(30):
-        stays.ended(True)
+        stays.record(True)
     assert stays.difficulty == 0.5
 
 

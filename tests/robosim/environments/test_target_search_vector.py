@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from robosim.environments.places import place_of
+from robosim.environments.places import shared_place
 from robosim.environments.target_search_vector import TargetSearchVector
 from robosim.simulator import SimulatorConfig
 from tests.plans import two_rooms
@@ -74,18 +74,18 @@ def test_few_buildings_with_a_radio_are_kept(monkeypatch):
     """Their tables take much memory; those without one stay."""
     monkeypatch.setattr("robosim.environments.places._WITH_RADIO", 2)
     config = SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64")
-    plain = place_of(PLAN, config, uses_radio=False)
+    plain = shared_place(PLAN, config, uses_radio=False)
     plans = [replace(PLAN) for _ in range(3)]
-    first, *others = [place_of(plan, config, uses_radio=True) for plan in plans]
-    assert [place_of(plan, config, uses_radio=True) for plan in plans[1:]] == others
-    assert place_of(plans[0], config, uses_radio=True) is not first
-    assert place_of(PLAN, config, uses_radio=False) is plain
+    first, *others = [shared_place(plan, config, uses_radio=True) for plan in plans]
+    assert [shared_place(plan, config, uses_radio=True) for plan in plans[1:]] == others
+    assert shared_place(plans[0], config, uses_radio=True) is not first
+    assert shared_place(PLAN, config, uses_radio=False) is plain
 
 
 def test_robots_share_a_building_and_not_their_poses():
     config = SimulatorConfig(physics="dynamic", camera="none", lidar="ring-64")
-    place = place_of(PLAN, config, uses_radio=False)
-    assert place_of(PLAN, config, uses_radio=False) is place
+    place = shared_place(PLAN, config, uses_radio=False)
+    assert shared_place(PLAN, config, uses_radio=False) is place
     first, second = place.simulator(), place.simulator()
     first.world.reset(np.array([1.0, 1.0, 0.0]))
     second.world.reset(np.array([2.0, 2.0, 1.0]))

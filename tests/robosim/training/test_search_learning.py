@@ -1,12 +1,18 @@
 """Learning to search: advantages by hand, one loss for imitation and reinforcement, gradients that improve."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
 
 from robosim.policies.search_network import HIDDEN, SearchNetwork, initial_weights, likelihood, no_memory
 from robosim.policies.search_senses import INPUTS
-from robosim.training.search_learning import SearchLearning, Segment, advantages, as_tensors, forward, learn
+from robosim.training.search_learning import Segment, advantages, as_tensors, forward, learn
+from slam.learning.ppo import PpoConfig
+
+#: Four robots, two in a batch.
+LEARNING = PpoConfig(trace=0.95, passes=3, batch=2, rate=4e-4, entropy=0.003)
 
 
 def segment_of(steps=6, robots=4, **changes):
@@ -37,7 +43,7 @@ def test_advantages_by_hand():
     segment = segment_of(
         5, 1, reward=reward, arrived=arrived, counts=counts, late=late, value=np.ones((6, 1))
     )
-    found, worth = advantages(segment, SearchLearning(discount=0.5, trace=0.5, scale=1.0))
+    found, worth = advantages(segment, PpoConfig(discount=0.5, trace=0.5))
     last = 4 + 0.5 - 1  # time ran out: what was expected after it counts
     second = 2 - 1  # nothing is to be had after an arrival
     assert found[:, 0] == pytest.approx([1 + 0.5 - 1 + 0.25 * second, second, 0, 0.5 - 1 + 0.25 * last, last])
@@ -72,7 +78,7 @@ def improved(segment, times=15, config=None, **options):
         shares.append(likelihood(scores).mean(axis=0))
         if step < times:
             rng = np.random.default_rng(step)
-            learn(weights, optimiser, segment, config or SearchLearning(), rng=rng, **options)
+            learn(weights, optimiser, segment, config or LEARNING, rng=rng, **options)
     return shares[0], shares[-1]
 
 
@@ -87,7 +93,7 @@ def test_what_paid_is_done_more_often():
     """Two robots turned right and were paid, two went forward and were not; the guide's advice weighs nothing."""
     taken = np.zeros((6, 4), int)
     taken[:, :2] = 2
-    reward = np.where(taken == 2, 10.0, 0.0)
+    reward = np.where(taken == 2, 1.0, 0.0)
     before, after = improved(segment_of(taken=taken, reward=reward), advice=0.0, own=True)
     assert after[2] > before[2] + 0.05 and after[0] < before[0] - 0.05
 
@@ -97,7 +103,7 @@ def test_the_surrogate_is_clipped():
     taken = np.zeros((6, 4), int)
     taken[:, :2] = 2
     odds = np.log(np.where(taken == 2, 1 / 3 / 1.5, 1.5 / 3))
-    segment = segment_of(taken=taken, reward=np.where(taken == 2, 10.0, 0.0), log_odds=odds)
-    alone = SearchLearning(value=0.0, entropy=0.0, discount=0.0)  # each step by its own reward
+    segment = segment_of(taken=taken, reward=np.where(taken == 2, 1.0, 0.0), log_odds=odds)
+    alone = replace(LEARNING, value=0.0, entropy=0.0, discount=0.0)  # each step by its own reward
     before, after = improved(segment, times=3, config=alone, advice=0.0, own=True)
     assert after.tolist() == before.tolist()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wireless.estimation.public import N_SAMPLES, PublicReceiver
-from wireless.formats.mmwrobotnav import find_measurements, read_measurements
+from wireless.formats.mmwrobotnav_measurements import find_measurements, read_measurements
 from wireless.sounding.sounder import Rays
 
 

@@ -5,9 +5,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from wireless import PathEstimates, Rays, Tracer
-from wireless.formats.estimated_csv import estimated_csv
 from wireless.formats.link_records import COLUMNS, link_table, read_links, read_rays, write_links
-from wireless.formats.mmwrobotnav import read_measurements
+from wireless.formats.mmwrobotnav_csv import estimated_csv
+from wireless.formats.mmwrobotnav_measurements import read_measurements
 from wireless.paths import Interaction
 
 TX = np.array([[4.0, 3.1, 1.2], [1.0, 1.4, 1.5]])

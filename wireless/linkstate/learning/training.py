@@ -9,7 +9,7 @@ the same weights, bit for bit, as one that was never stopped.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -22,6 +22,7 @@ from wireless.linkstate.learning.networks import NETWORKS
 from wireless.linkstate.learning.restoring import restore_network, restore_optimiser
 from wireless.linkstate.learning.threads import one_thread
 from wireless.linkstate.tokens import COLUMNS, PEAK, SNR, found
+from wireless.support.ranges import Range, checked
 
 #: Gradients longer than this are shortened to it.
 _CLIP = 1.0
@@ -39,6 +40,7 @@ class Store(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class Recipe:
     """How a network is trained."""
 
@@ -46,51 +48,34 @@ class Recipe:
     """Kind of network."""
     inputs: tuple[str, ...] = ("aoa", "aod", "snr", "peak")
     """Columns of tokens that it uses."""
-    epochs: int = 7
+    epochs: Annotated[int, Range(1, 100_000)] = 7
     """Passes over the links."""
-    batch: int = 1024
+    batch: Annotated[int, Range(1, 1_000_000, "links")] = 1024
     """Links in a step."""
-    learning_rate: float = 3e-3
+    learning_rate: Annotated[float, Range(1e-8, 1)] = 3e-3
     """Largest step of AdamW, after the warm-up."""
-    weight_decay: float = 0.1
+    weight_decay: Annotated[float, Range(0, 10)] = 0.1
     """Pull of the weights to zero."""
-    label_smoothing: float = 0.05
+    label_smoothing: Annotated[float, Range(0, 0.999)] = 0.05
     """Share of each label spread over all states."""
-    jitter_deg: float = 1.0
+    jitter_deg: Annotated[float, Range(0, 180, "degrees")] = 1.0
     """Standard deviation of noise added to angles in training."""
-    shift_db: float = 0.0
+    shift_db: Annotated[float, Range(0, 200, "dB")] = 0.0
     """Standard deviation of noise added to all SNRs of a link in training."""
-    averaging: float = 0.995
+    averaging: Annotated[float, Range(0, 0.99999)] = 0.995
     """Share of the averaged weights that a step keeps; 0 for no averaging."""
-    width: int = 64
+    width: Annotated[int, Range(2, WIDEST, "units")] = 64
     """Units of the states of paths (ours)."""
-    dropout: float = 0.1
+    dropout: Annotated[float, Range(0, 0.999)] = 0.1
     """Share of units dropped in the head (ours)."""
-    seed: int = 0
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
     """Of the first weights, the order of the links, and dropout."""
 
     def __post_init__(self) -> None:
-        if self.model not in NETWORKS:
-            raise ValueError(f"model is {self.model!r}, expected one of {', '.join(NETWORKS)}.")
         if unknown := [name for name in self.inputs if name not in COLUMNS]:
             raise ValueError(f"inputs have {unknown[0]!r}, expected some of {', '.join(COLUMNS)}.")
         if not {"aoa", "snr"} <= set(self.inputs):
             raise ValueError(f"inputs are {', '.join(self.inputs)}, expected aoa and snr among them.")
-        for name, least, most in (
-            ("epochs", 1, 100_000),
-            ("batch", 1, 1_000_000),
-            ("learning_rate", 1e-8, 1),
-            ("weight_decay", 0, 10),
-            ("jitter_deg", 0, 180),
-            ("shift_db", 0, 200),
-            ("width", 2, WIDEST),
-            ("seed", 0, 2**63 - 1),
-        ):
-            if not least <= getattr(self, name) <= most:
-                raise ValueError(f"{name} is {getattr(self, name):g}, expected {least:g} to {most:g}.")
-        for name in ("label_smoothing", "averaging", "dropout"):
-            if not 0 <= getattr(self, name) < 1:
-                raise ValueError(f"{name} is {getattr(self, name)}, expected a share from 0 to below 1.")
 
     @property
     def options(self) -> dict[str, Any]:

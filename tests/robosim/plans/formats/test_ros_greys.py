@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from robosim.commands.terminal import PlanOptions, read
+from robosim.commands.shared_options import PlanOptions, read
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, MapError
 from tests.robosim.plans.formats.test_ros_map import write_map

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
-from wireless.formats.mmwrobotnav import (
+from wireless.formats.mmwrobotnav_measurements import (
     DataError,
     find_measurements,
     link_states,
@@ -74,9 +74,9 @@ def test_damage_is_named_with_file_and_place(data, old, new, message):
 
 def test_what_is_missing_is_named(data, tmp_path):
     """An empty folder, an empty file, a transmitter that is not there and a file that is not there."""
-    with pytest.raises(DataError, match="one folder a building"):
+    with pytest.raises(DataError, match="one folder per building"):
         find_measurements(data / "Attic")
-    with pytest.raises(DataError, match="transmitter 3 asked for, but 2"):
+    with pytest.raises(DataError, match="there is no transmitter 3, but 2"):
         read_measurements(data, "Attic", 3)
     with pytest.raises(DataError, match=r"Attic_Tx_1_beam_search\.csv: not readable as a table"):
         read_measurements(data, "Attic", 1)

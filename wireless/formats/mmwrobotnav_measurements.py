@@ -1,12 +1,12 @@
 """The public radio data of mmwRobotNav: transmitters, receivers, true link states and estimated paths.
 
-One folder a building, `NAME/NAME_tx_pos.csv` with a row per transmitter and `NAME/NAME_Tx_K_beam_search.csv`
+One folder per building has `NAME/NAME_tx_pos.csv` with a row per transmitter and `NAME/NAME_Tx_K_beam_search.csv`
 with a row per link, K from 1. Positions are metres in the frame of the plans (`robosim.plans.formats.mmwrobotnav`:
 x to the right, y up, so that y is negative). Angles in the files are degrees, counter-clockwise from +x; here
 they are radians. The link states come from a commercial ray tracer, the paths from a simulated receiver.
 
-What tells the link states was found from the data: walls are sheets that let a path through once, and the
-passage is one more interaction, but a direct path counts as line of sight even so (`link_states`).
+The rule of the link states was derived from the data: walls are sheets that a path can pass once, and the passage is an
+additional interaction, but a direct path counts as line of sight even so (`link_states`).
 
 Reference: Yin et al., "Millimeter wave wireless assisted robot navigation with link state classification",
 IEEE OJ-COMS 2022, and its repository mmwRobotNav.
@@ -47,9 +47,9 @@ class Measurements:
     number: int
     """Number of the transmitter, from 1."""
     tx_position: Float[np.ndarray, "3"]
-    """Where it is [m]."""
+    """Place of the transmitter [m]."""
     rx_position: Float[np.ndarray, "n 2"]
-    """Where receivers are [m]; they are as high as the transmitter."""
+    """Places of receivers [m]; they are as high as the transmitter."""
     rx_cell: Int[np.ndarray, "n 2"]
     """Row and column of receivers in their grid, from 1, row 1 at the top."""
     state: UInt8[np.ndarray, " n"]
@@ -77,7 +77,7 @@ def find_measurements(data: Path) -> list[tuple[str, int]]:
             found.append((match[1], int(match[2])))
     if not found:
         raise DataError(
-            f"{data}: no NAME/NAME_Tx_K_beam_search.csv below it. Give the folder that holds one folder a building."
+            f"{data}: no NAME/NAME_Tx_K_beam_search.csv below it. Give the folder that holds one folder per building."
         )
     return sorted(found)
 
@@ -96,7 +96,7 @@ def read_measurements(data: Path, building: str, number: int) -> Measurements:
     transmitters = read_tx_positions(data / building / f"{building}_tx_pos.csv")
     if not 1 <= number <= len(transmitters):
         raise DataError(
-            f"{data / building}: transmitter {number} asked for, but {len(transmitters)} are in "
+            f"{data / building}: there is no transmitter {number}, but {len(transmitters)} in "
             f"{building}_tx_pos.csv."
         )
     path = data / building / f"{building}_Tx_{number}_beam_search.csv"
@@ -139,10 +139,10 @@ def read_tx_positions(path: Path) -> Float[np.ndarray, "n 3"]:
 
 
 def link_states(paths: Paths) -> UInt8[np.ndarray, "n_tx n_rx"]:
-    """`LinkState` of each link as the published labels have it.
+    """`LinkState` of each link by the rule of the published labels.
 
-    A direct path is line of sight, also if it passes a wall. First order takes a path with a single reflection or
-    diffraction that passes no wall. Whatever else arrives is of higher order.
+    A direct path is line of sight, also if it passes a wall. First order needs a path with a single reflection or
+    diffraction that passes no wall. Links with other paths only are of higher order.
 
     Args:
         paths: Paths, of which some may pass walls.

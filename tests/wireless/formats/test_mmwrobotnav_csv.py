@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wireless import LinkState, Tracer
-from wireless.formats.traced_csv import traced_csv
+from wireless.formats.mmwrobotnav_csv import traced_csv
 
 TX = np.array([[4.0, 3.1, 1.2], [1.0, 1.4, 1.5]])
 RX = np.array([[5.0, 0.9, 1.5], [2.6, 1.3, 1.5], [1.5, 3.2, 2.0]])  # the second is sealed off

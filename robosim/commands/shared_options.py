@@ -1,4 +1,4 @@
-"""What commands share: how points are typed, where plans and results lie, who does the work."""
+"""Options that commands share: points, reading of plans, output folders, worker processes."""
 
 import os
 import signal
@@ -8,26 +8,28 @@ from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from pathlib import Path
 from shlex import quote
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
+from tyro.conf import OmitArgPrefixes
 
-from robosim.commands.speaking import console
+from robosim.commands.option_help import ADVANCED
+from robosim.commands.output import console
 from robosim.parts import ReaderPart
 from robosim.plans.floorplan import FloorPlan, MapError, MapReading
 from robosim.plans.storey_plans import OneStorey, StoreysPlan
-from robosim.support.checks import FARTHEST, check_number, check_numbers, shown
+from robosim.support.checks import FARTHEST, Range, checked, shown
 from robosim.support.interrupt import SIGNALLED
 from robosim.support.run_folder import check_folder, run_folder
 
-#: More processes than this are a slip of the finger.
-MOST_WORKERS = 1024
+#: Threads and processes of a command.
+THREADS, PROCESSES = Range(1, 1024, "threads"), Range(1, 1024, "processes")
 
 
 def _numbers(
     least: int, most: int, metavar: str
 ) -> tyro.constructors.PrimitiveConstructorSpec[tuple[float, ...]]:
-    """How tyro reads comma-separated numbers such as 3.2,-4.5."""
+    """Parse comma-separated numbers such as 3.2,-4.5."""
 
     def parse(words: list[str]) -> tuple[float, ...]:
         try:
@@ -58,11 +60,11 @@ def _named_place(word: str) -> tuple[str, float, float]:
     return name, x, y
 
 
-# None stands inside: of a union tyro would tell all that each part of it was tried with.
+# None is part of the annotated type: of a union, tyro prints the error of every member.
 XY = Annotated[tuple[float, ...] | None, _numbers(2, 2, "X,Y")]
 Place = Annotated[tuple[float, ...] | None, _numbers(2, 3, "X,Y[,Z]")]
 Pose = Annotated[tuple[float, ...] | None, _numbers(3, 3, "X,Y,YAW")]
-#: Something with a name at a place.
+#: A name and a place.
 NamedPlace = Annotated[
     tuple[str, float, float],
     tyro.constructors.PrimitiveConstructorSpec(
@@ -78,43 +80,36 @@ OnePlace = Annotated[tuple[float, ...], _numbers(2, 3, "X,Y[,Z]")]
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class PlanOptions:
-    """How to read floor plans that do not say everything themselves."""
+    """How to read floor plans that lack information."""
 
-    resolution: float | None = None
-    """Metres per pixel, for plans that do not say (images, arrays)."""
-    floor_height: float | None = None
+    resolution: Annotated[float | None, Range(0.001, 10, "m")] = None
+    """Side of a cell [m], for images and arrays."""
+    floor_height: Annotated[float | None, Range(-1e5, 1e5, "m")] = None
     """Height of the storey's floor [m], for meshes of several storeys."""
     up: Literal["auto", "y", "z"] = "auto"
-    """Axis of a mesh that points up; auto goes by its format and floors."""
-    unit: float | None = None
+    """Axis of a mesh that points up; auto chooses by its format and floors."""
+    unit: Annotated[float | None, Range(1e-9, 1e6, "m")] = None
     """Unit of length of a mesh [m]: 0.001 for millimetres, 0.0254 for inches; metres if not given."""
-    ground: float | None = None
+    ground: Annotated[float | None, Range(-1e5, 1e5, "m")] = None
     """Height of level ground to add below a mesh that has no floor [m]."""
-    thinnest_wall: float | None = None
+    thinnest_wall: Annotated[float | None, Range(1e-3, 10, "m")] = None
     """Dark strokes of an image thinner than this are dropped as text, door arcs and furniture [m]; all are walls if
     not given."""
     allow_large: bool = False
     """Whether an image or array may be of a building longer than 500 m."""
     map_reading: MapReading = "common"
-    """Unknown cells of a ROS map: by a common grey of unknown, or by the letter of its thresholds alone."""
+    """Unknown cells of a ROS map: by the usual grey of unknown cells, or by its thresholds alone."""
     reader: ReaderPart = "auto"
-    """Who reads the file: auto goes by its ending; module:Name is one of your own."""
+    """Reader of the file: auto chooses by the ending; module:Name is your own."""
     furnishings: Path | None = None
-    """YAML file of what is placed in the building, beside what the plan says: tables, shelves, any mesh."""
-
-    def __post_init__(self) -> None:
-        check_numbers(
-            self,
-            resolution=(0.001, 10, "m, the side of a cell"),
-            floor_height=(-1e5, 1e5, "m"),
-            unit=(1e-9, 1e6, "m"),
-            ground=(-1e5, 1e5, "m"),
-            thinnest_wall=(1e-3, 10, "m"),
-        )
+    """YAML file of additional furnishings: tables, shelves, any mesh."""
 
 
-#: For plans that say everything themselves.
+#: How a command reads plans, behind --help-all.
+Reading = Annotated[OmitArgPrefixes[PlanOptions], ADVANCED]
+#: For plans that need no options.
 NO_OPTIONS = PlanOptions()
 
 
@@ -152,17 +147,17 @@ def read_place(plan: str, options: PlanOptions = NO_OPTIONS) -> FloorPlan | Stor
     for one in fields(options):
         if getattr(options, one.name) != one.default:
             raise MapError(
-                f"{plan}: --{one.name.replace('_', '-')} is of single floor plans. Say it in the storeys' own files, "
-                "such as 'furnishings: room.yaml' in their ROS maps."
+                f"{plan}: --{one.name.replace('_', '-')} is for single floor plans. Set it in the files "
+                "of the storeys, such as 'furnishings: room.yaml' in their ROS maps."
             )
     return read_storeys(file)
 
 
 def read_storey(plan: str, storey: int | None, options: PlanOptions = NO_OPTIONS) -> FloorPlan | OneStorey:
-    """The floor plan of a name or file, or one storey of a building of several; the lowest if none is asked for.
+    """The floor plan of a name or file, or one storey of a building of several; the lowest by default.
 
     Raises:
-        MapError: If there is no such storey, or one is asked for of a single plan.
+        MapError: If there is no such storey, or the plan is a single one and a storey is given.
     """
     place = read_place(plan, options)
     if isinstance(place, StoreysPlan):
@@ -173,16 +168,14 @@ def read_storey(plan: str, storey: int | None, options: PlanOptions = NO_OPTIONS
 
 
 @dataclass(frozen=True, kw_only=True)
+@checked
 class WorkOptions:
-    """Who does the work."""
+    """Worker processes."""
 
-    workers: int | None = None
-    """Processes at once; one on each available core if not given. No result depends on it."""
+    workers: Annotated[int | None, PROCESSES] = None
+    """Processes at once; by default one for each available core. Results do not depend on it."""
     cluster: str | None = None
-    """Address of a dask scheduler whose workers do it instead; needs the extra `cluster`."""
-
-    def __post_init__(self) -> None:
-        check_numbers(self, workers=(1, MOST_WORKERS, "processes"))
+    """Address of a dask scheduler whose workers are used instead; needs the extra `cluster`."""
 
     @property
     def count(self) -> int:
@@ -190,52 +183,54 @@ class WorkOptions:
         return self.workers or len(os.sched_getaffinity(0))
 
 
-def check_threads(threads: int | None, name: str = "workers") -> None:
-    """See that a number of threads is one, if it is given.
-
-    Raises:
-        ValueError: If it is not.
-    """
-    if threads is not None:
-        check_number(name, threads, 1, MOST_WORKERS, "threads", whole=True)
-
-
+#: Which processes a command works in.
+Work = OmitArgPrefixes[WorkOptions]
 #: One process on each core.
 ALL_CORES = WorkOptions()
 
 
-def folder_for(out: Path | None, command: str) -> Path:
-    """The folder asked for, or a new one under runs/ named by the time and the command. It is not made yet.
+def output_folder(out: Path | None, command: str) -> Path:
+    """The output folder of a command, checked before the work begins and not made yet.
 
     Args:
-        out: What was asked for.
-        command: What will write there, such as "bench render".
+        out: The folder that was given; None for a new one under runs/, named by time and command.
+        command: The command, such as "train mapper".
 
     Raises:
-        FolderError: If it cannot be written to, or holds the results of another command: said before the work
-            rather than after it.
+        FolderError: If the folder cannot be written to, or holds the results of another command.
     """
     folder = out or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{command.replace(' ', '-')}"
     check_folder(folder, command)
     return folder
 
 
+def command_line(command: str, **options: Any) -> str:
+    """A command as it is typed, with its options: a switch for true or false."""
+    words = [f"robosim {command}"]
+    for name, value in options.items():
+        option = name.replace("_", "-")
+        words.append(
+            f"--{'' if value else 'no-'}{option}" if isinstance(value, bool) else f"--{option} {value}"
+        )
+    return " ".join(words)
+
+
 @contextmanager
-def results_in(out: Path | None, command: str) -> Iterator[Path]:
-    """The same folder, made and claimed as long as the block lasts."""
-    with run_folder(folder_for(out, command), command) as folder:
+def results_folder(out: Path | None, command: str) -> Iterator[Path]:
+    """The same folder, made, and locked as long as the block lasts."""
+    with run_folder(output_folder(out, command), command) as folder:
         yield folder
 
 
 @contextmanager
-def going_on(folder: Path) -> Iterator[None]:
-    """Say how to go on if the work in the block is interrupted."""
+def resume_hint(folder: Path) -> Iterator[None]:
+    """Print how to resume if the work in the block is interrupted."""
     try:
         yield
     except (KeyboardInterrupt, SystemExit) as error:
         if isinstance(error, KeyboardInterrupt) or error.code == SIGNALLED + signal.SIGTERM:
             console.print(
-                f"Interrupted; what was finished is kept. Go on with the same command and --out {quote(str(folder))}",
+                f"Interrupted; finished parts are saved. Resume with the same command and --out {quote(str(folder))}",
                 soft_wrap=True,
             )
         raise

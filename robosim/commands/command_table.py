@@ -1,4 +1,4 @@
-"""Which commands there are: a table that imports none of them, so that each starts with what it needs itself."""
+"""Table of all commands. It imports none of them, so that each starts with what it needs itself."""
 
 import importlib
 import inspect
@@ -10,7 +10,10 @@ from typing import Any, Literal
 
 from tyro.conf import FlagCreatePairsOff, OmitArgPrefixes
 
-#: Commands by their words, and where they are. None is imported before it is asked for.
+from robosim.commands.option_help import brief_description, option_type
+from robosim.support.checks import check_arguments
+
+#: Commands by their words, each as `module:function` of this package.
 COMMANDS = {
     "episode": "episode:episode",
     "replay": "replay:replay",
@@ -22,7 +25,7 @@ COMMANDS = {
     "dataset": "dataset:dataset",
     "generate": "scenes:generate",
     "collect": "collect:collect",
-    "collect-searches": "collect:collect_searches",
+    "collect-searches": "collect_searches:collect_searches",
     "calibrate": "calibrate:calibrate",
     "calibrate-materials": "calibrate_materials:calibrate_materials",
     "slam": "slam:slam",
@@ -36,10 +39,8 @@ COMMANDS = {
 }
 #: Commands of two words by their first.
 GROUPS = {
-    "train": "Train what is learnt",
+    "train": "Train networks",
 }
-#: Words that ask for the help of a command, and for all options in it.
-HELP, HELP_ALL = {"-h", "--help"}, "--help-all"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,26 +57,32 @@ class Common:
     """Format of figures; pdf and svg are written next to the PNG files."""
 
 
-_USUAL = Common()
+_DEFAULTS = Common()
 
 
-def named(words: list[str]) -> str:
+def command_name(words: list[str]) -> str:
     """The command that words begin with; empty if they begin with none."""
-    two = " ".join(words[:2])
-    return two if two in COMMANDS else words[0] if words and words[0] in COMMANDS else ""
+    names = (" ".join(words[:2]), words[0] if words else "")
+    return next((name for name in names if name in COMMANDS), "")
 
 
-def loaded(name: str) -> Callable[..., None]:
+def load_command(name: str) -> Callable[..., None]:
     """The function of a command."""
     module, function = COMMANDS[name].split(":")
     found: Callable[..., None] = getattr(importlib.import_module(f"robosim.commands.{module}"), function)
     return found
 
 
-def with_common(command: Callable[..., None]) -> Callable[..., None]:
-    """A command with the options of every command."""
+def with_common(command: Callable[..., None], *, brief: bool = False) -> Callable[..., None]:
+    """A command with the options of every command, whose arguments are checked.
 
-    def call(*args: Any, common: Common = _USUAL, **options: Any) -> None:
+    Args:
+        command: The function of a command.
+        brief: Whether its help leaves out advanced options.
+    """
+
+    def call(*args: Any, common: Common = _DEFAULTS, **options: Any) -> None:
+        check_arguments(command, options)
         if common.figures == "png":
             return command(*args, **options)
         import matplotlib
@@ -83,11 +90,19 @@ def with_common(command: Callable[..., None]) -> Callable[..., None]:
         with matplotlib.rc_context({"savefig.format": common.figures}):
             return command(*args, **options)
 
-    return declared(call, command, {"common": {"default": _USUAL, "annotation": OmitArgPrefixes[Common]}})
+    parameters = inspect.signature(command).parameters
+    changes = {
+        name: {"annotation": option_type(one.annotation, brief=brief)} for name, one in parameters.items()
+    }
+    common = {"common": {"default": _DEFAULTS, "annotation": OmitArgPrefixes[Common]}}
+    made = with_signature(call, command, changes | common)
+    if brief:
+        made.__doc__ = brief_description(command)
+    return made
 
 
-def said(name: str) -> str:
-    """What a list says of a command: the first sentence of its function, which is read and not imported."""
+def command_summary(name: str) -> str:
+    """The first sentence of a command's function, which is read from its file and not imported."""
     module, function = COMMANDS[name].split(":")
     source = (Path(__file__).parent / f"{module}.py").read_text("utf-8")
     # Parsing a file takes ten times as long.
@@ -97,25 +112,31 @@ def said(name: str) -> str:
     return " ".join(found[1].split())
 
 
-def listed(group: str = "") -> dict[str, Callable[..., None]]:
-    """What a list of commands shows: those of a group, or those of one word and the groups."""
+def command_list(group: str = "") -> dict[str, Callable[..., None]]:
+    """Stand-ins for the commands of a group, or for those of one word and the groups, with their summaries."""
     if group:
-        return {name.split()[1]: _saying(said(name)) for name in COMMANDS if name.startswith(f"{group} ")}
-    of_one_word = {name: _saying(said(name)) for name in COMMANDS if " " not in name}
-    return of_one_word | {
-        name: _saying(f"{text}: {', '.join(listed(name))}.") for name, text in GROUPS.items()
-    }
+        texts = {name.split()[1]: command_summary(name) for name in COMMANDS if name.startswith(f"{group} ")}
+    else:
+        texts = {name: command_summary(name) for name in COMMANDS if " " not in name}
+        texts |= {name: f"{text}: {', '.join(command_list(name))}." for name, text in GROUPS.items()}
+    return {name: _stand_in(text) for name, text in texts.items()}
 
 
-def declared(
+def with_signature(
     call: Callable[..., None], command: Callable[..., None], changes: Mapping[str, Mapping[str, Any]]
 ) -> Callable[..., None]:
-    """A function that calls in a command's place, with its help; `changes` are defaults and annotations of its own."""
+    """Give a function the name, help and arguments of a command.
+
+    Args:
+        call: The function.
+        command: The command that it calls.
+        changes: Defaults and annotations of arguments that differ.
+    """
     parameters = dict(inspect.signature(command).parameters)
     for name, change in changes.items():
         one = parameters.get(name, inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY))
         parameters[name] = one.replace(**change)
-    # tyro takes hints from what a function wraps, if it is checked as in tests.
+    # tyro reads annotations of what a function wraps, which it does if types are checked, as in tests.
     vars(call).pop("__wrapped__", None)
     call.__name__, call.__doc__ = command.__name__, command.__doc__
     call.__signature__ = inspect.Signature(list(parameters.values()))  # type: ignore[attr-defined]
@@ -123,9 +144,7 @@ def declared(
     return call
 
 
-def _saying(text: str) -> Callable[..., None]:
-    """Something for a list to show a text of."""
-
+def _stand_in(text: str) -> Callable[..., None]:
     def command() -> None: ...
 
     command.__doc__ = text
