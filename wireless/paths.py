@@ -36,7 +36,7 @@ from wireless.support.reading import reading
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: What the metadata of a table of paths say.
+#: Keys of the metadata of a table of paths.
 _SCENE = ("frequency_hz", "tx_position_m", "rx_position_m")
 #: What the columns of a table of paths are, by how their names begin: the unit, and the meaning.
 _MEANING = {
@@ -48,7 +48,7 @@ _MEANING = {
         "",
         "complex gain between isotropic antennas, polarisation at the receiver and at the transmitter",
     ),
-    "power": ("", "power gain in the polarisation asked for, a ratio"),
+    "power": ("", "power gain in the tracer's polarisation, a ratio"),
     "delay_s": ("s", "time of flight"),
     "aoa_": ("rad", "direction that the path arrives from"),
     "aod_": ("rad", "direction in which it departs"),
@@ -110,7 +110,7 @@ class Paths:
     gain: Complex[np.ndarray, "n 2 2"]
     """Complex gain, [theta, phi at the receiver, theta, phi at the transmitter]."""
     power: Float[np.ndarray, " n"]
-    """Power gain in the polarisation that the tracer was asked for, by which paths are sorted."""
+    """Power gain in the tracer's polarisation, by which paths are sorted."""
     delay_s: Float[np.ndarray, " n"]
     """Time of flight."""
     aoa_az: Float[np.ndarray, " n"]
@@ -168,7 +168,7 @@ class Paths:
         return number
 
     def select(self, which: Bool[np.ndarray, " n"] | Int[np.ndarray, " m"]) -> "Paths":
-        """Some of the paths, of the same links: a mask, or numbers in the order wanted."""
+        """Some of the paths, of the same links: a mask, or numbers in any order."""
         return replace(self, **{f.name: getattr(self, f.name)[which] for f in fields(self)[3:]})
 
     def strongest(self, most: int = 1) -> "Paths":
@@ -189,8 +189,8 @@ class Paths:
         """`LinkState` of each link.
 
         Line of sight: the strongest path is the direct one; as in the published data also if it passes walls, when it
-        tells the direction of the transmitter and not the way there. First order: a path with a single reflection,
-        diffraction or scattering that passes no wall. Higher order: whatever else arrives.
+        shows the direction of the transmitter but not a route there. First order: a path with a single reflection,
+        diffraction or scattering that passes no wall. Higher order: anything else that arrives.
 
         Args:
             threshold_db: Paths of less power gain do not count.
@@ -204,15 +204,15 @@ class Paths:
         Args:
             threshold_db: Paths of less power gain do not count.
         """
-        heard = self.select(self.power_db >= threshold_db)
+        above = self.select(self.power_db >= threshold_db)
         shape = len(self.tx_position), len(self.rx_position)
-        direct = heard.order == (heard.interaction == Interaction.TRANSMISSION).sum(axis=1)
+        direct = above.order == (above.interaction == Interaction.TRANSMISSION).sum(axis=1)
         state = np.zeros(shape[0] * shape[1], np.uint8)
-        state[heard.link] = LinkState.HIGHER_ORDER
-        state[heard.link[(heard.order == 1) & ~direct]] = LinkState.FIRST_ORDER
-        strongest = direct & (heard.rank == 0)
-        state[heard.link[strongest]] = np.where(
-            heard.order[strongest] > 0, LinkCategory.OBSTRUCTED_LOS, LinkCategory.LOS
+        state[above.link] = LinkState.HIGHER_ORDER
+        state[above.link[(above.order == 1) & ~direct]] = LinkState.FIRST_ORDER
+        strongest = direct & (above.rank == 0)
+        state[above.link[strongest]] = np.where(
+            above.order[strongest] > 0, LinkCategory.OBSTRUCTED_LOS, LinkCategory.LOS
         )
         return state.reshape(shape)
 
@@ -229,10 +229,10 @@ class Paths:
         axes = axes_in_metres(axes)
         weakest_first = np.argsort(self.power, kind="stable")
         ends = self.tx_position[self.tx], self.rx_position[self.rx]
-        ways = [
+        lines = [
             np.vstack([ends[0][i], self.point[i, : self.order[i]], ends[1][i]])[:, :2] for i in weakest_first
         ]
-        rays = LineCollection(ways, cmap=ray_colours(), linewidths=1.0)
+        rays = LineCollection(lines, cmap=ray_colours(), linewidths=1.0)
         rays.set_array(self.power_db[weakest_first])
         axes.add_collection(rays)
         for at, marker, name in ((ends[0], "*", "transmitter"), (ends[1], "P", "receiver")):
@@ -243,7 +243,7 @@ class Paths:
         return axes
 
     def _summary(self) -> str:
-        """How many paths of what."""
+        """Numbers of paths and links, and the frequency."""
         ends = (
             f"{counted(len(self.tx_position), 'transmitter')} to {counted(len(self.rx_position), 'receiver')}"
         )
@@ -301,7 +301,7 @@ class Paths:
             "rx_position_m": _as_text(self.rx_position),
         }
         table = pa.table(columns)
-        fields = [field.with_metadata(_told(field.name)) for field in table.schema]
+        fields = [field.with_metadata(_column_metadata(field.name)) for field in table.schema]
         return table.cast(pa.schema(fields, metadata=scene))
 
     def write_parquet(self, path: str | PathLike[str] | BytesIO) -> None:
@@ -310,7 +310,7 @@ class Paths:
 
     @classmethod
     def read_parquet(cls, path: str | PathLike[str], tx: int | None = None) -> "Paths":
-        """What `write_parquet` wrote, or the paths of one of the transmitters, without reading the others.
+        """Read what `write_parquet` wrote, or the paths of one of the transmitters without reading the others.
 
         Raises:
             DataError: If the file is not one of radio paths, or damaged.
@@ -320,7 +320,7 @@ class Paths:
 
     @classmethod
     def from_table(cls, table: pa.Table) -> "Paths":
-        """What `to_table` made, or some of its rows.
+        """Paths from what `to_table` made, or some of its rows.
 
         Args:
             table: Rows with all columns, and the metadata.
@@ -356,19 +356,19 @@ class Paths:
             **plain,
         )
         if not 0 < paths.frequency_hz < np.inf or (np.diff(paths.link) < 0).any():
-            raise ValueError("paths are out of order, or their frequency is none")
+            raise ValueError("paths are out of order, or their frequency is not positive and finite")
         check_within(paths.interaction, "interaction", 0, max(Interaction))
         return paths
 
 
-def _told(column: str) -> dict[str, str]:
+def _column_metadata(column: str) -> dict[str, str]:
     """Unit and meaning of a column."""
-    unit, meaning = next(told for name, told in _MEANING.items() if column.startswith(name))
+    unit, meaning = next(entry for name, entry in _MEANING.items() if column.startswith(name))
     return {"unit": unit, "meaning": meaning}
 
 
 def _as_text(positions: Float[np.ndarray, "n 3"]) -> str:
-    """Positions for metadata, which some readers take for text only: 64-bit floats, lowest byte first, as base64."""
+    """Positions for metadata, which some readers treat as text: 64-bit floats, lowest byte first, as base64."""
     return b64encode(positions.astype("<f8").tobytes()).decode()
 
 

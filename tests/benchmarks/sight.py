@@ -24,8 +24,10 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int8
 
 from robosim.building.building import Building
+from wireless.geometry.layers import one_storey
 from wireless.geometry.occlusion import hidden_each, make_tree
 from wireless.geometry.plan import Locator, make_plan
+from wireless.geometry.view_steps import Limits
 from wireless.tracing.plan_engine import views_of
 
 #: What comes closer to hiding or not hiding than this is not judged [m].
@@ -182,6 +184,8 @@ def rate_of_views(building: Building, *, receivers: int, seed: int) -> float:
     spots = np.random.default_rng(seed).uniform(low, high, (8 * receivers, 2))
     spots = spots[shapely.contains_xy(building.free, spots)][:receivers] - plan.origin
     around = Locator(plan, 2 * _SNAP_M)(spots)
-    views_of(plan, spots, *around, 0, 0)
-    seconds = min(_timed(lambda: views_of(plan, spots, *around, 0, 0))[0] for _ in range(3))
+    points, layers = np.column_stack([spots, np.ones(len(spots))]), one_storey(plan, 0.0, building.height_m)
+    limits = Limits(target_order=-1, edge_order=0, max_through=0, most_visits=0, span_m=np.zeros((2, 2)))
+    views_of(layers, points, *around, limits)
+    seconds = min(_timed(lambda: views_of(layers, points, *around, limits))[0] for _ in range(3))
     return len(spots) * len(plan.corner_vertex) / seconds

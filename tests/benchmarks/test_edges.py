@@ -8,7 +8,7 @@ from robosim.published.label_links import GAP_M, PLASTERBOARD_M
 from tests.benchmarks import edges
 from tests.benchmarks.edge_cases import STEP_DB, Cases, find_cases, offset_db
 from tests.benchmarks.edge_laws import Wedges, laws, published_faces
-from wireless.em.fields import diffract
+from wireless.em.fields import Wedge, diffract
 from wireless.em.materials import wall_row
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav_measurements import read_measurements
@@ -46,7 +46,9 @@ def test_hypotheses_that_the_tracer_has_are_its_own(name):
         field = np.zeros((2, 3), complex)
         field[:, 2] = 1
         ends = some.before_m[i], some.after_m[i]
-        diffract(field, way, out, frame, some.n[i], wall, K, *ends, np.zeros((4, 3)), name == "bisector")
+        diffract(
+            field, way, out, Wedge(frame, some.n[i], wall, name == "bisector"), K, ends, np.zeros((4, 3))
+        )
         assert abs(field[0, 2]) ** 2 == pytest.approx(power[i], rel=1e-7)
 
 

@@ -1,4 +1,4 @@
-"""Trees of boxes: things sorted so that who looks for those in some place need not ask all.
+"""Trees of boxes: things sorted so that those in some place are found without looking at all of them.
 
 Cuts are where a ray is least likely to meet both sides: the chance that it meets a box is as its surface (J. D.
 MacDonald and K. S. Booth, Heuristics for ray tracing using space subdivision, Visual Computer 6 (1990) 153). They are
@@ -11,12 +11,13 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.geometry.array_types import Points
 from wireless.support.compiled import compiled
 
 LEAF = 4
 
 
-#: Trees of boxes are halved from this depth on; those who walk them have room for 64 boxes.
+#: Trees of boxes are halved from this depth on; stacks have room for 64 boxes.
 _DEEP = 32
 
 
@@ -33,7 +34,7 @@ class Boxes(NamedTuple):
     """What number each thing had before it was sorted into boxes."""
 
 
-def make_boxes(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
+def make_boxes(low: Points, high: Points) -> Boxes:
     """Sort things, by their bounds, into boxes, each of two boxes or a few things."""
     if not len(low):
         return Boxes(np.zeros((1, 3)), np.zeros((1, 3)), np.array([[-1, 0]]), np.empty(0, np.int64))
@@ -41,12 +42,7 @@ def make_boxes(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) ->
 
 
 @compiled
-def _best_cut(
-    low: Float[np.ndarray, "n 3"],
-    high: Float[np.ndarray, "n 3"],
-    members: Int[np.ndarray, " m"],
-    side: Int[np.ndarray, " m"],
-) -> int:
+def _best_cut(low: Points, high: Points, members: Int[np.ndarray, " m"], side: Int[np.ndarray, " m"]) -> int:
     """Where to cut some things in two: how many come first, 0 if there is no cut; `side` is 0 for these, else 1."""
     bins, best, axis, at = 16, np.inf, -1, 0
     count, box = np.empty(bins, np.int64), np.empty((bins, 6))
@@ -93,7 +89,7 @@ def _best_cut(
 
 
 @compiled
-def _cut(low: Float[np.ndarray, "n 3"], high: Float[np.ndarray, "n 3"]) -> Boxes:
+def _cut(low: Points, high: Points) -> Boxes:
     """Boxes of one or more things."""
     n = len(low)
     number, side = np.arange(n), np.empty(n, np.int64)

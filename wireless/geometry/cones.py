@@ -5,18 +5,21 @@ the cone behind that window: sides through the image and each side of the window
 cone; the part of one that a wall hides is cut off, piece by piece, until a piece is found that is seen or
 none is left.
 
-All of this only spares work: whoever is not certainly out of view counts as in view, and paths are checked
+This only saves work: what is not certainly out of view counts as in view, and paths are checked
 leg by leg later. So cones are wider by `SLACK_M`, sides that rounding could turn are left out, and a
 polygon that needs too many cuts is seen.
 
 Reference: P. S. Heckbert and P. Hanrahan, Beam tracing polygonal objects, SIGGRAPH 1984.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.geometry.array_types import Planes, Point, Polygon
 from wireless.geometry.boxes import Boxes
-from wireless.geometry.occlusion import Tree, blocker
+from wireless.geometry.occlusion import Tree, find_blocker
 from wireless.support.compiled import compiled
 
 #: Most corners of a polygon; one that would get more stays as it was.
@@ -29,15 +32,20 @@ _FIRM_M = 1e-4
 PIECES, _RAYS = 16, 12
 
 
+class Walls(NamedTuple):
+    """Convex pieces of facets, each of which hides as one."""
+
+    of_triangle: Int[np.ndarray, " t"]
+    """Wall of each triangle, in the order of the tree that they are sorted into."""
+    corner: Float[np.ndarray, "w k 3"]
+    """Corners of each [m]; zeros beyond the last."""
+    corners: Int[np.ndarray, " w"]
+    """Number of corners of each."""
+
+
 @compiled
-def clip(
-    polygon: Float[np.ndarray, "k 3"],
-    n: int,
-    normal: Float[np.ndarray, "3"],
-    level: float,
-    out: Float[np.ndarray, "k 3"],
-) -> int:
-    """The part of a convex polygon (or of a way between two points) where normal . x >= level.
+def clip(polygon: Polygon, n: int, normal: Point, level: float, out: Polygon) -> int:
+    """The part of a convex polygon (or of a segment) where normal . x >= level.
 
     Returns:
         Its number of corners, in `out`; 0 if there is none; -1 if it has more than `out` has room for.
@@ -67,13 +75,11 @@ def clip(
 
 
 @compiled
-def sides(
-    apex: Float[np.ndarray, "3"], window: Float[np.ndarray, "k 3"], n: int, plane: Float[np.ndarray, "p 4"]
-) -> int:
+def side_planes(apex: Point, window: Polygon, n: int, plane: Planes) -> int:
     """Unit normals into the cone and levels, of the planes through an apex and each side of a window.
 
     Returns:
-        Number of planes; side that rounding could turn are left out.
+        Number of planes; sides that rounding could turn are left out.
     """
     centre, normal, m = np.zeros(3), np.empty(3), 0
     for k in range(n):
@@ -104,7 +110,7 @@ def sides(
 
 
 @compiled
-def meeting(boxes: Boxes, plane: Float[np.ndarray, "p 4"], n: int, found: Int[np.ndarray, " m"]) -> int:
+def things_within(boxes: Boxes, plane: Planes, n: int, found: Int[np.ndarray, " m"]) -> int:
     """Things whose boxes reach the inner side of each plane, up to `SLACK_M`; their number."""
     stack, count = np.empty(64, np.int64), 0
     stack[0], depth = 0, 1
@@ -133,10 +139,10 @@ def meeting(boxes: Boxes, plane: Float[np.ndarray, "p 4"], n: int, found: Int[np
 
 
 @compiled
-def clipped(
-    polygon: Float[np.ndarray, "k 3"],
+def clip_to_planes(
+    polygon: Polygon,
     n: int,
-    plane: Float[np.ndarray, "p 4"],
+    plane: Planes,
     n_planes: int,
     one: Float[np.ndarray, "m 3"],
     other: Float[np.ndarray, "m 3"],
@@ -163,10 +169,10 @@ def clipped(
 
 @compiled
 def _cut(
-    apex: Float[np.ndarray, "3"],
-    wall: Float[np.ndarray, "k 3"],
+    apex: Point,
+    wall: Polygon,
     n_wall: int,
-    plane: Float[np.ndarray, "p 4"],
+    plane: Planes,
     piece: Float[np.ndarray, "s m 3"],
     corners: Int[np.ndarray, " s"],
     count: int,
@@ -174,7 +180,7 @@ def _cut(
     near_m: float,
 ) -> int:
     """Replace the last piece by its parts that a convex wall does not hide; new count, -1 if it is unclear."""
-    if sides(apex, wall, n_wall, plane) < n_wall:
+    if side_planes(apex, wall, n_wall, plane) < n_wall:
         return -1
     normal, size, off, level = np.empty(3), 0.0, 0.0, 0.0
     for i in range(3):
@@ -235,7 +241,7 @@ def _cut(
 
 
 @compiled
-def _copy(polygon: Float[np.ndarray, "k 3"], n: int, to: Float[np.ndarray, "m 3"]) -> None:
+def _copy(polygon: Polygon, n: int, to: Float[np.ndarray, "m 3"]) -> None:
     """Copy n corners; number by number, which for so few takes a tenth of what slices take."""
     for j in range(n):
         for i in range(3):
@@ -243,26 +249,22 @@ def _copy(polygon: Float[np.ndarray, "k 3"], n: int, to: Float[np.ndarray, "m 3"
 
 
 @compiled
-def sees(
+def may_see(
     tree: Tree,
-    wall_of: Int[np.ndarray, " t"],
-    wall: Float[np.ndarray, "w k 3"],
-    wall_corners: Int[np.ndarray, " w"],
-    apex: Float[np.ndarray, "3"],
+    walls: Walls,
+    apex: Point,
     behind: Float[np.ndarray, "4"],
     polygon: Float[np.ndarray, "m 3"],
     n: int,
     piece: Float[np.ndarray, "s m 3"],
 ) -> bool:
-    """Whether an image may see some of a polygon (or of a way between two points); if unclear, True.
+    """Whether an image may see some of a polygon (or of a segment); if unclear, True.
 
     Args:
         tree: What hides.
-        wall_of: Convex wall of each triangle in the tree's order.
-        wall: Corners of convex walls.
-        wall_corners: Numbers of their corners.
+        walls: Convex walls.
         apex: The image.
-        behind: Normal and level of the plane that ways start behind; zeros for the image itself.
+        behind: Normal and level of the plane that rays start behind; zeros for the image itself.
         polygon: What is looked at.
         n: Its number of corners.
         piece: Room for pieces.
@@ -287,11 +289,11 @@ def sees(
                 return True
             for i in range(3):
                 start[i] = apex[i] - a / (b - a) * (middle[i] - apex[i])
-        t = blocker(tree, start, middle)
+        t = find_blocker(tree, start, middle)
         if t < 0:
             return True
-        w = wall_of[t]
-        m = clip(wall[w], wall_corners[w], behind[:3], behind[3], near)
+        w = walls.of_triangle[t]
+        m = clip(walls.corner[w], walls.corners[w], behind[:3], behind[3], near)
         if m < 3:
             return True
         count = _cut(apex, near, m, plane, piece, corners, count, spare, tree.near_m)

@@ -3,19 +3,14 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.geometry.beams import NEAR_M
+from wireless.geometry.array_types import FlatPolygon
+from wireless.geometry.plan import NEAR_M
 from wireless.support.compiled import compiled
 
 
 @compiled
-def kept_left(
-    polygon: Float[np.ndarray, "k 2"],
-    n: int,
-    ax: float,
-    ay: float,
-    bx: float,
-    by: float,
-    spare: Float[np.ndarray, "k 2"],
+def cut_to_left(
+    polygon: FlatPolygon, n: int, ax: float, ay: float, bx: float, by: float, spare: FlatPolygon
 ) -> int:
     """Cut a polygon of n corners, in place, to what is left of the line from a to b; its new number of corners."""
     m, dx, dy = 0, bx - ax, by - ay
@@ -36,8 +31,8 @@ def kept_left(
 
 
 @compiled
-def apart(polygon: Float[np.ndarray, "k 2"], n: int) -> int:
-    """Drop corners that are another one but for rounding: nobody knows which way their side runs."""
+def without_doubles(polygon: FlatPolygon, n: int) -> int:
+    """Drop corners that coincide with another one but for rounding, as the side between has no direction."""
     m = 0
     for k in range(n):
         before = polygon[m - 1] if m > 0 else polygon[n - 1]
@@ -48,7 +43,7 @@ def apart(polygon: Float[np.ndarray, "k 2"], n: int) -> int:
 
 
 @compiled
-def area_of(polygon: Float[np.ndarray, "k 2"], n: int) -> float:
+def area_of(polygon: FlatPolygon, n: int) -> float:
     """Area of a polygon of n corners."""
     total = 0.0
     for k in range(1, n - 1):
@@ -70,7 +65,7 @@ def in_common(
         for k in range(3):
             if n > 0:
                 a, b = other[i, k], other[i, (k + 1) % 3]
-                n = kept_left(polygon, n, a[0], a[1], b[0], b[1], spare)
-        n = apart(polygon, n)
+                n = cut_to_left(polygon, n, a[0], a[1], b[0], b[1], spare)
+        n = without_doubles(polygon, n)
         corner[i, :n], count[i], area[i] = polygon[:n], n, area_of(polygon, n)
     return corner, count, area

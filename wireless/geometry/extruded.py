@@ -5,7 +5,7 @@ side become one segment; a mesh with anything slanted, half as high or with a ho
 is left to the general tracer. Floor and ceiling only count by their height and material: they are taken to
 be everywhere, and edges at the top of walls without a ceiling do not diffract.
 
-Walls have two faces and no thickness: which way a triangle is turned does not matter.
+Walls have two faces and no thickness: the orientation of triangles does not matter.
 """
 
 from dataclasses import dataclass
@@ -132,13 +132,11 @@ def walls_of(
         one = members[0]
         s = (xy[members] - place[one]) @ along[one]
         spans = _union(s.min(axis=1), s.max(axis=1), snap_m)
-        if not _rectangles(s, triangles[members][:, :, 2] - low, high - low, snap_m):
-            unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
-            solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
-            if abs(solid - np.diff(spans, axis=1).sum() * (high - low)) > len(s) * snap_m * 4 * (
-                high - low + s.max()
-            ):
-                return None
+        unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
+        solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
+        gaps = abs(solid - np.diff(spans, axis=1).sum() * (high - low))
+        if gaps > len(s) * snap_m * 4 * (high - low + s.max()):
+            return None
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])
             wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
@@ -162,7 +160,7 @@ def _in_space(points: Float[np.ndarray, "*n 2"]) -> Float[np.ndarray, "*n 3"]:
 
 def _lines(
     start: Float[np.ndarray, "n 2"],
-    way: Float[np.ndarray, "n 2"],
+    step: Float[np.ndarray, "n 2"],
     triangles: Float[np.ndarray, "n 3 3"],
     snap_m: float,
 ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]] | None:
@@ -170,7 +168,7 @@ def _lines(
 
     None if they are in line exactly.
     """
-    ends = _in_space(np.stack([start, start + way], axis=1))
+    ends = _in_space(np.stack([start, start + step], axis=1))
     fits = fit_lines(ends, tolerance_of(ends.reshape(-1, 3), snap_m))
     if fits.off_m.max() <= exact_m(triangles):
         return None
@@ -198,38 +196,12 @@ def _joined(
     )
     inner = (wall[on] != point[:, None]).all(axis=1) & (wall[on, 0] != wall[on, 1])
     point, on = point[inner], on[inner]
-    start, way = places[wall[on, 0]], np.diff(places[wall[on]], axis=1)[:, 0]
-    share = np.einsum("ij,ij->i", places[point] - start, way) / (way**2).sum(axis=1)
-    foot = start + share[:, None] * way
+    start, step = places[wall[on, 0]], np.diff(places[wall[on]], axis=1)[:, 0]
+    share = np.einsum("ij,ij->i", places[point] - start, step) / (step**2).sum(axis=1)
+    foot = start + share[:, None] * step
     moved = np.linalg.norm(foot - places[point], axis=1) > least_m
     places[point[moved]] = foot[moved]
     return places[wall]
-
-
-def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float) -> bool:
-    """Whether triangles are halves of rectangles from floor to ceiling, two and two: then none leaves a gap.
-
-    So almost all walls are. What it says no to may have no gaps either.
-
-    Args:
-        s: Where each corner stands along the wall [m].
-        z: Its height above the floor [m].
-        height: Of the ceiling [m].
-        snap: What lies closer is one [m].
-    """
-    if len(s) % 2:
-        return False
-    left, right = s.min(axis=1), s.max(axis=1)
-    at_right, at_top = right[:, None] - s < snap, height - z < snap
-    at_corner = (at_right ^ (s - left[:, None] < snap)) & (at_top ^ (z < snap))
-    if not at_corner.all():
-        return False
-    # Of the corners 1, 2, 4 and 8 each half lacks one; those of its other half are opposite: 1 and 8, or 2 and 4.
-    lacks = 15 - (1 << (at_right + 2 * at_top)).sum(axis=1)
-    one, other = np.lexsort((right, left)).reshape(-1, 2).T
-    same = (np.abs(left[one] - left[other]) < snap) & (np.abs(right[one] - right[other]) < snap)
-    halves = np.isin(lacks, (1, 2, 4, 8)).all() and (lacks[one] * lacks[other] == 8).all()
-    return bool(same.all() and halves)
 
 
 def _union(

@@ -1,11 +1,11 @@
 """Facets and edges of a triangle mesh: what rays are mirrored at, and what they bend around.
 
-A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other
-share one image. What lies in one plane is decided in `wireless.geometry.tolerance`, and what is met where sheets of
-several materials lie on each other in `wireless.geometry.sheets`. Edges are found along lines: where triangle sides
-lie on each other, in whole or in part, the faces around each piece of line are sorted by angle, faces that the piece
-merely lies on included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks
-between vertices nor T-junctions nor walls that stand on a larger floor make edges that are none.
+A facet is all of a plane that has one material: triangles side by side, doubled, or apart from each other share one
+image. Planes are found by `wireless.geometry.tolerance`; `wireless.geometry.overlapping_faces` decides what is met
+where sheets of several materials lie on each other. Edges are found along lines: where triangle sides lie on each
+other, in whole or in part, the faces around each piece of line are sorted by angle, faces that the piece merely lies on
+included. A gap of more than 180 degrees between them is the outside of a wedge. So neither cracks between vertices nor
+T-junctions nor walls that stand on a larger floor make edges.
 
 Left out: triangles that cross each other between their sides.
 """
@@ -16,8 +16,9 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
-from wireless.geometry.occlusion import Tree, box_holds, make_tree
-from wireless.geometry.sheets import uncovered
+from wireless.geometry.array_types import Points, Triangles
+from wireless.geometry.occlusion import Tree, is_in_box, make_tree
+from wireless.geometry.overlapping_faces import without_overlaps
 from wireless.geometry.tolerance import NEAR_M, fit_lines, fit_planes, tolerance_of
 from wireless.support.compiled import compiled
 
@@ -109,7 +110,7 @@ def find_surfaces(
     axis = _one_way(fits.axis)
     face = np.flatnonzero(fits.group >= 0)
     plane, material = fits.group[face], np.asarray(face_material)[face]
-    triangle, source = uncovered(triangle[face], plane, material, axis, tolerance_m)
+    triangle, source = without_overlaps(triangle[face], plane, material, axis, tolerance_m)
     face, plane, material = face[source], plane[source], material[source]
     facet = clusters(material.astype(float), 0.5, plane)
     order = np.argsort(facet, kind="stable")
@@ -173,14 +174,14 @@ def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces
     )
 
 
-def is_wide(triangle: Float[np.ndarray, "t 3 3"], least_m: float) -> Bool[np.ndarray, " t"]:
+def is_wide(triangle: Triangles, least_m: float) -> Bool[np.ndarray, " t"]:
     """Which triangles are no slivers: wider than some least width [m]."""
     cross = np.cross(triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0])
     longest = np.linalg.norm(triangle - np.roll(triangle, 1, axis=1), axis=2).max(axis=1)
     return np.linalg.norm(cross, axis=1) > least_m * longest
 
 
-def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
+def _one_way(vectors: Points) -> Points:
     """The same lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
     for axis in range(3):
@@ -189,7 +190,7 @@ def _one_way(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
 
 
 def _pieces_of_lines(
-    triangle: Float[np.ndarray, "t 3 3"],
+    triangle: Triangles,
     facet: Int[np.ndarray, " t"],
     facet_normal: Float[np.ndarray, "f 3"],
     tolerance_m: float,
@@ -221,7 +222,7 @@ def _pieces_of_lines(
     at, on = place[order][new], of[order][new]
     first, last = cut.reshape(-1, 2).T
     side = np.repeat(np.arange(len(line)), last - first)
-    piece = np.repeat(first, last - first) + _counted(last - first)
+    piece = np.repeat(first, last - first) + counted(last - first)
     order = np.argsort(piece, kind="stable")
     side, piece = side[order], piece[order]
     some, number = np.unique(piece, return_inverse=True)
@@ -236,7 +237,7 @@ def _pieces_of_lines(
     return pieces, float(fits.off_m.max())
 
 
-def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
+def counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
     """From 0 up to each count, one after the other."""
     return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
 
@@ -290,7 +291,7 @@ def _edges(
 
 @compiled
 def _holding(
-    tree: Tree, points: Float[np.ndarray, "n 3"], along: Float[np.ndarray, "n 3"], near_m: float
+    tree: Tree, points: Points, along: Points, near_m: float
 ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
     """Triangles that points lie in, off sides along their lines: where those of each begin, and the triangles."""
     start, found, count = np.zeros(len(points) + 1, np.int64), np.empty(256, np.int64), 0
@@ -301,7 +302,7 @@ def _holding(
         while depth > 0:
             depth -= 1
             box = stack[depth]
-            if not box_holds(tree, box, p, near_m):
+            if not is_in_box(tree, box, p, near_m):
                 continue
             one, other = tree.child[box]
             if one >= 0:

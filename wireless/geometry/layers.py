@@ -21,6 +21,7 @@ from wireless.geometry.convex import in_common
 from wireless.geometry.facets import LEVEL, Surfaces
 from wireless.geometry.plan import Plan, make_plan, regions
 from wireless.geometry.stack import Stack
+from wireless.support.compiled import compiled
 
 #: Lines nearer to a wall than so many snaps are taken to be on it.
 _ON_WALL = 10
@@ -34,8 +35,42 @@ _COVERED, _COVERED_M = 1e-6, 100.0
 _ASIDE_M = 1e-4
 
 
+class Openings(NamedTuple):
+    """Openings between layers, in pieces that join one triangle to another."""
+
+    start: Int[np.ndarray, " p1"]
+    """Where the pieces below (2 t) and above (2 t + 1) triangle t begin, and an end."""
+    behind: Int[np.ndarray, " q"]
+    """Triangle behind each piece."""
+    corners: Int[np.ndarray, " q"]
+    """Number of corners of each piece."""
+    corner: Float[np.ndarray, "q k 2"]
+    """Corners of each piece, counter-clockwise [m]; zeros beyond the last."""
+    most_corners: int
+    """Most corners of a window: those of the pieces that were passed, and two of a sector at each."""
+
+
+class Outline(NamedTuple):
+    """Walls that reflect, and edges that diffract: corners of the plan, and after these rims of slabs."""
+
+    wall_point: Float[np.ndarray, "n 2"]
+    """A point of each wall's line [m]."""
+    wall_along: Float[np.ndarray, "n 2"]
+    """Unit vector along each wall."""
+    n_corners: int
+    """How many edges are corners."""
+    edge_point: Float[np.ndarray, "e 3"]
+    """A point of each edge [m]; of a corner at height 0."""
+    edge_wedge: Float[np.ndarray, "e 3 3"]
+    """See `wireless.geometry.facets.Surfaces`."""
+    edge_gap_rad: Float[np.ndarray, " e"]
+    """Open angle of each."""
+    edge_walls: Int[np.ndarray, "e 2"]
+    """Number of 0-face and n-face among the setting's walls; those of rims follow those of the plan."""
+
+
 class Layers(NamedTuple):
-    """Floor plans over each other, and the openings between them."""
+    """Floor plans over each other and the openings between them, or a single one."""
 
     plan: Plan
     """Walls, corners and triangles of all layers."""
@@ -43,26 +78,52 @@ class Layers(NamedTuple):
     """Heights between the layers, from the lowest floor to the highest ceiling [m]."""
     tri_layer: Int[np.ndarray, " t"]
     """Layer of each triangle."""
-    corner_layer: Int[np.ndarray, " c"]
-    """Layer of each corner."""
-    piece_start: Int[np.ndarray, " p1"]
-    """Where the pieces of openings below (2 t) and above (2 t + 1) triangle t begin, and an end."""
-    piece_next: Int[np.ndarray, " q"]
-    """Triangle behind each piece."""
-    piece_corners: Int[np.ndarray, " q"]
-    """Number of corners of each piece."""
-    piece: Float[np.ndarray, "q k 2"]
-    """Corners of each piece, counter-clockwise [m]; zeros beyond the last."""
+    openings: Openings
+    """Openings between them."""
     tri_rim: Int[np.ndarray, "t 3 2"]
-    """Rim on the side opposite to each point, at the lower and at the upper end of the layer; -1 for none."""
-    rim: Float[np.ndarray, "e 2 3"]
-    """Ends of level edges [m]."""
-    rim_wedge: Float[np.ndarray, "e 3 3"]
-    """See `wireless.geometry.facets.Surfaces`."""
-    rim_gap_rad: Float[np.ndarray, " e"]
-    """Open angle of each."""
-    rim_walls: Int[np.ndarray, "e 2"]
-    """Number of 0-face and n-face among the setting's walls, which follow those of the plan."""
+    """Rim, by its number among edges, on the side opposite to each point, at the lower and at the upper end of the
+    layer; -1 for none."""
+    outline: Outline
+    """Walls and edges."""
+
+
+def make_outline(plan: Plan, rims: Surfaces | None, some: Int[np.ndarray, " k"]) -> Outline:
+    """Walls and corners of a plan, and some edges of surfaces as rims."""
+    n_corners, along = len(plan.corner_vertex), plan.corner_along
+    point, wedge = np.zeros((n_corners, 3)), np.zeros((n_corners, 3, 3))
+    point[:, :2], wedge[:, 0, 2] = plan.vertex[plan.corner_vertex], 1.0
+    wedge[:, 1, :2], wedge[:, 2, 0], wedge[:, 2, 1] = along, -along[:, 1], along[:, 0]
+    gap_rad, walls = plan.corner_gap_rad, plan.corner_walls
+    if rims is not None:
+        point = np.concatenate([point, rims.edge[some, 0]])
+        wedge, gap_rad = (
+            np.concatenate([wedge, rims.edge_wedge[some]]),
+            np.append(gap_rad, rims.edge_gap_rad[some]),
+        )
+        walls = np.concatenate([walls, len(plan.wall_along) + np.arange(2 * len(some)).reshape(-1, 2)])
+    return Outline(plan.wall_point, plan.wall_along, n_corners, point, wedge, gap_rad, walls)
+
+
+def one_storey(plan: Plan, low_m: float, high_m: float) -> Layers:
+    """A floor plan from floor to ceiling as the only layer, without openings."""
+    n, none = len(plan.tri_vertex), np.empty(0, np.int64)
+    return Layers(
+        plan=plan,
+        level_m=np.array([low_m, high_m]),
+        tri_layer=np.zeros(n, np.int64),
+        openings=Openings(np.zeros(2 * n + 1, np.int64), none, none, np.empty((0, 3, 2)), 0),
+        tri_rim=np.full((n, 3, 2), -1, np.int64),
+        outline=make_outline(plan, None, none),
+    )
+
+
+@compiled
+def openings_on(openings: Openings, triangles: Int[np.ndarray, " n"]) -> int:
+    """Number of pieces of openings below and above some triangles."""
+    total = 0
+    for t in triangles:
+        total += openings.start[2 * t + 2] - openings.start[2 * t]
+    return total
 
 
 class Stacked(NamedTuple):
@@ -110,23 +171,15 @@ def make_layers(stack: Stack, surfaces: Surfaces, snap_m: float) -> Stacked | No
     if not _closed(room, inner, covered, tri_layer, len(stack.level_m), area, pieces, snap_m):
         return None
     rims = rims[_facing(surfaces, rims, stack.level_m, triangle, tri_layer, room)]
-    kept = room[pieces.below]
-    start, behind, corners, piece = _by_triangle(len(triangle), _Pieces(*(column[kept] for column in pieces)))
-    n_walls = len(plan.wall_along)
+    inside = room[pieces.below]
+    openings = _by_triangle(len(triangle), _Pieces(*(column[inside] for column in pieces)))
     layers = Layers(
         plan=plan,
         level_m=stack.level_m,
         tri_layer=tri_layer,
-        corner_layer=np.repeat(layer_of, [len(one.corner_vertex) for one in plans]),
-        piece_start=start,
-        piece_next=behind,
-        piece_corners=corners,
-        piece=piece,
+        openings=Openings(*openings, (openings[3].shape[1] + 2) * len(stack.level_m)),
         tri_rim=_sides_on(plan, tri_layer, surfaces.edge[rims], stack.level_m, snap_m),
-        rim=surfaces.edge[rims],
-        rim_wedge=surfaces.edge_wedge[rims],
-        rim_gap_rad=surfaces.edge_gap_rad[rims],
-        rim_walls=n_walls + np.arange(2 * len(rims)).reshape(-1, 2),
+        outline=make_outline(plan, surfaces, rims),
     )
     faces = [*stack.wall_face, surfaces.facet_face[surfaces.edge_facets[rims]].ravel()]
     return Stacked(
@@ -185,7 +238,7 @@ def _seams(
     middle = shapely.points(lines.mean(axis=1))
     off = shapely.distance(network, middle) > _ON_WALL * snap_m
     lines = lines[off & shapely.contains(around, middle)]
-    ends = np.sort(np.round(lines, 9).view(complex)[..., 0], axis=1)  # once, whichever way it runs
+    ends = np.sort(np.round(lines, 9).view(complex)[..., 0], axis=1)  # once, in either direction
     return lines[np.unique(ends, axis=0, return_index=True)[1]]
 
 
@@ -339,7 +392,7 @@ def _sides_on(
     level_m: Float[np.ndarray, " k"],
     snap_m: float,
 ) -> Int[np.ndarray, "t 3 2"]:
-    """The rim that each side of each triangle is a part of, at either end of its layer."""
+    """The rim, by its number among edges, that each side of each triangle is a part of, at either end of its layer."""
     found = np.full((*plan.tri_vertex.shape, 2), -1, np.int64)
     if not len(rim):
         return found
@@ -353,7 +406,7 @@ def _sides_on(
             t, e, line = t[near], e[near], line[near]
         for side in range(2):
             here = np.abs(level_m[tri_layer[t] + side] - rim[e, 0, 2]) < snap_m
-            found[t[here], i, side] = e[here]
+            found[t[here], i, side] = len(plan.corner_vertex) + e[here]
     return found
 
 

@@ -1,7 +1,7 @@
-"""Neighbours: patches that share a corner of a triangle, edges that share an end; and pairs beside those found.
+"""Neighbours: patches that share a corner of a triangle, edges that share an end; and pairs next to those found.
 
-What a search by rays misses is what is seen through narrow gaps, and nearly all of that lies beside what it finds: the
-next patch behind the same edge, the next edge over the same patch.
+A search by rays misses what is seen through narrow gaps, and nearly all of that is next to what it finds: the next
+patch behind the same edge, the next edge over the same patch.
 """
 
 from collections.abc import Callable
@@ -11,14 +11,15 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.sparse import csr_array
 
-from wireless.geometry.images import Space
+from wireless.geometry.facets import counted
+from wireless.geometry.space import Space
 
 #: Corners closer than this are one [m].
 _SAME_M = 1e-6
 
 
 class Neighbours(NamedTuple):
-    """What is beside each of some things; each is its own neighbour."""
+    """Neighbours of each of some things; each is its own neighbour."""
 
     start: Int[np.ndarray, " n1"]
     """Where the neighbours of each begin, and an end."""
@@ -27,16 +28,24 @@ class Neighbours(NamedTuple):
 
     def of(self, some: Int[np.ndarray, " k"]) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
         """All neighbours of some things: which of the some, and the neighbour."""
-        count = self.start[some + 1] - self.start[some]
-        row = np.repeat(np.arange(len(some)), count)
-        step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
-        return row, self.other[self.start[some[row]] + step]
+        return gathered(self.start, self.other, some)
+
+
+def gathered(
+    start: Int[np.ndarray, " n1"], member: Int[np.ndarray, " m"], some: Int[np.ndarray, " k"]
+) -> tuple[Int[np.ndarray, " p"], Int[np.ndarray, " p"]]:
+    """Members of some groups, of which it is given where each begins: which of the some, and the member."""
+    count = start[some + 1] - start[some]
+    row = np.repeat(np.arange(len(some)), count)
+    return row, member[start[some[row]] + counted(count)]
 
 
 def patch_neighbours(space: Space) -> Neighbours:
     """Patches that share a corner of a triangle."""
     n = len(space.patch_facet)
-    return _neighbours(np.repeat(np.arange(n), 3 * np.diff(space.start)), space.triangle.reshape(-1, 3), n)
+    return _neighbours(
+        np.repeat(np.arange(n), 3 * np.diff(space.ground.start)), space.ground.triangle.reshape(-1, 3), n
+    )
 
 
 def edge_neighbours(space: Space) -> Neighbours:
@@ -47,24 +56,24 @@ def edge_neighbours(space: Space) -> Neighbours:
 
 def with_neighbours(
     pairs: Int[np.ndarray, "n 2"],
-    beside: tuple[Neighbours, Neighbours],
+    near: tuple[Neighbours, Neighbours],
     possible: Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]],
 ) -> Int[np.ndarray, "m 2"]:
     """Pairs, and those with a neighbour in place of the second, and of these with a neighbour in place of the first.
 
     Args:
         pairs: Pairs that were found.
-        beside: Neighbours of firsts, and of seconds.
+        near: Neighbours of firsts, and of seconds.
         possible: Which of some pairs, by first and second, can be at all.
 
     Returns:
         Pairs by first and second; none twice.
     """
-    size = max(len(beside[1].start), 1)
+    size = max(len(near[1].start), 1)
     key = np.unique(pairs[:, 0] * size + pairs[:, 1])
     for column in (1, 0):
         pairs = np.column_stack(np.divmod(key, size))
-        row, other = beside[column].of(pairs[:, column])
+        row, other = near[column].of(pairs[:, column])
         more = pairs[row]
         more[:, column] = other
         new = np.setdiff1d(more[:, 0] * size + more[:, 1], key)

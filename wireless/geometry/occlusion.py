@@ -1,15 +1,10 @@
 """Whether two points see each other past triangles, in double precision: a box tree walked per segment.
 
-A triangle hides what lies strictly on both sides of its plane, if the way between meets it or passes within
-the tree's `near_m` of it. So ways may start, end and turn on triangles, or run in their planes, whatever the length,
-and cracks below `near_m` are shut. Triangles of one surface are looked at in the plane fitted to all of them
-(`wireless.geometry.tolerance`), so that none hides what ends on another. Single-precision ray engines need an offset
-for this, which is what loses short ways and leaks far from the origin.
-
-Embree answers 6 to 7 times as many segments per second (8 against 1.2 million a core), and is wrong on 1 in 4000
-to 6000 with ends moved by 0.1 mm, on 1 in 7 without, and on 1 in 7 in either case 10 km from the origin; the
-tree is on none (`tests/benchmarks`). Sight takes 1 to 18 % of the time of tracing in space, so that a
-faster engine in front of it would save no more; views of floor plans decide 60 million pairs without asking.
+A triangle hides what lies strictly on both sides of its plane, if the segment between meets it or passes within
+the tree's `near_m` of it. So segments may start, end and turn on triangles, or run in their planes, whatever the
+length, and cracks below `near_m` are closed. Triangles of one surface are treated as lying in the plane fitted to all
+of them (`wireless.geometry.tolerance`), so that none hides what ends on another. Single-precision ray engines need an
+offset for this, which loses short segments and leaks far from the origin.
 """
 
 from typing import NamedTuple
@@ -17,15 +12,16 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from wireless.geometry.array_types import Point, Points, Triangles
 from wireless.geometry.boxes import make_boxes
 from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 
-#: What `sight` tells.
+#: Results of `sight`.
 FREE, TOUCHED, HIDDEN = 0, 1, 2
 #: Walls that are passed closer to each other than this [m] are one.
 SAME_M = 1e-6
-#: One over the part of a way along an axis that it is at right angles to.
+#: One over the part of a segment along an axis that it is at right angles to.
 _STEEP = 1e300
 
 
@@ -52,9 +48,7 @@ class Tree(NamedTuple):
     """What passes a triangle by less than this [m] is hidden by it; what is nearer to its plane is on it."""
 
 
-def inward_of(
-    triangle: Float[np.ndarray, "t 3 3"], normal: Float[np.ndarray, "t 3"]
-) -> Float[np.ndarray, "t 3 3"]:
+def inward_of(triangle: Triangles, normal: Float[np.ndarray, "t 3"]) -> Triangles:
     """Unit vectors in the plane of each normal, into each triangle from its three sides."""
     side = np.roll(triangle, -1, axis=1) - triangle
     inward = np.cross(normal[:, None], side)
@@ -66,9 +60,7 @@ def inward_of(
 
 
 def make_tree(
-    triangle: Float[np.ndarray, "t 3 3"],
-    plane: Float[np.ndarray, "t 4"] | None = None,
-    near_m: float = NEAR_M,
+    triangle: Triangles, plane: Float[np.ndarray, "t 4"] | None = None, near_m: float = NEAR_M
 ) -> Tree:
     """Sort triangles into boxes.
 
@@ -98,7 +90,7 @@ def make_tree(
 
 
 @compiled
-def box_holds(tree: Tree, box: int, p: Float[np.ndarray, "3"], slack_m: float) -> bool:
+def is_in_box(tree: Tree, box: int, p: Point, slack_m: float) -> bool:
     """Whether a point lies in a box of the tree, or outside of it by at most so much."""
     inside = True
     for i in range(3):
@@ -107,12 +99,44 @@ def box_holds(tree: Tree, box: int, p: Float[np.ndarray, "3"], slack_m: float) -
 
 
 @compiled
-def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) -> tuple[int, bool]:
-    """A triangle that the way over points meets so deep, in the tree's order, or -1; and whether any was met.
+def depth_in(triangle: Triangles, inward: Triangles, t: int, x: float, y: float, z: float) -> float:
+    """How deep a point of triangle t's plane lies in it, from its nearest side [m]; negative outside."""
+    least = np.inf
+    for k in range(3):
+        into = (
+            inward[t, k, 0] * (x - triangle[t, k, 0])
+            + inward[t, k, 1] * (y - triangle[t, k, 1])
+            + inward[t, k, 2] * (z - triangle[t, k, 2])
+        )
+        least = min(least, into)
+    return least
 
-    Written out number by number, and for all legs at once, as most of the time of tracing in space is spent here,
-    and to hand a tree on takes as long as a look.
-    """
+
+@compiled
+def _inverse(step: float) -> float:
+    """One over a step; a segment in a plane of a box is either between its sides or far out of it."""
+    return 1 / step if step != 0 else _STEEP
+
+
+@compiled
+def _meets_box(
+    low: Float[np.ndarray, "b 3"],
+    high: Float[np.ndarray, "b 3"],
+    box: int,
+    start: tuple[float, float, float],
+    inverse: tuple[float, float, float],
+) -> bool:
+    """Whether a segment meets a box, from its start and one over its steps along each axis."""
+    enter, leave = 0.0, 1.0
+    for k in range(3):
+        a, b = (low[box, k] - start[k]) * inverse[k], (high[box, k] - start[k]) * inverse[k]
+        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
+    return enter <= leave + 1e-12
+
+
+@compiled
+def _met(tree: Tree, point: Points, legs: int, deep_m: float) -> tuple[int, bool]:
+    """A triangle that the path over points meets so deep, in the tree's order, or -1; and whether any was met."""
     low, high, child, near_m = tree.low, tree.high, tree.child, tree.near_m
     normal, level, triangle, inward = tree.normal, tree.level, tree.triangle, tree.inward
     stack, touched = np.empty(64, np.int64), False
@@ -120,21 +144,12 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
         px, py, pz = point[leg, 0], point[leg, 1], point[leg, 2]
         qx, qy, qz = point[leg + 1, 0], point[leg + 1, 1], point[leg + 1, 2]
         dx, dy, dz = qx - px, qy - py, qz - pz
-        # A way in a plane of a box is either between its sides or far out of it.
-        ix = 1 / dx if dx != 0 else _STEEP
-        iy = 1 / dy if dy != 0 else _STEEP
-        iz = 1 / dz if dz != 0 else _STEEP
+        start, inverse = (px, py, pz), (_inverse(dx), _inverse(dy), _inverse(dz))
         stack[0], depth = 0, 1
         while depth > 0:
             depth -= 1
             box = stack[depth]
-            a, b = (low[box, 0] - px) * ix, (high[box, 0] - px) * ix
-            enter, leave = max(0.0, min(a, b)), min(1.0, max(a, b))
-            a, b = (low[box, 1] - py) * iy, (high[box, 1] - py) * iy
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-            a, b = (low[box, 2] - pz) * iz, (high[box, 2] - pz) * iz
-            enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-            if enter > leave + 1e-12:
+            if not _meets_box(low, high, box, start, inverse):
                 continue
             one, other = child[box, 0], child[box, 1]
             if one >= 0:
@@ -146,15 +161,8 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
                 dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
                 if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                     continue
-                f, least = dp / (dp - dq), np.inf
-                x, y, z = px + f * dx, py + f * dy, pz + f * dz
-                for k in range(3):
-                    into = (
-                        inward[t, k, 0] * (x - triangle[t, k, 0])
-                        + inward[t, k, 1] * (y - triangle[t, k, 1])
-                        + inward[t, k, 2] * (z - triangle[t, k, 2])
-                    )
-                    least = min(least, into)
+                f = dp / (dp - dq)
+                least = depth_in(triangle, inward, t, px + f * dx, py + f * dy, pz + f * dz)
                 if least >= deep_m:
                     return t, True
                 touched = touched or least >= -near_m
@@ -162,7 +170,7 @@ def _met(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int, deep_m: float) 
 
 
 @compiled
-def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
+def find_blocker(tree: Tree, p: Point, q: Point) -> int:
     """A triangle between p and q, in the tree's order; -1 if there is none."""
     ends = np.empty((2, 3))
     for i in range(3):
@@ -171,15 +179,15 @@ def blocker(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) ->
 
 
 @compiled
-def sight_along(tree: Tree, point: Float[np.ndarray, "n 3"], legs: int) -> int:
+def sight_along(tree: Tree, point: Points, legs: int) -> int:
     """What so many legs from point to point are: `HIDDEN` if one is, `TOUCHED` if one only meets sides, or `FREE`."""
     t, touched = _met(tree, point, legs, tree.near_m)
     return HIDDEN if t >= 0 else TOUCHED if touched else FREE
 
 
 @compiled
-def sight(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> int:
-    """`FREE` if no triangle is between p and q, `TOUCHED` if the way only meets sides of some, or `HIDDEN`."""
+def sight(tree: Tree, p: Point, q: Point) -> int:
+    """`FREE` if no triangle is between p and q, `TOUCHED` if the segment only meets sides of some, or `HIDDEN`."""
     ends = np.empty((2, 3))
     for i in range(3):
         ends[0, i], ends[1, i] = p[i], q[i]
@@ -187,97 +195,59 @@ def sight(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> i
 
 
 @compiled
-def crosses(
-    tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
-) -> bool:
-    """Whether a way from p to q changes sides of a triangle that it turns on."""
-    low, high, child, near_m = tree.low, tree.high, tree.child, tree.near_m
-    normal, level, triangle, inward = tree.normal, tree.level, tree.triangle, tree.inward
-    x, y, z = at[0], at[1], at[2]
-    stack = np.empty(64, np.int64)
+def crosses(tree: Tree, p: Point, at: Point, q: Point) -> bool:
+    """Whether a path from p to q changes sides of a triangle that it turns on."""
+    normal, near_m, stack = tree.normal, tree.near_m, np.empty(64, np.int64)
     stack[0], depth = 0, 1
     while depth > 0:
         depth -= 1
-        box = stack[depth]
-        if (
-            x < low[box, 0] - near_m
-            or x > high[box, 0] + near_m
-            or y < low[box, 1] - near_m
-            or y > high[box, 1] + near_m
-            or z < low[box, 2] - near_m
-            or z > high[box, 2] + near_m
-        ):
+        if not is_in_box(tree, stack[depth], at, near_m):
             continue
-        one, other = child[box, 0], child[box, 1]
+        one, other = tree.child[stack[depth], 0], tree.child[stack[depth], 1]
         if one >= 0:
             stack[depth], stack[depth + 1] = one, other
             depth += 2
             continue
         for t in range(-1 - one, -1 - one + other):
-            off, dp, dq, least = -level[t], -level[t], -level[t], np.inf
+            off, dp, dq = -tree.level[t], -tree.level[t], -tree.level[t]
             for i in range(3):
                 off += normal[t, i] * at[i]
                 dp += normal[t, i] * p[i]
                 dq += normal[t, i] * q[i]
             if abs(off) >= near_m or abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                 continue
-            for k in range(3):
-                into = 0.0
-                for i in range(3):
-                    into += inward[t, k, i] * (at[i] - triangle[t, k, i])
-                least = min(least, into)
-            if least >= -near_m:
+            if depth_in(tree.triangle, tree.inward, t, at[0], at[1], at[2]) >= -near_m:
                 return True
     return False
 
 
 @compiled
-def hidden(tree: Tree, p: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]) -> bool:
+def is_hidden(tree: Tree, p: Point, q: Point) -> bool:
     """Whether any triangle is between p and q."""
-    return blocker(tree, p, q) >= 0
+    return find_blocker(tree, p, q) >= 0
 
 
 @compiled
-def holds(
-    triangle: Float[np.ndarray, "t 3 3"],
-    inward: Float[np.ndarray, "t 3 3"],
-    p: Float[np.ndarray, "3"],
-    near_m: float,
-) -> bool:
-    """Whether a point of a plane lies in one of the plane's triangles; sides count."""
-    for t in range(len(triangle)):
-        inside = True
-        for k in range(3):
-            depth = 0.0
-            for i in range(3):
-                depth += inward[t, k, i] * (p[i] - triangle[t, k, i])
-            inside = inside and depth >= -near_m
-        if inside:
-            return True
-    return False
-
-
-@compiled
-def passed(
+def walls_between(
     tree: Tree,
-    p: Float[np.ndarray, "3"],
-    q: Float[np.ndarray, "3"],
+    p: Point,
+    q: Point,
     passes: Bool[np.ndarray, " t"],
     most: int,
-    where: Float[np.ndarray, " k"],
+    share: Float[np.ndarray, " k"],
     which: Int[np.ndarray, " k"],
 ) -> int:
-    """Walls between p and q in order: shares of the way and triangles.
+    """Walls between p and q in order: shares of the segment and triangles.
 
     Triangles that are met in one point, at a side that they share or doubled, are one wall.
 
     Args:
         tree: What there is between.
-        p: Where the way begins [m].
-        q: Where it ends.
-        passes: Triangles that let it through, in the tree's order.
+        p: Start of the segment [m].
+        q: Its end.
+        passes: Triangles that let paths through, in the tree's order.
         most: Most walls that are passed.
-        where: Room for the shares.
+        share: Room for the shares.
         which: Room for the triangles, in the tree's order.
 
     Returns:
@@ -288,21 +258,13 @@ def passed(
     px, py, pz = p[0], p[1], p[2]
     qx, qy, qz = q[0], q[1], q[2]
     dx, dy, dz = qx - px, qy - py, qz - pz
-    ix = 1 / dx if dx != 0 else _STEEP
-    iy = 1 / dy if dy != 0 else _STEEP
-    iz = 1 / dz if dz != 0 else _STEEP
+    start, inverse = (px, py, pz), (_inverse(dx), _inverse(dy), _inverse(dz))
     length, stack = np.sqrt(dx * dx + dy * dy + dz * dz), np.empty(64, np.int64)
     stack[0], depth, count, same_m = 0, 1, 0, SAME_M + 4 * near_m
     while depth > 0:
         depth -= 1
         box = stack[depth]
-        a, b = (low[box, 0] - px) * ix, (high[box, 0] - px) * ix
-        enter, leave = max(0.0, min(a, b)), min(1.0, max(a, b))
-        a, b = (low[box, 1] - py) * iy, (high[box, 1] - py) * iy
-        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-        a, b = (low[box, 2] - pz) * iz, (high[box, 2] - pz) * iz
-        enter, leave = max(enter, min(a, b)), min(leave, max(a, b))
-        if enter > leave + 1e-12:
+        if not _meets_box(low, high, box, start, inverse):
             continue
         one, other = child[box, 0], child[box, 1]
         if one >= 0:
@@ -314,40 +276,30 @@ def passed(
             dq = normal[t, 0] * qx + normal[t, 1] * qy + normal[t, 2] * qz - level[t]
             if abs(dp) < near_m or abs(dq) < near_m or (dp > 0) == (dq > 0):
                 continue
-            f, least = dp / (dp - dq), np.inf
-            x, y, z = px + f * dx, py + f * dy, pz + f * dz
-            for k in range(3):
-                into = (
-                    inward[t, k, 0] * (x - triangle[t, k, 0])
-                    + inward[t, k, 1] * (y - triangle[t, k, 1])
-                    + inward[t, k, 2] * (z - triangle[t, k, 2])
-                )
-                least = min(least, into)
-            if least < -near_m:
+            f = dp / (dp - dq)
+            if depth_in(triangle, inward, t, px + f * dx, py + f * dy, pz + f * dz) < -near_m:
                 continue
             if not passes[t]:
                 return -1
             place, known = count, False
             for j in range(count):
-                known = known or abs(where[j] - f) * length < same_m
+                known = known or abs(share[j] - f) * length < same_m
             if known:
                 continue
             if count == most:
                 return -1
-            while place > 0 and where[place - 1] > f:
-                where[place], which[place] = where[place - 1], which[place - 1]
+            while place > 0 and share[place - 1] > f:
+                share[place], which[place] = share[place - 1], which[place - 1]
                 place -= 1
-            where[place], which[place] = f, t
+            share[place], which[place] = f, t
             count += 1
     return count
 
 
 @compiled
-def hidden_each(
-    tree: Tree, p: Float[np.ndarray, "n 3"], q: Float[np.ndarray, "n 3"]
-) -> Bool[np.ndarray, " n"]:
+def hidden_each(tree: Tree, p: Points, q: Points) -> Bool[np.ndarray, " n"]:
     """Whether any triangle is between each p and its q."""
     result = np.empty(len(p), np.bool_)
     for i in range(len(p)):
-        result[i] = hidden(tree, p[i], q[i])
+        result[i] = is_hidden(tree, p[i], q[i])
     return result

@@ -12,8 +12,9 @@ import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
+from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.facets import Surfaces
-from wireless.geometry.sheets import axes_in
+from wireless.geometry.overlapping_faces import axes_in
 from wireless.geometry.tolerance import NEAR_M
 
 #: Most corners of a patch.
@@ -82,9 +83,7 @@ def find_patches(surfaces: Surfaces) -> Patches:
     )
 
 
-def _padded(
-    polygons: list[np.ndarray],
-) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
+def _padded(polygons: list[np.ndarray]) -> tuple[Float[np.ndarray, "n m 3"], Int[np.ndarray, " n"]]:
     """Corners of polygons, filled up with zeros, and their numbers."""
     corner = np.zeros((len(polygons), PATCH_CORNERS, 3))
     for i, polygon in enumerate(polygons):
@@ -93,10 +92,7 @@ def _padded(
 
 
 def _wider(
-    window: Float[np.ndarray, "n m 3"],
-    corners: Int[np.ndarray, " n"],
-    normal: Float[np.ndarray, "n 3"],
-    by_m: float,
+    window: Float[np.ndarray, "n m 3"], corners: Int[np.ndarray, " n"], normal: Points, by_m: float
 ) -> Float[np.ndarray, "n m 3"]:
     """Convex polygons whose sides are moved outwards."""
     row, k = np.arange(len(window))[:, None], np.arange(window.shape[1])
@@ -110,11 +106,8 @@ def _wider(
 
 
 def _parts(
-    triangle: Float[np.ndarray, "n 3 3"],
-    base: Float[np.ndarray, "3"],
-    normal: Float[np.ndarray, "3"],
-    crack_m: float,
-) -> list[tuple[Float[np.ndarray, "k 3"], Int[np.ndarray, " m"], bool]]:
+    triangle: Float[np.ndarray, "n 3 3"], base: Point, normal: Point, crack_m: float
+) -> list[tuple[Polygon, Int[np.ndarray, " m"], bool]]:
     """Window and triangles of each part of triangles in one plane, and whether they fill the window.
 
     Args:

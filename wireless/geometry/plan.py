@@ -1,8 +1,8 @@
 """A floor plan made ready for walking views through it: walls cut where they touch, corners, triangles.
 
-Walls are snapped to a fine lattice and cut at each other, so that they meet in common points only: what ends
-a hair's breadth before another wall is joined to it. A constrained triangulation of these points tells which
-triangle lies behind which edge. Reflections still use the line that each wall had before.
+Walls are snapped to a fine lattice and cut at each other, so that they meet in common points only: a wall that ends
+just before another one is joined to it. A constrained triangulation of these points gives the triangle behind each
+edge. Reflections still use the line that each wall had before.
 
 A corner is where walls leave a gap of more than 180 degrees: this is the outside of a wedge, which diffracts.
 An end of a single sheet leaves 360 degrees.
@@ -17,6 +17,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from wireless.geometry.array_types import FlatPoint
 from wireless.geometry.triangulation import Triangulation
 
 #: How far points may be from the walls [m].
@@ -63,7 +64,7 @@ def make_plan(
     snap_m: float,
     *,
     seams: Float[np.ndarray, "m 2 2"] | None = None,
-    origin: Float[np.ndarray, "2"] | None = None,
+    origin: FlatPoint | None = None,
 ) -> Plan:
     """Cut, join and triangulate.
 
@@ -176,14 +177,14 @@ def _corners(
     pieces: Int[np.ndarray, "m 2"],
     piece_wall: Int[np.ndarray, " m"],
     along: Float[np.ndarray, "n 2"],
-) -> list[tuple[int, tuple[int, int], Float[np.ndarray, "2"], float]]:
+) -> list[tuple[int, tuple[int, int], FlatPoint, float]]:
     """Point, walls, direction of the first wall and angle of each gap of more than 180 degrees."""
     spokes: dict[int, list[tuple[float, int, np.ndarray]]] = {}
     for (a, b), wall in zip(pieces, piece_wall, strict=True):
-        way = vertex[b] - vertex[a]
+        side = vertex[b] - vertex[a]
         # The wall's own direction: that of a short piece would be spoilt by the lattice.
-        way = along[wall] * (1.0 if way @ along[wall] >= 0 else -1.0)
-        for point, out in ((int(a), way), (int(b), -way)):
+        side = along[wall] * (1.0 if side @ along[wall] >= 0 else -1.0)
+        for point, out in ((int(a), side), (int(b), -side)):
             spokes.setdefault(point, []).append((float(np.arctan2(out[1], out[0])), int(wall), out))
     corners = []
     for point, at in sorted(spokes.items()):
@@ -210,8 +211,8 @@ def _in_gap(
     c = corner[t, k]
     out = []
     for step in (1, 2):
-        way = vertex[triangles[t, (k + step) % 3]] - vertex[triangles[t, k]]
-        out.append(way / np.linalg.norm(way, axis=1, keepdims=True))
+        side = vertex[triangles[t, (k + step) % 3]] - vertex[triangles[t, k]]
+        out.append(side / np.linalg.norm(side, axis=1, keepdims=True))
     between, along = out[0] + out[1], corner_along[c]
     angle = np.arctan2(
         along[:, 0] * between[:, 1] - along[:, 1] * between[:, 0], np.einsum("ij,ij->i", along, between)
@@ -223,7 +224,7 @@ def _in_gap(
 class Locator:
     """Finds the triangles that points lie in; on a border, all that touch it.
 
-    Triangles are as exact as the lattice, walls more so: a point beside a wall lies on its own side only, one on
+    Triangles are as exact as the lattice, walls more so: a point next to a wall lies on its own side only, one on
     the wall (within `NEAR_M`) on both.
 
     Args:
@@ -236,11 +237,11 @@ class Locator:
         self._corners = plan.vertex[plan.tri_vertex]
         low, high = self._corners.min(axis=1) - near_m, self._corners.max(axis=1) + near_m
         self._tree = shapely.STRtree(shapely.box(*low.T, *high.T))
-        way = np.roll(self._corners, -1, axis=1) - self._corners
-        self._way = way / np.linalg.norm(way, axis=2)[..., None]
+        side = np.roll(self._corners, -1, axis=1) - self._corners
+        self._side = side / np.linalg.norm(side, axis=2)[..., None]
         self._wall = np.roll(plan.tri_wall, -2, axis=1)
         along = plan.wall_along[self._wall]
-        self._along = along * np.sign(np.einsum("tki,tki->tk", along, way))[..., None]
+        self._along = along * np.sign(np.einsum("tki,tki->tk", along, side))[..., None]
         self._point = plan.wall_point[self._wall]
 
     def __call__(
@@ -259,18 +260,18 @@ class Locator:
             raise ValueError(f"A point is {far:g} m from the walls, expected finite and under {REACH_M:g} m.")
         point, triangle = self._tree.query(shapely.points(points))
         at = points[point][:, None]
-        inside = np.all(_left(self._way[triangle], at - self._corners[triangle]) >= -self._near_m, axis=1)
+        inside = np.all(_left(self._side[triangle], at - self._corners[triangle]) >= -self._near_m, axis=1)
         point, triangle = point[inside], triangle[inside]
         if len(point) > len(points):  # some point is on a border
             left = _left(self._along[triangle], at[inside] - self._point[triangle])
             behind = np.any((self._wall[triangle] >= 0) & (left < -NEAR_M), axis=1)
-            # Beside a corner the lattice may leave a point in none.
-            kept = ~behind | ~np.isin(point, point[~behind])
-            point, triangle = point[kept], triangle[kept]
+            # Next to a corner the lattice may leave a point in none.
+            good = ~behind | ~np.isin(point, point[~behind])
+            point, triangle = point[good], triangle[good]
         order = np.lexsort((triangle, point))
         return np.searchsorted(point[order], np.arange(len(points) + 1)), triangle[order]
 
 
-def _left(way: Float[np.ndarray, "m 3 2"], off: Float[np.ndarray, "m 3 2"]) -> Float[np.ndarray, "m 3"]:
+def _left(side: Float[np.ndarray, "m 3 2"], off: Float[np.ndarray, "m 3 2"]) -> Float[np.ndarray, "m 3"]:
     """How far to the left of unit vectors something is."""
-    return way[..., 0] * off[..., 1] - way[..., 1] * off[..., 0]
+    return side[..., 0] * off[..., 1] - side[..., 1] * off[..., 0]

@@ -1,6 +1,6 @@
 """Shooting and bouncing rays: which chains of patches a point may see, and which edges over them.
 
-Rays leave a point in all directions, are mirrored where they meet a patch that reflects, and note what they met:
+Rays leave a point in all directions, are mirrored where they meet a patch that reflects, and record what they met:
 the patches in a row, and over them the edges of the patch that they met next. Rays that an edge bends leave its
 points on Keller's cones and are followed alike. A wall that lets paths through mirrors a ray and lets it on, up to as
 many walls as may be passed, which chains do not name. Embree answers a million such rays a second whatever the
@@ -25,12 +25,15 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Bool, Float, Int
 
-from wireless.geometry.images import Space
+from wireless.geometry.array_types import Point, Points
+from wireless.geometry.facets import counted
+from wireless.geometry.neighbours import gathered
+from wireless.geometry.space import Space
 from wireless.geometry.tolerance import NEAR_M
 
 #: Steps of the sequence: powers of the number whose cube is itself and one (the plane's golden ratio).
 _STEPS = 0.7548776662466927, 0.5698402909980532
-#: How far before a patch a mirrored ray starts, lest single precision let it meet that patch again [m].
+#: How far before a patch a mirrored ray starts, so that in single precision it does not meet that patch again [m].
 _LIFT_M = 1e-4
 #: Directions that are tried at each point of an edge.
 _TURNS = 16
@@ -55,7 +58,7 @@ class Bent(NamedTuple):
     """What rays meet behind edges."""
 
     sight: Int[np.ndarray, " b"]
-    """Which of the sights that were asked about."""
+    """Which of the edges that were given."""
     chain: Int[np.ndarray, "b m"]
     """Patches in a row, the first from the edge first."""
 
@@ -88,13 +91,11 @@ class Shooter:
     def __init__(self, space: Space, through: int):
         self._space, self._through = space, through
         self._scene = EmbreeScene()
-        TriangleMesh(self._scene, space.triangle.astype(np.float32))
-        self._patch = np.repeat(np.arange(len(space.patch_facet)), np.diff(space.start))
+        TriangleMesh(self._scene, space.ground.triangle.astype(np.float32))
+        self._patch = np.repeat(np.arange(len(space.patch_facet)), np.diff(space.ground.start))
         self._edge_start, self._edge = edges_of_patches(space)
 
-    def shoot(
-        self, point: Float[np.ndarray, "3"], rays: int, reflections: int, edge_reflections: int
-    ) -> Sightings:
+    def shoot(self, point: Point, rays: int, reflections: int, edge_reflections: int) -> Sightings:
         """Chains that rays from a point find.
 
         Args:
@@ -107,10 +108,10 @@ class Shooter:
         met: list[list[np.ndarray]] = [[] for _ in range(most + 1)]
         every = directions(rays)
         for first in range(0, rays, _AT_ONCE):
-            way = every[first : first + _AT_ONCE]
-            start = np.tile(point, (len(way), 1))
+            direction = every[first : first + _AT_ONCE]
+            start = np.tile(point, (len(direction), 1))
             for order, (_, chain) in enumerate(
-                self._followed(start, way, np.zeros(len(way), np.int64), most)
+                self._followed(start, direction, np.zeros(len(direction), np.int64), most)
             ):
                 met[order].append(chain)
         chains = [_together(some, order + 1) for order, some in enumerate(met)]
@@ -159,28 +160,28 @@ class Shooter:
         for which in np.split(np.arange(len(edge)), np.flatnonzero(np.diff(part)) + 1):
             # Points of edges first: most edges of a full room are hidden.
             points = -(-count[which] // _TURNS)
-            sight, k = np.repeat(which, points), _counted(points)
+            sight, k = np.repeat(which, points), counted(points)
             share = np.modf(0.5 + (k + 1) * _STEPS[0])[0]
             at = ends[sight, 0] + (share * length[sight])[:, None] * wedge[sight, 0]
-            way = at - source[sight]
-            far = np.linalg.norm(way, axis=1)
-            way /= np.maximum(far, NEAR_M)[:, None]
+            direction = at - source[sight]
+            far = np.linalg.norm(direction, axis=1)
+            direction /= np.maximum(far, NEAR_M)[:, None]
             free = far > 4 * _LIFT_M
-            asked = np.flatnonzero(free & seen[sight])
-            free[asked] = self._free(source[sight[asked]], way[asked], far[asked] - 2 * _LIFT_M)
-            sight, k, at, way = sight[free], k[free], at[free], way[free]
+            direct = np.flatnonzero(free & seen[sight])
+            free[direct] = self._free(source[sight[direct]], direction[direct], far[direct] - 2 * _LIFT_M)
+            sight, k, at, direction = sight[free], k[free], at[free], direction[free]
             turns = np.minimum(count[sight] - k * _TURNS, _TURNS)
             of = np.repeat(np.arange(len(sight)), turns)
-            turn = np.modf((k[of] * _TURNS + _counted(turns) + 1) * _STEPS[1])[0]
+            turn = np.modf((k[of] * _TURNS + counted(turns) + 1) * _STEPS[1])[0]
             sight = sight[of]
             turn *= surfaces.edge_gap_rad[edge[sight]]
-            axes, along = wedge[sight], np.einsum("ij,ij->i", way[of], wedge[sight, 0])
+            axes, along = wedge[sight], np.einsum("ij,ij->i", direction[of], wedge[sight, 0])
             out = np.cos(turn)[:, None] * axes[:, 1] + np.sin(turn)[:, None] * axes[:, 2]
-            way = along[:, None] * axes[:, 0] + np.sqrt(1 - np.minimum(along**2, 1))[:, None] * out
+            direction = along[:, None] * axes[:, 0] + np.sqrt(1 - np.minimum(along**2, 1))[:, None] * out
             at = at[of]
-            met = self._followed(at + _LIFT_M * out, way, sight, reflections - 1)
-            for order, (who, chain) in enumerate(met):
-                rows = np.column_stack([who, chain])[
+            met = self._followed(at + _LIFT_M * out, direction, sight, reflections - 1)
+            for order, (origin, chain) in enumerate(met):
+                rows = np.column_stack([origin, chain])[
                     self._space.mirrors[self._space.patch_facet[chain[:, -1]]]
                 ]
                 found[order].append(rows)
@@ -188,11 +189,7 @@ class Shooter:
         return tuple(Bent(rows[:, 0], rows[:, 1:]) for rows in joined)
 
     def _followed(
-        self,
-        start: Float[np.ndarray, "n 3"],
-        way: Float[np.ndarray, "n 3"],
-        owner: Int[np.ndarray, " n"],
-        reflections: int,
+        self, start: Points, direction: Points, owner: Int[np.ndarray, " n"], reflections: int
     ) -> list[tuple[Int[np.ndarray, " c"], Int[np.ndarray, "c m"]]]:
         """Owners and chains of what rays meet, of one patch, of two, up to one more than they are mirrored.
 
@@ -204,8 +201,8 @@ class Shooter:
         result = []
         left = np.full(len(start), self._through)
         for order in range(reflections + 1):
-            met = self._met(start, way, left)
-            patch, way, node, left = met.patch, way[met.ray], node[met.ray], met.left
+            met = self._met(start, direction, left)
+            patch, direction, node, left = met.patch, direction[met.ray], node[met.ray], met.left
             nodes, inverse = np.unique(node * n_patches + patch, return_inverse=True)
             before, new = nodes // n_patches, nodes % n_patches
             of_node, chain = of_node[before], np.column_stack([chain[before], new])
@@ -213,55 +210,53 @@ class Shooter:
             if order == reflections:
                 break
             good = self._space.mirrors[self._space.patch_facet[patch]] & (met.slope != 0)
-            node, way, left = inverse[good], way[good], left[good]
+            node, direction, left = inverse[good], direction[good], left[good]
             normal, slope = met.normal[good], met.slope[good]
             start = met.at[good] - (_LIFT_M * np.sign(slope))[:, None] * normal
-            way = way - 2 * slope[:, None] * normal
+            direction = direction - 2 * slope[:, None] * normal
         return result
 
-    def _met(
-        self, start: Float[np.ndarray, "n 3"], way: Float[np.ndarray, "n 3"], left: Int[np.ndarray, " n"]
-    ) -> "_Met":
+    def _met(self, start: Points, direction: Points, left: Int[np.ndarray, " n"]) -> "_Met":
         """What rays meet, and beyond what they pass, each with so many walls left to pass."""
         found: list[_Met] = []
         ray = np.arange(len(start))
         while len(ray) or not found:
-            triangle = self._scene.run(start.astype(np.float32), way[ray].astype(np.float32))
+            triangle = self._scene.run(start.astype(np.float32), direction[ray].astype(np.float32))
             met = triangle >= 0
             ray, left, patch = ray[met], left[met], self._patch[triangle[met]]
             facet = self._space.patch_facet[patch]
             normal = self._space.surfaces.facet_normal[facet]
-            slope = np.einsum("ij,ij->i", way[ray], normal)
+            slope = np.einsum("ij,ij->i", direction[ray], normal)
             slope[np.abs(slope) < 1e-9] = 0
             off = np.einsum("ij,ij->i", start[met] - self._space.surfaces.facet_point[facet], normal)
             back = np.divide(off, slope, out=np.zeros_like(off), where=slope != 0)
-            at = start[met] - back[:, None] * way[ray]
+            at = start[met] - back[:, None] * direction[ray]
             found.append(_Met(ray, patch, at, normal, slope, left))
             on = self._space.passes[facet] & (left > 0) & (slope != 0)
             start = at[on] + (_LIFT_M * np.sign(slope[on]))[:, None] * normal[on]
             ray, left = ray[on], left[on] - 1
         return found[0] if len(found) == 1 else _Met(*map(np.concatenate, zip(*found, strict=True)))
 
-    def _free(
-        self, start: Float[np.ndarray, "n 3"], way: Float[np.ndarray, "n 3"], far: Float[np.ndarray, " n"]
-    ) -> Bool[np.ndarray, " n"]:
+    def _free(self, start: Points, direction: Points, far: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Whether rays come so far [m], through no more walls than may be passed."""
         free, start, far = np.ones(len(start), bool), start.copy(), far.copy()
         ray = np.arange(len(start))
         for passed in range(self._through + 1):
             triangle = self._scene.run(
-                start[ray].astype(np.float32), way[ray].astype(np.float32), dists=far[ray].astype(np.float32)
+                start[ray].astype(np.float32),
+                direction[ray].astype(np.float32),
+                dists=far[ray].astype(np.float32),
             )
             ray, triangle = ray[triangle >= 0], triangle[triangle >= 0]
             facet = self._space.patch_facet[self._patch[triangle]]
             normal = self._space.surfaces.facet_normal[facet]
-            slope = np.einsum("ij,ij->i", way[ray], normal)
+            slope = np.einsum("ij,ij->i", direction[ray], normal)
             on = self._space.passes[facet] & (np.abs(slope) > 1e-9) & (passed < self._through)
             free[ray[~on]] = False
             ray, slope = ray[on], slope[on]
             off = np.einsum("ij,ij->i", start[ray] - self._space.surfaces.facet_point[facet[on]], normal[on])
             step = -off / slope + _LIFT_M / np.abs(slope)
-            start[ray] += step[:, None] * way[ray]
+            start[ray] += step[:, None] * direction[ray]
             far[ray] -= step
             ray = ray[far[ray] > 0]
         return free
@@ -269,18 +264,16 @@ class Shooter:
     def _edges(self, chain: Int[np.ndarray, "v m"]) -> tuple[Int[np.ndarray, " q"], Int[np.ndarray, "q l"]]:
         """Edges of the last patch of chains, and the patches before it; without doubles."""
         patch, chain = chain[:, -1], chain[:, :-1]
-        count = self._edge_start[patch + 1] - self._edge_start[patch]
-        row = np.repeat(np.arange(len(patch)), count)
-        edge = self._edge[self._edge_start[patch[row]] + _counted(count)]
+        row, edge = gathered(self._edge_start, self._edge, patch)
         # Rows of one chain follow each other: number them.
         new = np.ones(len(chain), bool)
         new[1:] = (chain[1:] != chain[:-1]).any(axis=1)
         number = np.cumsum(new) - 1
-        _, kept = np.unique(number[row] * len(self._space.surfaces.edge) + edge, return_index=True)
-        return edge[kept], chain[row[kept]]
+        _, first = np.unique(number[row] * len(self._space.surfaces.edge) + edge, return_index=True)
+        return edge[first], chain[row[first]]
 
 
-def directions(n: int) -> Float[np.ndarray, "n 3"]:
+def directions(n: int) -> Points:
     """The first n unit vectors of a sequence that fills the sphere evenly at any length."""
     k = np.arange(1, n + 1)
     z = 1 - 2 * np.modf(0.5 + k * _STEPS[0])[0]
@@ -296,11 +289,8 @@ def edges_of_patches(space: Space) -> tuple[Int[np.ndarray, " p1"], Int[np.ndarr
     """
     surfaces, n_patches = space.surfaces, len(space.patch_facet)
     first = np.searchsorted(space.patch_facet, np.arange(len(surfaces.facet_face) + 1))
-    facet = surfaces.edge_facets.ravel()
     edge = np.repeat(np.arange(len(surfaces.edge)), 2)
-    count = first[facet + 1] - first[facet]
-    row = np.repeat(np.arange(len(facet)), count)
-    patch = first[facet[row]] + _counted(count)
+    row, patch = gathered(first, np.arange(n_patches), surfaces.edge_facets.ravel())
     low, high = space.panes.low - _LIFT_M, space.panes.high + _LIFT_M
     ends = surfaces.edge[edge[row]]
     near = ((ends.max(axis=1) >= low[patch]) & (ends.min(axis=1) <= high[patch])).all(axis=1)
@@ -314,8 +304,3 @@ def _together(some: list[Int[np.ndarray, "_ _"]], length: int) -> Int[np.ndarray
     if len(some) == 1:
         return some[0]
     return np.unique(np.concatenate([np.empty((0, length), np.int64), *some]), axis=0)
-
-
-def _counted(count: Int[np.ndarray, " n"]) -> Int[np.ndarray, " m"]:
-    """From 0 up to each count, one after the other."""
-    return np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)

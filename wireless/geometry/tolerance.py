@@ -9,7 +9,7 @@ uses `NEAR_M` plus the deviation that was found, and not the tolerance.
 
 Groups grow from the largest triangle outwards, and are fitted again with each ring: a small triangle says nothing of
 a plane far away. Only corners count, so that slivers, whose normals are arbitrary, join the plane that they lie in.
-Sides of triangles are grouped into lines in the same way.
+Sides of triangles are grouped into lines likewise.
 """
 
 from typing import NamedTuple
@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
+from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.support.compiled import compiled
 
@@ -84,7 +85,7 @@ def exact_m(vertex: Float[np.ndarray, "*n 3"]) -> float:
     return float(NEAR_M + 4 * np.spacing(np.abs(vertex).max()))
 
 
-def _fits(corner: Float[np.ndarray, "n k 3"], axis: Float[np.ndarray, "n 3"], tolerance_m: float) -> Fits:
+def _fits(corner: Float[np.ndarray, "n k 3"], axis: Points, tolerance_m: float) -> Fits:
     size = np.linalg.norm(axis, axis=1)
     real = np.flatnonzero(size > 0)
     corner, axis, order = corner[real], axis[real] / size[real, None], np.argsort(-size[real], kind="stable")
@@ -95,9 +96,7 @@ def _fits(corner: Float[np.ndarray, "n k 3"], axis: Float[np.ndarray, "n 3"], to
 
 
 @compiled
-def _distance(
-    corner: Float[np.ndarray, "k 3"], point: Float[np.ndarray, "3"], axis: Float[np.ndarray, "3"]
-) -> float:
+def _distance(corner: Polygon, point: Point, axis: Point) -> float:
     """How far the farthest of three corners is off a plane, or of two off a line [m]."""
     most = 0.0
     for k in range(len(corner)):
@@ -118,8 +117,8 @@ def _fit(
     corner: Float[np.ndarray, "n k 3"],
     size: Float[np.ndarray, " n"],
     members: Int[np.ndarray, " m"],
-    axis: Float[np.ndarray, "3"],
-) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+    axis: Point,
+) -> tuple[Point, Point]:
     """Point and axis of the plane or line fitted to members, close to an axis that is close already.
 
     Least squares over areas or lengths: the product of two linear functions integrates over a simplex of k corners to
@@ -172,15 +171,14 @@ def _collect(
     boxes: Boxes,
     state: Int[np.ndarray, " n"],
     me: int,
-    low: Float[np.ndarray, "3"],
-    high: Float[np.ndarray, "3"],
-    point: Float[np.ndarray, "3"],
-    axis: Float[np.ndarray, "3"],
+    around: tuple[Point, Point],
+    fit: tuple[Point, Point],
     near_m: float,
     members: Int[np.ndarray, " n"],
     count: int,
 ) -> int:
-    """Append what lies in a plane or on a line, is in part within a box, and is neither taken nor refused."""
+    """Append what lies in a plane or on a line, is in part within a box, and is neither grouped nor rejected."""
+    (low, high), (point, axis) = around, fit
     stack, depth, line = np.empty(64, np.int64), 1, corner.shape[1] == 2
     stack[0] = 0
     while depth > 0:
@@ -228,36 +226,36 @@ def _settle(
     members: Int[np.ndarray, " n"],
     before: int,
     count: int,
-    point: Float[np.ndarray, "3"],
-    axis: Float[np.ndarray, "3"],
+    point: Point,
+    axis: Point,
     off: float,
     near_m: float,
-) -> tuple[int, Float[np.ndarray, "3"], Float[np.ndarray, "3"], float]:
+) -> tuple[int, Point, Point, float]:
     """Fit a group with its new members, without those that then are off: how many it has, and its fit.
 
     What is left out comes last. If a member from before would be off, all new ones are left out.
     """
     while count > before:
         at, to = _fit(corner, size, members[:count], axis)
-        most, kept, good = 0.0, before, True
+        most, near, good = 0.0, before, True
         for j in range(count):
             away = _distance(corner[members[j]], at, to)
             most = max(most, away)
             if j < before:
                 good = good and away <= near_m
             elif away <= near_m:
-                members[kept], members[j] = members[j], members[kept]
-                kept += 1
+                members[near], members[j] = members[j], members[near]
+                near += 1
         if most <= near_m:
             return count, at, to, most
-        count = kept if good else before
+        count = near if good else before
     return before, point, axis, off
 
 
 @compiled
 def _grow(
     corner: Float[np.ndarray, "n k 3"],
-    own_axis: Float[np.ndarray, "n 3"],
+    own_axis: Points,
     size: Float[np.ndarray, " n"],
     order: Int[np.ndarray, " n"],
     boxes: Boxes,
@@ -267,7 +265,7 @@ def _grow(
 ]:
     """Groups, and point, axis and deviation of each; see `Fits`."""
     n = len(corner)
-    # Group of each; -1 for none; -2 - g for none if group g refused it last.
+    # Group of each; -1 for none; -2 - g for none if group g rejected it last.
     state, members, count = np.full(n, -1), np.empty(n, np.int64), 0
     points, axes, offs = np.empty((n, 3)), np.empty((n, 3)), np.zeros(n)
     low, high = np.empty(3), np.empty(3)
@@ -287,7 +285,7 @@ def _grow(
             for i in range(3):
                 low[i] -= span
                 high[i] += span
-            m = _collect(corner, boxes, state, count, low, high, point, axis, near_m, members, m)
+            m = _collect(corner, boxes, state, count, (low, high), (point, axis), near_m, members, m)
             if m == before:
                 continue
             found = m

@@ -39,13 +39,13 @@ class Triangulation:
             self._insert(i)
 
     def constrain(self, a: int, b: int) -> None:
-        """Make the way from point a to point b an edge.
+        """Make the segment from point a to point b an edge.
 
         Raises:
             ValueError: If a third point lies on it, or it crosses a wall.
         """
         crossing = self._crossing(a, b)
-        patience = 20 + len(crossing) ** 2 * 4
+        attempts = 20 + len(crossing) ** 2 * 4
         while crossing:
             edge = crossing.popleft()
             c, d = self.third[edge], self.third[edge[1], edge[0]]
@@ -55,8 +55,8 @@ class Triangulation:
                     crossing.append((c, d))
             else:
                 crossing.append(edge)
-            patience -= 1
-            if patience < 0:
+            attempts -= 1
+            if attempts < 0:
                 raise ValueError(f"The wall from {self.points[a]} to {self.points[b]} crosses another one.")
 
     def triangles(self) -> Int[np.ndarray, "m 3"]:
@@ -64,12 +64,12 @@ class Triangulation:
         return np.array([(a, b, c) for (a, b), c in self.third.items() if a < b and a < c], np.int64)
 
     def _side(self, a: int, b: int, p: int) -> int:
-        """Positive where p is left of the way from a to b, 0 on it; exact."""
+        """Positive where p is left of the line from a to b, 0 on it; exact."""
         (ax, ay), (bx, by), (px, py) = self.points[a], self.points[b], self.points[p]
         return (bx - ax) * (py - ay) - (by - ay) * (px - ax)
 
     def _cross(self, a: int, b: int, c: int, d: int) -> bool:
-        """Whether two ways cross between their ends."""
+        """Whether two segments cross between their ends."""
         return self._side(a, b, c) * self._side(a, b, d) < 0 and self._side(c, d, a) * self._side(c, d, b) < 0
 
     def _add(self, a: int, b: int, c: int) -> None:
@@ -115,7 +115,7 @@ class Triangulation:
         crossed: deque[tuple[int, int]] = deque()
         if (a, b) in self.third:
             return crossed
-        # Around a, to the triangle that the way to b leaves by its far edge.
+        # Around a, to the triangle that the segment to b leaves by its far edge.
         first = u = self._spoke[a]
         while not (
             self._side(a, u, b) > 0

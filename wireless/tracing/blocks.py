@@ -61,7 +61,9 @@ def trace_blocks(
         with ThreadPoolExecutor(threads) as pool:
             try:
                 done = list(pool.map(run, blocks))
-            except BaseException:  # Ctrl-C: the pool waits for its threads, who need not finish their blocks
+            except (
+                BaseException
+            ):  # Ctrl-C: the pool waits for its threads, which need not finish their blocks
                 stopped.set()
                 raise
     rows: Rows = [[] for _ in range(n_tx)]

@@ -1,8 +1,8 @@
-"""Candidates for paths among very many triangles, found once for each transmitter and kept.
+"""Candidates for paths among very many triangles, found once for each transmitter and stored.
 
 Where patches are few, all that can be is tried: chains of two patches that are not certainly hidden, edges over one,
 and one behind an edge. What is longer, and where patches are many all but single patches and edges, rays find that
-the transmitter shoots and that edges bend; and what is beside the pairs that they find. Where paths may pass walls,
+the transmitter shoots and that edges bend; and what is next to the pairs that they find. Where paths may pass walls,
 only what lets nothing through hides. What is found depends on nothing but the transmitter's place and the number of
 rays, so that a receiver costs no search of its own: a robot's link is traced again and again with the same candidates.
 """
@@ -17,41 +17,44 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.em.reflected import most_reflected
-from wireless.geometry.backs import Backs
-from wireless.geometry.images import Space, all_views
+from wireless.geometry.array_types import Planes, Point
+from wireless.geometry.images import all_views
 from wireless.geometry.neighbours import Neighbours, edge_neighbours, patch_neighbours, with_neighbours
 from wireless.geometry.occlusion import make_tree
+from wireless.geometry.reachable_sides import Backs
 from wireless.geometry.shooting import Bent, Shooter
-from wireless.tracing.beams import (
-    Beams,
-    Bends,
-    Sights,
-    aim,
-    make_bends,
-    may_bend,
+from wireless.geometry.space import Space
+from wireless.tracing.ray_search import bend, reflect
+from wireless.tracing.reachable import (
+    EdgeChains,
+    OpenChains,
+    SeenEdges,
+    can_bend,
+    make_edge_chains,
+    open_chains,
     place_edges,
 )
-from wireless.tracing.ray_search import bend, make_lists, reflect, tabled
-from wireless.tracing.space_engine import lit_edges
+from wireless.tracing.space_engine import seen_edges
+from wireless.tracing.space_paths import make_links, make_workspace, table_of
 from wireless.tracing.table import Setting, Table
 
-#: All is tried where a patch takes no longer than so many rays; else what is beside the pairs that rays find, where it
+#: All is tried where a patch takes no longer than so many rays; else what is next to the pairs that rays find, where it
 #: takes no longer than so many: among 100,000 patches that is a million of pairs, which few receivers need.
-RAYS_A_PATCH, RAYS_BESIDE = 16, 8
+RAYS_A_PATCH, RAYS_NEARBY = 16, 8
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
-#: Pairs of a sight and a patch that are asked about at once: some 40 bytes each.
+#: Pairs of a sight and a patch that are decided at once: some 40 bytes each.
 _PAIRS = 1_000_000
-#: Tells which of some pairs can be.
+#: Selects those of some pairs that are possible.
 Possible = Callable[[Int[np.ndarray, "_ 2"]], Int[np.ndarray, "_ 2"]]
 
 
 class Reach(NamedTuple):
     """What a transmitter may reach."""
 
-    beams: Beams
+    chains: OpenChains
     """Chains of patches."""
-    bends: Bends | None
+    edges: EdgeChains | None
     """Edges, and patches before and behind them; None if edges do not diffract."""
 
     @property
@@ -77,7 +80,7 @@ class Candidates:
         self._veiled = hidden_by_opaque(space) if setting.max_through else space
         self._few = RAYS_A_PATCH * len(space.patch_boxes.number) <= rays
         self._near: tuple[Neighbours, Neighbours] | None = None
-        if not self._few and RAYS_BESIDE * len(space.patch_boxes.number) <= rays:
+        if not self._few and RAYS_NEARBY * len(space.patch_boxes.number) <= rays:
             self._near = edge_neighbours(space), patch_neighbours(space)
         tried = self._side >= 0 and (self._few or self._near is not None)
         self._backs = Backs(space) if tried else None
@@ -89,13 +92,13 @@ class Candidates:
         space, setting = self._space, self._setting
         for one in tx:
             reach = self._reach(one)
-            lists = make_lists(setting, len(rx))
-            reflect(space, setting, one, rx, reach.beams, self._most, lists)
-            if reach.bends is not None:
-                bend(space, setting, one, rx, reach.bends, self._most, lists)
-            yield tabled(space, setting, one, rx, lists)
+            links, work = make_links(setting, one, rx), make_workspace(setting)
+            reflect(space, setting, links, reach.chains, self._most, work)
+            if reach.edges is not None:
+                bend(space, setting, links, reach.edges, self._most, work)
+            yield table_of(space, setting, links, work)
 
-    def _reach(self, tx: Float[np.ndarray, "3"]) -> Reach:
+    def _reach(self, tx: Point) -> Reach:
         """What a transmitter may reach, as remembered or found now."""
         key = tx.tobytes()
         with self._lock:  # another thread may be about to find the same
@@ -107,7 +110,7 @@ class Candidates:
                     self._known.popitem(last=False)
             return self._known[key]
 
-    def _found(self, tx: Float[np.ndarray, "3"]) -> Reach:
+    def _found(self, tx: Point) -> Reach:
         """Chains from a transmitter, and edges that it sees."""
         space, most, side = self._space, self._setting.max_reflections, self._side
         # Where patches are few, rays are left what is longer.
@@ -123,21 +126,19 @@ class Candidates:
         chains = list(seen.chains[len(parts) - 2 :]) if most > 1 else []
         if chains and self._near is not None:
             _, patches = self._near
-            chains[0] = self._beside(chains[0], (patches, patches), partial(self._pairs, tx))
-        beams = aim(space, tx, _padded(parts + chains, most))
+            chains[0] = self._nearby(chains[0], (patches, patches), partial(self._pairs, tx))
+        reached = open_chains(space, tx, _padded(parts + chains, most))
         if side < 0:
-            return Reach(beams, None)
+            return Reach(reached, None)
         sights = self._sights(tx, seen.edge, seen.over)
-        return Reach(beams, make_bends(space, sights, self._behind(tx, sights)))
+        return Reach(reached, make_edge_chains(space, sights, self._behind(tx, sights)))
 
-    def _sights(
-        self, tx: Float[np.ndarray, "3"], edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
-    ) -> Sights:
+    def _sights(self, tx: Point, edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]) -> SeenEdges:
         """Edges that a transmitter sees, of which rays found some over patches."""
         space, side = self._space, self._side
         if self._few:
             views, n = all_views(self._veiled, tx, min(1, side), True)
-            pair, _ = lit_edges(self._veiled, views, n, True)
+            pair, _ = seen_edges(self._veiled, views, n, True)
             pair = pair[np.lexsort((pair[:, 0], pair[:, 1]))]
             first, before = pair[:, 0], views.chain[pair[:, 1]]
             before = np.where(np.arange(before.shape[1]) < views.order[pair[:, 1], None], before, -1)
@@ -147,7 +148,7 @@ class Candidates:
             if self._near is not None:
                 longer = (over[:, 1:] >= 0).any(axis=1)
                 pairs = np.column_stack([edge, over[:, 0]])[~longer]
-                pairs = self._beside(pairs, self._near, partial(self._seen, tx))
+                pairs = self._nearby(pairs, self._near, partial(self._seen, tx))
                 pairs = pairs[np.argsort(pairs[:, 1], kind="stable")]
                 edge = np.concatenate([pairs[:, 0], edge[longer]])
                 over = np.concatenate([_padded([pairs[:, 1:]], over.shape[1]), over[longer]])
@@ -160,7 +161,7 @@ class Candidates:
             np.concatenate([_padded([before], max(side, 1)), _padded([over], max(side, 1))]),
         )
 
-    def _behind(self, tx: Float[np.ndarray, "3"], sights: Sights) -> list[Bent]:
+    def _behind(self, tx: Point, sights: SeenEdges) -> list[Bent]:
         """Patches behind the edges of sights."""
         space, bent, side = self._space, self._setting.edge_reflections, self._side
         seen = (
@@ -185,19 +186,19 @@ class Candidates:
                 )
                 behind = [Bent(which[b.sight], b.chain) for b in rays]
                 if order == 0 and self._near is not None and behind:
-                    behind[0] = self._bent_beside(sights, which, behind[0], self._near, seen)
+                    behind[0] = self._bent_nearby(sights, which, behind[0], self._near, seen)
                 found += behind[1 if self._few else 0 :]
         return found
 
-    def _bent_beside(
+    def _bent_nearby(
         self,
-        sights: Sights,
+        sights: SeenEdges,
         which: Int[np.ndarray, " w"],
         bent: Bent,
         near: tuple[Neighbours, Neighbours],
         seen: Int[np.ndarray, " p"],
     ) -> Bent:
-        """Patches behind edges that the transmitter itself sees, and what is beside these."""
+        """Patches behind edges that the transmitter itself sees, and what is next to these."""
         sight_of = np.full(len(self._space.surfaces.edge), -1)
         sight_of[sights.edge[which]] = which
 
@@ -207,41 +208,34 @@ class Candidates:
             return np.column_stack([sights.edge[able[:, 0]], able[:, 1]])
 
         pairs = np.column_stack([sights.edge[bent.sight], bent.chain[:, 0]])
-        pairs = self._beside(pairs, near, possible)
+        pairs = self._nearby(pairs, near, possible)
         return Bent(sight_of[pairs[:, 0]], pairs[:, 1:])
 
-    def _beside(
+    def _nearby(
         self, pairs: Int[np.ndarray, "n 2"], near: tuple[Neighbours, Neighbours], possible: Possible
     ) -> Int[np.ndarray, "m 2"]:
-        """Pairs, and those beside them, of patches that reflect."""
+        """Pairs, and those next to them, of patches that reflect."""
         mirrors = self._space.mirrors[self._space.patch_facet]
         return with_neighbours(pairs, near, lambda some: possible(some[mirrors[some[:, 1]]]))
 
-    def _pairs(self, tx: Float[np.ndarray, "3"], some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+    def _pairs(self, tx: Point, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of patches, the second of which the transmitter's image over the first may see."""
-        return aim(self._space, tx, some).chain
+        return open_chains(self._space, tx, some).chain
 
-    def _seen(self, tx: Float[np.ndarray, "3"], some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
+    def _seen(self, tx: Point, some: Int[np.ndarray, "n 2"]) -> Int[np.ndarray, "m 2"]:
         """Pairs of an edge and a patch, over which the transmitter may see it."""
         some = some[np.argsort(some[:, 1], kind="stable")]
         seen = place_edges(self._space, tx, some[:, 0], some[:, 1:])
         return np.column_stack([seen.edge, seen.over[:, 0]])
 
     def _bent(
-        self, sights: Sights, some: Int[np.ndarray, "n 2"], seen: Int[np.ndarray, " p"]
+        self, sights: SeenEdges, some: Int[np.ndarray, "n 2"], seen: Int[np.ndarray, " p"]
     ) -> Int[np.ndarray, "m 2"]:
         """Pairs of a sight and a patch that its edge may bend rays to, on the side of it that can be reached."""
-        space, panes = self._space.surfaces, self._space.panes
+        panes = self._space.panes
         radius = np.linalg.norm(panes.high - panes.low, axis=1) / 2
-        can = may_bend(
-            (space.edge, space.edge_wedge, space.edge_gap_rad),
-            (sights.edge, sights.place, sights.part),
-            some,
-            np.column_stack([(panes.low + panes.high) / 2, radius]),
-            panes.plane,
-            seen,
-        )
-        return some[can]
+        ball = np.column_stack([(panes.low + panes.high) / 2, radius])
+        return some[can_bend(self._space.ground, sights, some, ball, seen)]
 
 
 def hidden_by_opaque(space: Space) -> Space:
@@ -252,7 +246,7 @@ def hidden_by_opaque(space: Space) -> Space:
     tree = make_tree(old.triangle[opaque], plane[opaque], old.near_m)
     return space._replace(
         tree=tree._replace(number=old.number[opaque[tree.number]]),
-        tree_wall=space.tree_wall[opaque[tree.number]],
+        walls=space.walls._replace(of_triangle=space.walls.of_triangle[opaque[tree.number]]),
         tree_passes=np.zeros(len(opaque), bool),
     )
 
@@ -267,9 +261,7 @@ def _padded(parts: list[Int[np.ndarray, "_ _"]], most: int) -> Int[np.ndarray, "
     return chains
 
 
-def _images(
-    plane: Float[np.ndarray, "p 4"], point: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"]
-) -> Float[np.ndarray, "c 3"]:
+def _images(plane: Planes, point: Point, chain: Int[np.ndarray, "c m"]) -> Float[np.ndarray, "c 3"]:
     """A point mirrored over each of some chains."""
     image = np.tile(point, (len(chain), 1))
     for patch in chain.T:

@@ -1,103 +1,191 @@
-"""The strongest paths of links in a floor plan: views of both ends, joined at corners, weighed.
+"""The strongest paths of links in a floor plan or in storeys: views of both ends, joined at edges, weighed.
 
-Reflections come from the views of the transmitter. Diffracted paths are joined where a view of the
-transmitter and a view of the receiver share a corner. Seen from above a path is unfolded into a straight
-line, along which the height changes evenly; floor and ceiling fold the height only. What cannot enter a
-link's list is not computed: a reflection by its length, a diffraction by a bound on cot(u / 2n) F
+Reflections come from the views of the transmitter. Diffracted paths are joined where a view of the transmitter and a
+view of the receiver share an edge. Seen from above a path is unfolded into a straight line, along which the height
+changes evenly; floor and ceiling of a plan fold the height only. In storeys both views must allow the slope of a path
+over an upright edge. At the rim of a slab the parts before and behind it are unfolded about the rim, which gives the
+point of the rim (Keller's law) that both ends must see; each part rises or falls evenly.
+
+What cannot enter a link's list is not computed: a reflection by its length, a diffraction by a bound on cot(u / 2n) F
 (`wireless.em.diffraction`).
+
+Left out: in storeys, reflections at floors and ceilings and walls that are passed (`wireless.tracing.space_engine`).
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float, Int, Num
 
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
-from wireless.geometry.beams import Sight, cast, views_onto
-from wireless.geometry.growing import longer, longer_ints
-from wireless.geometry.plan import Plan
+from wireless.geometry.array_growth import longer
+from wireless.geometry.array_types import FlatPoint, Point
+from wireless.geometry.layers import Layers, Outline
+from wireless.geometry.plan import NEAR_M
+from wireless.geometry.view_steps import Limits
+from wireless.geometry.visibility import Visibility, find_visibility, views_onto
 from wireless.support.compiled import compiled
 from wireless.tracing.table import (
+    Best,
     Scratch,
     Setting,
     Table,
-    enter,
+    list_path,
     make_scratch,
     make_table,
+    new_best,
     weigh,
     with_room,
     write_row,
 )
 
+#: Slopes that differ by less are one.
+_SLOPE = 1e-12
+
 
 class Views(NamedTuple):
-    """Views of many points, one after the other, without their targets."""
+    """Views of many points, one after the other, and the edges in each."""
 
     view_start: Int[np.ndarray, " r1"]
     """Where each point's views begin, and an end."""
     image: Float[np.ndarray, "b 2"]
-    """See `wireless.geometry.beams.Sight`."""
+    """See `wireless.geometry.visibility.Visibility`, as for the next."""
     chain: Int[np.ndarray, "b 5"]
-    """See `wireless.geometry.beams.Sight`; views before count from the point's first one."""
-    hit_start: Int[np.ndarray, " r1"]
-    """Where each point's corners begin, and an end."""
-    corner_hit: Int[np.ndarray, "c 2"]
-    """Pairs of corner and view."""
+    """Views before count from the point's first one."""
+    edge_start: Int[np.ndarray, " r1"]
+    """Where each point's edges begin, and an end."""
+    edge_hit: Int[np.ndarray, "e 2"]
+    """Corners before rims."""
+    edge_range: Float[np.ndarray, "e 2"]
+
+
+class _Link(NamedTuple):
+    """A transmitter, a receiver, and what each sees."""
+
+    tx: Float[np.ndarray, "3"]
+    rx: Float[np.ndarray, "3"]
+    image: Float[np.ndarray, "b 2"]
+    """Images of the transmitter, see `wireless.geometry.visibility.Visibility`."""
+    chain: Int[np.ndarray, "b 5"]
+    far_image: Float[np.ndarray, "d 2"]
+    """Those of the receiver."""
+    far_chain: Int[np.ndarray, "d 5"]
+
+
+class _NearEdges(NamedTuple):
+    """Edges that a transmitter sees, by edge."""
+
+    start: Int[np.ndarray, " e1"]
+    """Where those of each edge begin, and an end."""
+    node: Int[np.ndarray, " h"]
+    sight: Float[np.ndarray, "h 3"]
+    """Where the image is, see `edge_sight`."""
+    seen: Float[np.ndarray, "h 2"]
+    """See `wireless.geometry.visibility.Visibility.edge_range`."""
+
+
+#: What a path is made of, as numbers: view of the transmitter, edge (corners, then rims; -1 for none), view of the
+#: receiver, and reflections at floor and ceiling (positive if the ceiling comes first, negative for the floor).
+Parts = Int[np.ndarray, "4"]
+
+
+@compiled
+def _with_rows(
+    all_rows: Num[np.ndarray, "n k"], count: int, rows: Num[np.ndarray, "m k"]
+) -> Num[np.ndarray, "l k"]:
+    """An array with rows put behind its first `count`, longer if there is no room."""
+    while len(all_rows) < count + len(rows):
+        all_rows = longer(all_rows)
+    all_rows[count : count + len(rows)] = rows
+    return all_rows
 
 
 @compiled
 def views_of(
-    plan: Plan,
-    points: Float[np.ndarray, "r 2"],
+    layers: Layers,
+    points: Float[np.ndarray, "r 3"],
     start: Int[np.ndarray, " r1"],
     start_list: Int[np.ndarray, " s"],
-    corner_order: int,
-    max_through: int,
+    limits: Limits,
 ) -> Views:
-    """Views of many points onto corners.
+    """Views of many points onto edges.
 
     Args:
-        plan: Walls, corners and triangles.
-        points: Positions [m] around the plan's origin.
+        layers: Walls, corners, triangles and openings.
+        points: Positions [m] around the layers' origin.
         start: Where each point's triangles begin in start_list, and an end.
         start_list: Triangles around points.
-        corner_order: Most reflections on the way to a corner.
-        max_through: Most walls to pass on the way.
+        limits: How far to follow each.
     """
-    n = len(points)
-    view_start, hit_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
-    image, view = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
-    hits, nobody = np.empty((1024, 2), np.int64), np.zeros(len(plan.tri_vertex), np.bool_)
+    n, outline = len(points), layers.outline
+    view_start, edge_start = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
+    image, chain = np.empty((1024, 2)), np.empty((1024, 5), np.int64)
+    hit, seen = np.empty((1024, 2), np.int64), np.empty((1024, 2))
+    no_targets = np.zeros(len(layers.plan.tri_vertex), np.bool_)
     for i in range(n):
-        around = start_list[start[i] : start[i + 1]]
-        found = cast(plan, around, points[i], nobody, 0, -1, corner_order, max_through)
-        one, one_view, one_hit = found.image, found.chain, found.corner_hit
-        v, h = view_start[i], hit_start[i]
-        view_start[i + 1], hit_start[i + 1] = v + len(one), h + len(one_hit)
-        while len(image) < v + len(one):
-            image, view = longer(image), longer_ints(view)
-        while len(hits) < h + len(one_hit):
-            hits = longer_ints(hits)
-        # Number by number: for rows numba would compile a message for shapes that differ, too.
-        for j in range(len(one)):
-            for k in range(2):
-                image[v + j, k] = one[j, k]
-            for k in range(5):
-                view[v + j, k] = one_view[j, k]
-        for j in range(len(one_hit)):
-            for k in range(2):
-                hits[h + j, k] = one_hit[j, k]
-    return Views(view_start, image[: view_start[n]], view[: view_start[n]], hit_start, hits[: hit_start[n]])
+        found = find_visibility(layers, start_list[start[i] : start[i + 1]], points[i], no_targets, limits)
+        v, e = view_start[i], edge_start[i]
+        view_start[i + 1], edge_start[i + 1] = v + len(found.image), e + len(found.edge_hit)
+        image, chain = _with_rows(image, v, found.image), _with_rows(chain, v, found.chain)
+        hit, seen = _with_rows(hit, e, found.edge_hit), _with_rows(seen, e, found.edge_range)
+        if len(outline.edge_gap_rad) > outline.n_corners:
+            order = np.argsort(found.edge_hit[:, 0] >= outline.n_corners, kind="mergesort")
+            hit[e : edge_start[i + 1]], seen[e : edge_start[i + 1]] = (
+                found.edge_hit[order],
+                found.edge_range[order],
+            )
+    return Views(
+        view_start,
+        image[: view_start[n]],
+        chain[: view_start[n]],
+        edge_start,
+        hit[: edge_start[n]],
+        seen[: edge_start[n]],
+    )
 
 
 @compiled
-def _mirror_point(
-    plan: Plan, wall: int, image: Float[np.ndarray, "2"], tx: float, ty: float
-) -> tuple[float, float]:
-    """Where the way from an image to a target meets the wall it was mirrored at."""
-    nx, ny = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
-    px, py = plan.wall_point[wall, 0], plan.wall_point[wall, 1]
+def edge_sight(outline: Outline, edge: int, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """Place along an edge, distance from its line and angle from its 0-face of a point; distance -1 if within a wedge.
+
+    The place is 0 along a corner.
+    """
+    point, wedge = outline.edge_point, outline.edge_wedge
+    dx, dy, dz = x - point[edge, 0], y - point[edge, 1], z - point[edge, 2]
+    if edge < outline.n_corners:
+        ax, ay = wedge[edge, 1, 0], wedge[edge, 1, 1]
+        angle = np.arctan2(ax * dy - ay * dx, ax * dx + ay * dy)
+        return 0.0, np.hypot(dx, dy), angle if angle >= 0 else angle + 2 * np.pi
+    along = dx * wedge[edge, 0, 0] + dy * wedge[edge, 0, 1] + dz * wedge[edge, 0, 2]
+    a = dx * wedge[edge, 1, 0] + dy * wedge[edge, 1, 1] + dz * wedge[edge, 1, 2]
+    b = dx * wedge[edge, 2, 0] + dy * wedge[edge, 2, 1] + dz * wedge[edge, 2, 2]
+    distance, angle = np.hypot(a, b), np.arctan2(b, a) % (2 * np.pi)
+    near = NEAR_M / max(distance, NEAR_M)
+    if distance < NEAR_M or outline.edge_gap_rad[edge] + near < angle < 2 * np.pi - near:
+        return along, -1.0, angle
+    return along, distance, angle
+
+
+@compiled
+def _edge_point(outline: Outline, link: _Link, parts: Parts) -> tuple[float, float, float]:
+    """Where a path meets its edge, a rim by Keller's law; the height of a corner is 0."""
+    node, edge, far_node, point = parts[0], parts[1], parts[2], outline.edge_point
+    if edge < outline.n_corners:
+        return point[edge, 0], point[edge, 1], 0.0
+    image, far, wedge = link.image, link.far_image, outline.edge_wedge
+    near_s, before, _ = edge_sight(outline, edge, image[node, 0], image[node, 1], link.tx[2])
+    far_s, after, _ = edge_sight(outline, edge, far[far_node, 0], far[far_node, 1], link.rx[2])
+    s = (near_s * after + far_s * before) / (before + after)
+    x, y = point[edge, 0] + s * wedge[edge, 0, 0], point[edge, 1] + s * wedge[edge, 0, 1]
+    return x, y, point[edge, 2] + s * wedge[edge, 0, 2]
+
+
+@compiled
+def _mirror_point(outline: Outline, wall: int, image: FlatPoint, tx: float, ty: float) -> tuple[float, float]:
+    """Where the line from an image to a target meets the wall it was mirrored at."""
+    nx, ny = -outline.wall_along[wall, 1], outline.wall_along[wall, 0]
+    px, py = outline.wall_point[wall, 0], outline.wall_point[wall, 1]
     a = (image[0] - px) * nx + (image[1] - py) * ny
     b = (tx - px) * nx + (ty - py) * ny
     f = a / (a - b) if a != b else 1.0
@@ -105,79 +193,54 @@ def _mirror_point(
 
 
 @compiled
-def lay_flat(
-    plan: Plan,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    image: Float[np.ndarray, "b 2"],
-    view: Int[np.ndarray, "b 5"],
-    node: int,
-    corner: int,
-    far_image: Float[np.ndarray, "d 2"],
-    far_view: Int[np.ndarray, "d 5"],
-    far_node: int,
-    scratch: Scratch,
-) -> int:
-    """Points of a path seen from above; its number of interactions."""
-    x, y = rx[0], rx[1]
-    if corner >= 0:
-        x, y = plan.vertex[plan.corner_vertex[corner], 0], plan.vertex[plan.corner_vertex[corner], 1]
-    return lay_over(plan, tx, rx, image, view, node, corner, x, y, far_image, far_view, far_node, scratch)
-
-
-@compiled
-def lay_over(
-    plan: Plan,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    image: Float[np.ndarray, "b 2"],
-    view: Int[np.ndarray, "b 5"],
-    node: int,
-    corner: int,
-    x: float,
-    y: float,
-    far_image: Float[np.ndarray, "d 2"],
-    far_view: Int[np.ndarray, "d 5"],
-    far_node: int,
-    scratch: Scratch,
-) -> int:
-    """The same with a diffraction, if there is one (corner >= 0), at (x, y)."""
+def _lay_flat(outline: Outline, link: _Link, parts: Parts, x: float, y: float, scratch: Scratch) -> int:
+    """Points of a path seen from above, which meets its edge, or ends, at (x, y); its number of interactions."""
     flat, kind, primitive = scratch.flat, scratch.flat_kind, scratch.flat_primitive
-    n = view[node, 2] + view[node, 3]
-    if corner >= 0:
+    image, chain, node, edge, far_node = link.image, link.chain, parts[0], parts[1], parts[2]
+    n = chain[node, 2] + chain[node, 3]
+    if edge >= 0:
         flat[n + 1, 0], flat[n + 1, 1] = x, y
-        kind[n], primitive[n] = DIFFRACTION, corner
+        kind[n], primitive[n] = DIFFRACTION, edge
     cx, cy = x, y
     for j in range(n, 0, -1):
-        x, y = _mirror_point(plan, view[node, 0], image[node], x, y)
+        x, y = _mirror_point(outline, chain[node, 0], image[node], x, y)
         flat[j, 0], flat[j, 1] = x, y
-        kind[j - 1], primitive[j - 1] = TRANSMISSION if view[node, 4] else REFLECTION, view[node, 0]
-        node = view[node, 1]
-    if corner >= 0:
-        n += 1
+        kind[j - 1], primitive[j - 1] = TRANSMISSION if chain[node, 4] else REFLECTION, chain[node, 0]
+        node = chain[node, 1]
+    if edge >= 0:
+        image, chain, n = link.far_image, link.far_chain, n + 1
         x, y = cx, cy
-        while far_view[far_node, 1] >= 0:
-            x, y = _mirror_point(plan, far_view[far_node, 0], far_image[far_node], x, y)
+        while chain[far_node, 1] >= 0:
+            x, y = _mirror_point(outline, chain[far_node, 0], image[far_node], x, y)
             flat[n + 1, 0], flat[n + 1, 1] = x, y
-            kind[n], primitive[n] = (
-                TRANSMISSION if far_view[far_node, 4] else REFLECTION,
-                far_view[far_node, 0],
-            )
-            far_node = far_view[far_node, 1]
+            kind[n], primitive[n] = TRANSMISSION if chain[far_node, 4] else REFLECTION, chain[far_node, 0]
+            far_node = chain[far_node, 1]
             n += 1
-    flat[0, 0], flat[0, 1] = tx[0], tx[1]
-    flat[n + 1, 0], flat[n + 1, 1] = rx[0], rx[1]
+    flat[0, 0], flat[0, 1] = link.tx[0], link.tx[1]
+    flat[n + 1, 0], flat[n + 1, 1] = link.rx[0], link.rx[1]
     return n
 
 
 @compiled
-def raise_flat(
-    plan: Plan, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, scratch: Scratch
+def _take_flat(outline: Outline, setting: Setting, scratch: Scratch, j: int, m: int) -> None:
+    """Take over what interaction j of the flat path is as interaction m, with its wall."""
+    scratch.kind[m], scratch.primitive[m] = scratch.flat_kind[j], scratch.flat_primitive[j]
+    if scratch.kind[m] != DIFFRACTION:
+        wall = scratch.primitive[m]
+        scratch.normal[m, 0], scratch.normal[m, 1] = -outline.wall_along[wall, 1], outline.wall_along[wall, 0]
+        scratch.normal[m, 2] = 0.0
+        for k in range(setting.walls.shape[1]):
+            scratch.walls[m, k] = setting.walls[wall, k]
+
+
+@compiled
+def _raise_flat(
+    outline: Outline, setting: Setting, tx_z: float, rx_z: float, n: int, bounce: int, scratch: Scratch
 ) -> int:
     """Give heights to the n interactions of a flat path and fold them at floor and ceiling; new number.
 
     Args:
-        plan: Walls and corners.
+        outline: Walls and corners.
         setting: Heights and materials.
         tx_z: Height of the transmitter.
         rx_z: Height of the receiver.
@@ -196,13 +259,13 @@ def raise_flat(
     for j in range(n + 1):
         total += np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
     point[0, 0], point[0, 1], point[0, 2] = flat[0, 0], flat[0, 1], tx_z
-    m, done, way = 0, 0, 0.0
+    m, done, done_m = 0, 0, 0.0
     for j in range(n + 1):
         step = np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
-        until = (way + step) / total if total > 0 else 1.0
+        until = (done_m + step) / total if total > 0 else 1.0
         if j == n:
             until = 1.0
-        since = way / total if total > 0 else 0.0
+        since = done_m / total if total > 0 else 0.0
         while done < abs(bounce):
             level = (done + 1) * height if bounce > 0 else -done * height
             at = (level - z) / (end - z)
@@ -218,7 +281,7 @@ def raise_flat(
             scratch.walls[m] = setting.walls[scratch.primitive[m]]
             m += 1
             done += 1
-        way += step
+        done_m += step
         if j == n:
             break
         level = z + until * (end - z)
@@ -231,15 +294,46 @@ def raise_flat(
             flat[j + 1, 1],
             setting.low_m + level,
         )
-        scratch.kind[m], scratch.primitive[m] = scratch.flat_kind[j], scratch.flat_primitive[j]
-        if scratch.kind[m] != DIFFRACTION:
-            wall = scratch.primitive[m]
-            scratch.normal[m, 0], scratch.normal[m, 1] = -plan.wall_along[wall, 1], plan.wall_along[wall, 0]
-            scratch.normal[m, 2] = 0.0
-            scratch.walls[m] = setting.walls[wall]
+        _take_flat(outline, setting, scratch, j, m)
         m += 1
     point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[n + 1, 0], flat[n + 1, 1], rx_z
     return m
+
+
+@compiled
+def _raise_to_rim(
+    outline: Outline, setting: Setting, link: _Link, edge_at: int, z: float, n: int, scratch: Scratch
+) -> None:
+    """Give heights to the n interactions of a flat path, the edge at height z among them; each part rises evenly."""
+    flat, point = scratch.flat, scratch.point
+    for half in range(2):
+        first, last = (0, edge_at + 1) if half == 0 else (edge_at + 1, n + 1)
+        low, high = (link.tx[2], z) if half == 0 else (z, link.rx[2])
+        total, done_m = 0.0, 0.0
+        for j in range(first, last):
+            total += np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
+        point[first, 0], point[first, 1], point[first, 2] = flat[first, 0], flat[first, 1], low
+        for j in range(first, last):
+            done_m += np.hypot(flat[j + 1, 0] - flat[j, 0], flat[j + 1, 1] - flat[j, 1])
+            share = done_m / total if total > 0 else 1.0
+            point[j + 1, 0], point[j + 1, 1] = flat[j + 1, 0], flat[j + 1, 1]
+            point[j + 1, 2] = low + share * (high - low) if j + 1 < last else high
+    for j in range(n):
+        _take_flat(outline, setting, scratch, j, j)
+
+
+@compiled
+def _lay(outline: Outline, setting: Setting, link: _Link, parts: Parts, scratch: Scratch) -> int:
+    """Put a path into `scratch`; its number of interactions."""
+    x, y, z = link.rx[0], link.rx[1], 0.0
+    if parts[1] >= 0:
+        x, y, z = _edge_point(outline, link, parts)
+    n = _lay_flat(outline, link, parts, x, y, scratch)
+    if parts[1] < outline.n_corners:
+        return _raise_flat(outline, setting, link.tx[2], link.rx[2], n, parts[3], scratch)
+    edge_at = link.chain[parts[0], 2] + link.chain[parts[0], 3]
+    _raise_to_rim(outline, setting, link, edge_at, z, n, scratch)
+    return n
 
 
 @compiled
@@ -255,97 +349,135 @@ def _most_on_a_side(m: int, scratch: Scratch) -> int:
 
 
 @compiled
-def weigh_flat(plan: Plan, setting: Setting, corner: int, m: int, scratch: Scratch) -> tuple[float, float]:
+def _weigh(outline: Outline, setting: Setting, edge: int, m: int, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
-    n = 1.0
-    if corner >= 0:
-        ax, ay = plan.corner_along[corner, 0], plan.corner_along[corner, 1]
-        scratch.wedge[0, 2] = 1.0
-        scratch.wedge[1, 0], scratch.wedge[1, 1] = ax, ay
-        scratch.wedge[2, 0], scratch.wedge[2, 1] = -ay, ax
-        n = plan.corner_gap_rad[corner] / np.pi
-        for i in range(2):
-            scratch.wedge_walls[i] = setting.walls[plan.corner_walls[corner, i]]
-    return weigh(setting, m, n, scratch)
+    if edge < 0:
+        return weigh(setting, m, 1.0, scratch)
+    for i in range(3):
+        for k in range(3):
+            scratch.wedge[i, k] = outline.edge_wedge[edge, i, k]
+    for i in range(2):
+        wall = outline.edge_walls[edge, i]
+        for k in range(setting.walls.shape[1]):
+            scratch.wedge_walls[i, k] = setting.walls[wall, k]
+    return weigh(setting, m, outline.edge_gap_rad[edge] / np.pi, scratch)
 
 
 @compiled
-def _try_bounces(
-    plan: Plan,
-    setting: Setting,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    image: Float[np.ndarray, "b 2"],
-    view: Int[np.ndarray, "b 5"],
-    node: int,
-    corner: int,
-    far_image: Float[np.ndarray, "d 2"],
-    far_view: Int[np.ndarray, "d 5"],
-    far_node: int,
-    scratch: Scratch,
-    rank: Float[np.ndarray, "k 5"],
-    who: Int[np.ndarray, "k 4"],
-    count: int,
+def _try_path(
+    outline: Outline, setting: Setting, link: _Link, parts: Parts, scratch: Scratch, best: Best, count: int
 ) -> int:
-    """Enter a flat path into the list, with each allowed number of reflections at floor and ceiling."""
-    n = lay_flat(plan, tx, rx, image, view, node, corner, far_image, far_view, far_node, scratch)
-    most = setting.max_reflections - view[node, 2]
-    if corner >= 0:
-        most = setting.edge_reflections - view[node, 2] - far_view[far_node, 2]
+    """Enter a path into a link's list, with each allowed number of reflections at floor and ceiling; its new length."""
+    edge, most = parts[1], setting.max_reflections - link.chain[parts[0], 2]
+    if edge >= 0:
+        most = setting.edge_reflections - link.chain[parts[0], 2] - link.far_chain[parts[2], 2]
     up = min(most, 1 if not setting.has_floor else most) if setting.has_ceiling else 0
     down = min(most, 1 if not setting.has_ceiling else most) if setting.has_floor else 0
-    new = np.empty(5)
     for bounce in range(-down, up + 1):
-        m = raise_flat(plan, setting, tx[2], rx[2], n, bounce, scratch)
+        parts[3] = bounce
+        m = _lay(outline, setting, link, parts, scratch)
         if m > setting.max_met:
             continue
-        if corner >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
+        if edge >= 0 and bounce != 0 and _most_on_a_side(m, scratch) > setting.side_reflections:
             continue
-        length, power = weigh_flat(plan, setting, corner, m, scratch)
-        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
+        length, power = _weigh(outline, setting, edge, m, scratch)
+        if length < 0 or (count == len(best.rank) and power <= best.rank[count - 1, 0]):
             continue
-        new[0], new[1] = power, length
-        p = scratch.point
-        new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0])
-        new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0])
-        new[4] = 1000 * m + bounce + (500 if corner >= 0 else 0)
-        count, place = enter(rank, who, count, new)
-        if place >= 0:
-            who[place, 0], who[place, 1], who[place, 2], who[place, 3] = node, corner, far_node, bounce
+        number = 1000 * m + bounce + (500 if edge >= 0 else 0)
+        count = list_path(best, count, parts, length, power, m, number, scratch.point)
     return count
 
 
 @compiled
-def corner_sight(plan: Plan, corner: int, x: float, y: float) -> tuple[float, float]:
-    """Distance of a point from a corner, and its angle from the first wall."""
-    v = plan.corner_vertex[corner]
-    dx, dy = x - plan.vertex[v, 0], y - plan.vertex[v, 1]
-    ax, ay = plan.corner_along[corner, 0], plan.corner_along[corner, 1]
-    angle = np.arctan2(ax * dy - ay * dx, ax * dx + ay * dy)
-    return np.hypot(dx, dy), angle if angle >= 0 else angle + 2 * np.pi
-
-
-@compiled
-def by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
-    """Second entries sorted by the first ones (in order among equals), and where each begins."""
+def _by_first(pairs: Int[np.ndarray, "h 2"], n: int) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " h"]]:
+    """Numbers of pairs sorted by their first entry (in order among equals), and where those of each entry begin."""
     start = np.zeros(n + 1, np.int64)
     for i in range(len(pairs)):
         start[pairs[i, 0] + 1] += 1
     for i in range(n):
         start[i + 1] += start[i]
-    fill, second = start.copy(), np.empty(len(pairs), np.int64)
+    fill, number = start.copy(), np.empty(len(pairs), np.int64)
     for i in range(len(pairs)):
-        second[fill[pairs[i, 0]]] = pairs[i, 1]
+        number[fill[pairs[i, 0]]] = i
         fill[pairs[i, 0]] += 1
-    return start, second
+    return start, number
+
+
+@compiled
+def _near_edges(outline: Outline, seen: Visibility) -> _NearEdges:
+    """Edges that a transmitter sees, by edge."""
+    start, number = _by_first(seen.edge_hit, len(outline.edge_gap_rad))
+    view, sight, part = seen.edge_hit[number, 1], np.empty((len(number), 3)), seen.edge_range[number]
+    for j in range(len(number)):
+        image = seen.image[view[j]]
+        sight[j] = edge_sight(outline, seen.edge_hit[number[j], 0], image[0], image[1], seen.height_m)
+    return _NearEdges(start, view, sight, part)
+
+
+@compiled
+def _is_seen(seen: Float[np.ndarray, "2"], value: float, slack: float) -> bool:
+    """Whether a slope or a place along a rim is within what is seen."""
+    return seen[0] - slack <= value <= seen[1] + slack
+
+
+@compiled
+def _diffract(
+    outline: Outline,
+    setting: Setting,
+    link: _Link,
+    near: _NearEdges,
+    far: Views,
+    receiver: int,
+    scratch: Scratch,
+    best: Best,
+    count: int,
+) -> int:
+    """Enter the paths of a link over edges that both ends see into its list; the list's new length."""
+    n_corners, rise, keep = outline.n_corners, link.rx[2] - link.tx[2], len(best.rank)
+    chain, far_image, far_chain = link.chain, link.far_image, link.far_chain
+    parts = np.zeros(4, np.int64)
+    for h in range(far.edge_start[receiver], far.edge_start[receiver + 1]):
+        edge, far_node = far.edge_hit[h, 0], far.edge_hit[h, 1]
+        if near.start[edge] == near.start[edge + 1]:
+            continue
+        far_s, after, phi = edge_sight(
+            outline, edge, far_image[far_node, 0], far_image[far_node, 1], link.rx[2]
+        )
+        if after < NOWHERE_M:
+            continue
+        for j in range(near.start[edge], near.start[edge + 1]):
+            node, before = near.node[j], near.sight[j, 1]
+            reflections = chain[node, 2] + far_chain[far_node, 2]
+            through = chain[node, 3] + far_chain[far_node, 3]
+            if reflections > setting.edge_reflections or through > setting.max_through or before < NOWHERE_M:
+                continue
+            if 1 + reflections + through > setting.max_met:
+                continue
+            if edge < n_corners:
+                slope = rise / (before + after)
+                if not (
+                    _is_seen(near.seen[j], slope, _SLOPE) and _is_seen(far.edge_range[h], -slope, _SLOPE)
+                ):
+                    continue
+            else:
+                along = (near.sight[j, 0] * after + far_s * before) / (before + after)
+                if not (_is_seen(near.seen[j], along, NEAR_M) and _is_seen(far.edge_range[h], along, NEAR_M)):
+                    continue
+            if count == keep:
+                gap, k = outline.edge_gap_rad[edge], setting.wavenumber
+                if edge_bound(phi, near.sight[j, 2], gap, k, before, after) < best.rank[count - 1, 0]:
+                    continue
+            parts[0], parts[1], parts[2] = node, edge, far_node
+            count = _try_path(outline, setting, link, parts, scratch, best, count)
+    return count
 
 
 @compiled
 def trace_links(
-    plan: Plan,
+    layers: Layers,
     setting: Setting,
-    tx: Float[np.ndarray, "3"],
-    sight: Sight,
+    tx: Point,
+    seen: Visibility,
     rx: Float[np.ndarray, "r 3"],
     start: Int[np.ndarray, " r1"],
     start_list: Int[np.ndarray, " s"],
@@ -354,86 +486,41 @@ def trace_links(
     """Strongest paths from one transmitter to many receivers.
 
     Args:
-        plan: Walls, corners and triangles.
+        layers: Walls, corners, triangles and openings.
         setting: Physics and limits.
-        tx: Position of the transmitter, around the plan's origin [m].
-        sight: What it sees.
+        tx: Position of the transmitter, around the layers' origin [m].
+        seen: What it sees.
         rx: Positions of receivers.
         start: Where each receiver's triangles begin in start_list, and an end.
         start_list: Triangles around receivers.
-        far: Views of the receivers onto corners.
+        far: Views of the receivers onto edges.
     """
-    n_rx, keep, table = len(rx), setting.keep, make_table(setting, len(rx), len(rx))
-    image, view = sight.image, sight.chain
-    hit_start, hit_view = views_onto(sight, rx[:, :2].copy(), start, start_list)
-    near_start, near_view = by_first(sight.corner_hit, len(plan.corner_vertex))
-    near_sight = np.empty((len(near_view), 2))
-    for c in range(len(plan.corner_vertex)):
-        for j in range(near_start[c], near_start[c + 1]):
-            away, turn = corner_sight(plan, c, image[near_view[j], 0], image[near_view[j], 1])
-            near_sight[j, 0], near_sight[j, 1] = away, turn
-    scratch, rank, who = make_scratch(setting), np.empty((keep, 5)), np.empty((keep, 4), np.int64)
-    row = 0
-    for i in range(n_rx):
-        count = 0
-        v = far.view_start[i]
-        far_image, far_view = far.image[v : far.view_start[i + 1]], far.chain[v : far.view_start[i + 1]]
+    table, keep, row = make_table(setting, len(rx), len(rx)), setting.keep, 0
+    hit_start, hit_view = views_onto(seen, rx, start, start_list)
+    near, scratch, best = _near_edges(layers.outline, seen), make_scratch(setting), new_best(setting, 4)
+    parts = np.zeros(4, np.int64)
+    folds = setting.has_floor or setting.has_ceiling
+    for i in range(len(rx)):
+        count, first, last = 0, far.view_start[i], far.view_start[i + 1]
+        link = _Link(tx, rx[i], seen.image, seen.chain, far.image[first:last], far.chain[first:last])
+        rise = 0.0 if folds else rx[i, 2] - tx[2]
+        parts[1], parts[2] = -1, 0
         for j in range(hit_start[i], hit_start[i + 1]):
             node = hit_view[j]
-            if view[node, 2] + view[node, 3] > setting.max_met:
+            if seen.chain[node, 2] + seen.chain[node, 3] > setting.max_met:
                 continue
             if count == keep:
-                length = np.hypot(image[node, 0] - rx[i, 0], image[node, 1] - rx[i, 1])
-                if (2 * setting.wavenumber * length) ** -2 < rank[count - 1, 0]:
+                length = np.hypot(seen.image[node, 0] - rx[i, 0], seen.image[node, 1] - rx[i, 1])
+                if (2 * setting.wavenumber * np.hypot(length, rise)) ** -2 < best.rank[count - 1, 0]:
                     continue
-            count = _try_bounces(
-                plan, setting, tx, rx[i], image, view, node, -1, image, view, 0, scratch, rank, who, count
-            )
-        for h in range(far.hit_start[i], far.hit_start[i + 1]):
-            corner, far_node = far.corner_hit[h, 0], far.corner_hit[h, 1]
-            if near_start[corner] == near_start[corner + 1]:
-                continue
-            after, phi = corner_sight(plan, corner, far_image[far_node, 0], far_image[far_node, 1])
-            for j in range(near_start[corner], near_start[corner + 1]):
-                node = near_view[j]
-                if view[node, 2] + far_view[far_node, 2] > setting.edge_reflections:
-                    continue
-                through = view[node, 3] + far_view[far_node, 3]
-                if through > setting.max_through:
-                    continue
-                if 1 + view[node, 2] + far_view[far_node, 2] + through > setting.max_met:
-                    continue
-                before = near_sight[j, 0]
-                if before < NOWHERE_M or after < NOWHERE_M:
-                    continue
-                if count == keep:
-                    gap, k = plan.corner_gap_rad[corner], setting.wavenumber
-                    if edge_bound(phi, near_sight[j, 1], gap, k, before, after) < rank[count - 1, 0]:
-                        continue
-                count = _try_bounces(
-                    plan,
-                    setting,
-                    tx,
-                    rx[i],
-                    image,
-                    view,
-                    node,
-                    corner,
-                    far_image,
-                    far_view,
-                    far_node,
-                    scratch,
-                    rank,
-                    who,
-                    count,
-                )
+            parts[0] = node
+            count = _try_path(layers.outline, setting, link, parts, scratch, best, count)
+        count = _diffract(layers.outline, setting, link, near, far, i, scratch, best, count)
         table.found[i] = count
         table = with_room(setting, table, row + count)
         for j in range(count):
-            node, corner, far_node, bounce = who[j, 0], who[j, 1], who[j, 2], who[j, 3]
-            n = lay_flat(plan, tx, rx[i], image, view, node, corner, far_image, far_view, far_node, scratch)
-            m = raise_flat(plan, setting, tx[2], rx[i, 2], n, bounce, scratch)
-            length, power = weigh_flat(plan, setting, corner, m, scratch)
+            m = _lay(layers.outline, setting, link, best.parts[j], scratch)
+            length, power = _weigh(layers.outline, setting, best.parts[j, 1], m, scratch)
             write_row(table, row + j, length, power, m, scratch)
         row += count
     return table

@@ -1,10 +1,10 @@
 """The strongest paths of links among very many triangles: candidates of the transmitter, computed and checked exactly.
 
 For each transmitter there is a table of what it may reach, over patches and edges (`wireless.tracing.candidates`).
-One sweep over it leaves few rows for each receiver (`wireless.tracing.sweep`). Those are laid out and looked at as in
-exhaustive search (`wireless.tracing.laying`, `wireless.tracing.space_paths`), so that each path is one that exhaustive
-search finds; what is not in the table is missed. Of bends what may be strongest comes first, so that a full list
-spares the rest. Rows say nothing of walls: those that a path may pass are found on its legs.
+One sweep over it leaves few rows for each receiver (`wireless.tracing.receiver_sweep`). Those are laid out and checked
+as in exhaustive search (`wireless.tracing.path_layout`, `wireless.tracing.space_paths`), so that each path is one that
+exhaustive search finds; what is not in the table is missed. Of edges what may be strongest comes first, so that a full
+list spares the rest. Rows do not name walls that are passed: these are found on the legs of paths.
 """
 
 from typing import NamedTuple
@@ -15,222 +15,134 @@ from jaxtyping import Float, Int
 from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror
-from wireless.geometry.images import Space
-from wireless.geometry.occlusion import HIDDEN, TOUCHED
+from wireless.geometry.array_types import Point, Points
+from wireless.geometry.space import Ground, Space
 from wireless.support.compiled import compiled
-from wireless.tracing.beams import Beams, Bends
-from wireless.tracing.laying import edge_sight, ground_of, is_open, lay, mirror_over, on_large
-from wireless.tracing.space_engine import Room, make_room, table_of
-from wireless.tracing.space_paths import is_limit, left_by_mirrors, list_path, look, try_path, weigh_path
-from wireless.tracing.sweep import beams_at, bends_at
-from wireless.tracing.table import Setting, Table, most_interactions
+from wireless.tracing.path_layout import Chain, edge_sight, is_on_large, is_open, lay_out, mirror_over
+from wireless.tracing.reachable import EdgeChains, OpenChains
+from wireless.tracing.receiver_sweep import chains_at, edges_at
+from wireless.tracing.space_paths import (
+    Link,
+    Links,
+    Workspace,
+    left_by_mirrors,
+    link_of,
+    name_path,
+    try_path,
+    weigh_path,
+)
+from wireless.tracing.table import Setting
 
-#: Bends of a link whose bounds are found closely at once: those behind are spared if the list fills up.
+#: Edges of a link whose bounds are found closely at once: those behind are spared if the list fills up.
 _LOT = 64
 
 
-class Lists(NamedTuple):
-    """Strongest paths so far of links, see `wireless.tracing.table.enter`."""
+class _Rows(NamedTuple):
+    """Paths to try, with what their power cannot exceed."""
 
-    rank: Float[np.ndarray, "r k 5"]
-    best: Int[np.ndarray, "r k w"]
-    length: Int[np.ndarray, " r"]
-
-
-def make_lists(setting: Setting, n_rx: int) -> Lists:
-    """Lists of so many links, with no path in them."""
-    most = int(most_interactions(setting))
-    return Lists(
-        np.empty((n_rx, setting.keep, 5)),
-        np.empty((n_rx, setting.keep, 3 + most), np.int64),
-        np.zeros(n_rx, np.int64),
-    )
+    edge: Int[np.ndarray, " n"]
+    """Edge of each; -1 for none."""
+    near: Int[np.ndarray, "n m"]
+    """Patches before it, or all, the first from the transmitter first; -1 beyond the last."""
+    far: Int[np.ndarray, "n l"]
+    """Patches behind it, the first from the receiver first."""
+    bound: Float[np.ndarray, " n"]
+    """What the power of each cannot exceed."""
+    bare: Float[np.ndarray, " n"]
+    """The same if its patches reflected everything."""
 
 
 @compiled
-def _enter(
-    space: Space,
-    setting: Setting,
-    ends: Float[np.ndarray, "2 3"],
-    edge: Int[np.ndarray, " n"],
-    near: Int[np.ndarray, "n m"],
-    far: Int[np.ndarray, "n l"],
-    bound: Float[np.ndarray, " n"],
-    bare: Float[np.ndarray, " n"],
-    room: Room,
-    rank: Float[np.ndarray, "k 5"],
-    best: Int[np.ndarray, "k w"],
-    count: int,
-) -> int:
-    """Enter ways into a link's list, but those whose bound shows that they are too weak; the list's new length.
-
-    Args:
-        space: Surfaces.
-        setting: Physics and limits.
-        ends: Transmitter and receiver.
-        edge: Edge of each way; -1 for none.
-        near: Patches before it, or all, the first from the transmitter first; -1 beyond the last.
-        far: Patches behind it, the first from the receiver first.
-        bound: What the power of each cannot exceed.
-        bare: The same if its patches reflected everything.
-        room: Arrays to work in.
-        rank: The list, see `wireless.tracing.table.enter`.
-        best: The same.
-        count: Its length.
-    """
-    ground, tree, scratch, who, keep = ground_of(space), space.tree, room.scratch, room.who, len(rank)
-    facet_normal, edge_facets = space.surfaces.facet_normal, space.surfaces.edge_facets
-    tx, rx = ends[0], ends[1]
-    images, others = np.empty((near.shape[1] + 1, 3)), np.empty((far.shape[1] + 1, 3))
-    for h in range(len(edge)):
-        if count == keep and bound[h] < rank[keep - 1, 0]:
+def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Workspace, count: int) -> int:
+    """Enter paths into a link's list, but those whose bound shows that they are too weak; the list's new length."""
+    ground, scratch, ends, rank, keep = space.ground, work.scratch, link.ends, link.best.rank, setting.keep
+    images, others = np.empty((rows.near.shape[1] + 1, 3)), np.empty((rows.far.shape[1] + 1, 3))
+    for h in range(len(rows.edge)):
+        full = count == keep
+        if full and rows.bound[h] < rank[keep - 1, 0]:
             continue
-        before, after = (
-            mirror_over(ground.plane, tx, near[h], images),
-            mirror_over(ground.plane, rx, far[h], others),
-        )
-        m, large = lay(
-            ground,
-            tx,
-            rx,
-            (images, near[h], before),
-            edge[h],
-            (others, far[h], after),
-            room.points,
-            scratch.point,
-            scratch.kind,
-            scratch.primitive,
-        )
+        edge = rows.edge[h]
+        near = Chain(images, rows.near[h], mirror_over(ground.plane, ends[0], rows.near[h], images))
+        far = Chain(others, rows.far[h], mirror_over(ground.plane, ends[1], rows.far[h], others))
+        m, large = lay_out(ground, ends, near, edge, far, work.layout)
         if m < 0 or m > setting.max_met:
             continue
-        if count == keep and before + after > 1:
-            most = bare[h] * left_by_mirrors(facet_normal, setting, m, scratch)
+        if full and near.order + far.order > 1:
+            most = rows.bare[h] * left_by_mirrors(ground.facet_normal, setting, m, scratch)
             if most < rank[keep - 1, 0]:
                 continue
-        who[0], who[1], who[2] = edge[h], before, after
-        for i in range(before):
-            who[3 + i] = near[h, i]
-        for i in range(after):
-            who[3 + before + i] = far[h, i]
-        if setting.max_through > 0:
-            if not large or on_large(space, near[h], before, edge[h], far[h], after, scratch.point):
-                count = try_path(
-                    space,
-                    setting,
-                    tx,
-                    rx,
-                    room.points,
-                    m,
-                    who,
-                    scratch,
-                    room.where,
-                    room.which,
-                    rank,
-                    best,
-                    count,
-                )
+        if large and not is_on_large(space, near, edge, far, scratch.point):
             continue
-        # To look takes as long as to weigh; of a full list most are too weak.
-        length, power, full = -1.0, 0.0, count == keep
-        if full:
-            length, power = weigh_path(facet_normal, edge_facets, ground, setting, m, scratch)
-            if length < 0 or power <= rank[keep - 1, 0]:
+        weighed = -1.0, 0.0
+        # Looking takes as long as weighing, and most paths are too weak for a full list.
+        if full and setting.max_through == 0:
+            weighed = weigh_path(ground, setting, m, scratch)
+            if weighed[0] < 0 or weighed[1] <= rank[keep - 1, 0]:
                 continue
-        seen = look(tree, m, scratch.point, scratch.kind)
-        if seen == HIDDEN:
-            continue
-        if not full:
-            length, power = weigh_path(facet_normal, edge_facets, ground, setting, m, scratch)
-            if length < 0:
-                continue
-        if large and not on_large(space, near[h], before, edge[h], far[h], after, scratch.point):
-            continue
-        if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, room.points):
-            continue
-        count = list_path(scratch.point, m, who, length, power, rank, best, count)
+        name_path(work.parts, near, edge, far)
+        count = try_path(space, setting, link, m, work, count, weighed)
     return count
 
 
 @compiled
 def reflect(
-    space: Space,
-    setting: Setting,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "r 3"],
-    beams: Beams,
-    most: Reflected,
-    lists: Lists,
+    space: Space, setting: Setting, links: Links, chains: OpenChains, most: Reflected, work: Workspace
 ) -> None:
-    """Enter the ways over patches into the lists of all links.
+    """Enter the paths over patches into the lists of all links.
 
     Args:
         space: Surfaces.
         setting: Physics and limits; permittivities are those of facets.
-        tx: Position of the transmitter, around the space's origin [m].
-        rx: Positions of receivers.
-        beams: What the transmitter reaches.
+        links: Links of the transmitter.
+        chains: What the transmitter reaches.
         most: What facets reflect at most.
-        lists: Strongest paths so far.
+        work: Arrays to work in.
     """
-    room, hits, ends = make_room(setting, len(rx)), beams_at(beams, rx), np.empty((2, 3))
-    ends[0] = tx
-    for r in range(len(rx)):
-        mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
+    hits = chains_at(chains, links.rx)
+    for r in range(len(links.rx)):
+        mine = hits.row[hits.start[r] : hits.start[r + 1]]
         bound, bare = np.full(len(mine), np.inf), np.full(len(mine), np.inf)
         for h in range(len(mine)):
-            beam, length2, off = mine[h], 0.0, 0.0
-            order = beams.order[beam]
+            row, length2, off = mine[h], 0.0, 0.0
+            order = chains.order[row]
             if order == 0:
                 continue
             for i in range(3):
-                way = rx[r, i] - beams.column[i, beam]
-                length2 += way * way
-                off += way * beams.column[3 + i, beam]
+                step = links.rx[r, i] - chains.column[i, row]
+                length2 += step * step
+                off += step * chains.column[3 + i, row]
             bare[h] = 1 / (4 * setting.wavenumber**2 * length2)
-            facet = space.patch_facet[beams.chain[beam, order - 1]]
+            facet = space.patch_facet[chains.chain[row, order - 1]]
             bound[h] = bare[h] * by_mirror(most.mirror, most.row[facet], abs(off) / np.sqrt(length2))
-        lists.length[r] = _enter(
-            space,
-            setting,
-            ends,
-            np.full(len(mine), -1),
-            beams.chain[mine],
-            np.full((len(mine), 1), -1),
-            bound,
-            bare,
-            room,
-            lists.rank[r],
-            lists.best[r],
-            lists.length[r],
-        )
+        none = np.full((len(mine), 1), -1)
+        rows = _Rows(none[:, 0].copy(), chains.chain[mine], none, bound, bare)
+        links.found[r] = _enter(space, setting, link_of(links, r), rows, work, links.found[r])
 
 
 @compiled
 def _rough_bounds(
-    edges: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
-    plane: Float[np.ndarray, "p 4"],
+    ground: Ground,
     wavenumber: float,
-    bends: Bends,
+    edges: EdgeChains,
     mine: Int[np.ndarray, " n"],
-    rx: Float[np.ndarray, "3"],
+    rx: Point,
     least: float,
-    sight: Float[np.ndarray, "n 3"],
-    image: Float[np.ndarray, "m1 3"],
-    near_m: float,
+    sight: Points,
 ) -> Float[np.ndarray, " n"]:
-    """What the power of bends cannot exceed if their faces were mirrors; -1 if it is none or below the least.
+    """What the power over edges cannot exceed if their faces were mirrors; -1 if it is none or below the least.
 
-    Where the receiver's image is, as seen from the edge, is put into `sight` (`wireless.tracing.laying.edge_sight`).
+    Puts where the receiver's image is, as seen from the edge, into `sight` (see `edge_sight`).
     """
-    rough, edge, far, column, angle = np.empty(len(mine)), bends.edge, bends.far, bends.column, bends.angle
+    rough, far, image = np.empty(len(mine)), edges.far, np.empty((edges.far.shape[1] + 1, 3))
     for h in range(len(mine)):
         q = mine[h]
-        e = edge[q]
-        after = mirror_over(plane, rx, far[q], image) if far[q, 0] >= 0 else 0
-        z, distance, behind = edge_sight(edges[0], edges[1], e, image[after] if after else rx)
+        e = edges.edge[q]
+        after = mirror_over(ground.plane, rx, far[q], image) if far[q, 0] >= 0 else 0
+        z, distance, behind = edge_sight(ground.edge, ground.edge_wedge, e, image[after] if after else rx)
         sight[h, 0], sight[h, 1], sight[h, 2], rough[h] = z, distance, behind, -1.0
-        if distance >= NOWHERE_M and is_open(edges[2][e], distance, behind, near_m):
-            most = edge_bound(behind, angle[q], edges[2][e], wavenumber, column[8, q], distance)
+        if distance >= NOWHERE_M and is_open(ground.edge_gap_rad[e], distance, behind, ground.near_m):
+            off = edges.column[8, q]
+            most = edge_bound(behind, edges.angle[q], ground.edge_gap_rad[e], wavenumber, off, distance)
             if most >= least:
                 rough[h] = most
     return rough
@@ -244,32 +156,28 @@ def _within(angle: float, gap: float) -> float:
 
 @compiled
 def _bounds(
-    space: Space,
+    ground: Ground,
     setting: Setting,
     most: Reflected,
-    bends: Bends,
-    mine: Int[np.ndarray, " n"],
+    edges: EdgeChains,
     some: Int[np.ndarray, " m"],
     ends: Float[np.ndarray, "2 3"],
-    sight: Float[np.ndarray, "n 3"],
-    image: Float[np.ndarray, "m1 3"],
-    bound: Float[np.ndarray, " m"],
-    bare: Float[np.ndarray, " m"],
-) -> None:
-    """What the power of some bends cannot exceed (`bound`), and what if patches reflected everything (`bare`).
+    sight: Float[np.ndarray, "m 3"],
+) -> tuple[Float[np.ndarray, " m"], Float[np.ndarray, " m"]]:
+    """What the power over some edges cannot exceed, and what if patches reflected everything.
 
-    For many at once, as to hand these tables on takes longer than to find one. Sights are those of `_rough_bounds`.
+    For many at once, as handing these tables on takes longer than finding one. Sights are those of `_rough_bounds`.
     """
-    edge, edge_wedge, gaps = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
-    edge_facets, plane, patch_facet = space.surfaces.edge_facets, space.panes.plane, space.patch_facet
+    edge, edge_wedge, gaps = ground.edge, ground.edge_wedge, ground.edge_gap_rad
+    edge_facets, plane, patch_facet = ground.edge_facets, ground.plane, ground.patch_facet
+    image, bound, bare = np.empty((edges.near.shape[1] + 1, 3)), np.empty(len(some)), np.empty(len(some))
     mirror, apart, alike, row = most.mirror, most.apart, most.alike, most.row
-    column, wavenumber, bisector = bends.column, setting.wavenumber, setting.bisector
+    column, wavenumber, bisector = edges.column, setting.wavenumber, setting.bisector
     for j in range(len(some)):
-        h = some[j]
-        q = mine[h]
-        e, distance, place, off = bends.edge[q], sight[h, 1], column[7, q], column[8, q]
+        q = some[j]
+        e, distance, place, off = edges.edge[q], sight[j, 1], column[7, q], column[8, q]
         gap, z = gaps[e], 0.0
-        phi, phi_source = _within(sight[h, 2], gap), _within(bends.angle[q], gap)
+        phi, phi_source = _within(sight[j, 2], gap), _within(edges.angle[q], gap)
         for i in range(3):
             z += column[3 + i, q] * (ends[1, i] - column[i, q])
         at = (place * distance + z * off) / (off + distance)
@@ -281,89 +189,57 @@ def _bounds(
         )
         bare[j] = close_edge_bound(phi, phi_source, gap, wavenumber, before, after, sin_b0, faces)
         bound[j] = bare[j]
-        # Of patches those are asked that are next to the receiver, and to the edge.
-        far, order = bends.far[q, 0], 0
+        # Of the patches, those next to the receiver and next to the edge count.
+        far, order = edges.far[q, 0], 0
         if far >= 0:
             cosine = 0.0
             for i in range(3):
                 cosine += plane[far, i] * (ends[1, i] - column[i, q] - at * column[3 + i, q])
             bound[j] *= by_mirror(mirror, row[patch_facet[far]], abs(cosine) / after)
-        if bends.near[q, 0] >= 0:
-            order = mirror_over(plane, ends[0], bends.near[q], image)
+        if edges.near[q, 0] >= 0:
+            order = mirror_over(plane, ends[0], edges.near[q], image)
         if order > 0:
-            near, cosine = bends.near[q, order - 1], 0.0
+            near, cosine = edges.near[q, order - 1], 0.0
             for i in range(3):
-                point = edge[e, 0, i] + (at + sight[h, 0] - z) * edge_wedge[e, 0, i]
+                point = edge[e, 0, i] + (at + sight[j, 0] - z) * edge_wedge[e, 0, i]
                 cosine += plane[near, i] * (point - image[order, i])
             bound[j] *= by_mirror(mirror, row[patch_facet[near]], abs(cosine) / before)
+    return bound, bare
 
 
 @compiled
 def bend(
-    space: Space,
-    setting: Setting,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "r 3"],
-    bends: Bends,
-    most: Reflected,
-    lists: Lists,
+    space: Space, setting: Setting, links: Links, edges: EdgeChains, most: Reflected, work: Workspace
 ) -> None:
-    """Enter the ways over edges into the lists of all links.
+    """Enter the paths over edges into the lists of all links.
 
     Args:
         space: Surfaces.
         setting: Physics and limits; permittivities are those of facets.
-        tx: Position of the transmitter, around the space's origin [m].
-        rx: Positions of receivers.
-        bends: What the transmitter reaches.
+        links: Links of the transmitter.
+        edges: What the transmitter reaches.
         most: What facets reflect at most.
-        lists: Strongest paths so far.
+        work: Arrays to work in.
     """
-    room, hits, keep = make_room(setting, len(rx)), bends_at(space.panes, bends, rx), setting.keep
-    edges = space.surfaces.edge, space.surfaces.edge_wedge, space.surfaces.edge_gap_rad
-    plane = space.panes.plane
-    image = np.empty((max(bends.far.shape[1], bends.near.shape[1]) + 1, 3))
-    ends, bound, bare = np.empty((2, 3)), np.empty(_LOT), np.empty(_LOT)
-    ends[0] = tx
-    for r in range(len(rx)):
-        mine, ends[1] = hits.row[hits.start[r] : hits.start[r + 1]], rx[r]
-        least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
-        sight = np.empty((len(mine), 3))
-        rough = _rough_bounds(
-            edges, plane, setting.wavenumber, bends, mine, rx[r], least, sight, image, space.surfaces.near_m
-        )
+    ground, keep, hits = space.ground, setting.keep, edges_at(space.panes, edges, links.rx)
+    for r in range(len(links.rx)):
+        mine, link = hits.row[hits.start[r] : hits.start[r + 1]], link_of(links, r)
+        least, sight = links.rank[r, keep - 1, 0] if links.found[r] == keep else 0.0, np.empty((len(mine), 3))
+        rough = _rough_bounds(ground, setting.wavenumber, edges, mine, links.rx[r], least, sight)
         # What may be strongest comes first, so that a full list spares the rest.
         order = np.argsort(-rough, kind="mergesort")
         order = order[: (rough >= 0).sum()]
         for first in range(0, len(order), _LOT):
-            some = order[first : first + _LOT]
-            least = lists.rank[r, keep - 1, 0] if lists.length[r] == keep else 0.0
-            if rough[some[0]] < least:
+            lot = order[first : first + _LOT]
+            least = links.rank[r, keep - 1, 0] if links.found[r] == keep else 0.0
+            if rough[lot[0]] < least:
                 break
-            _bounds(space, setting, most, bends, mine, some, ends, sight, image, bound, bare)
-            for j in range(len(some)):
-                bound[j] = min(bound[j], rough[some[j]])
-            best_first = np.argsort(-bound[: len(some)], kind="mergesort")
-            some = mine[some[best_first]]
-            lists.length[r] = _enter(
-                space,
-                setting,
-                ends,
-                bends.edge[some],
-                bends.near[some],
-                bends.far[some],
-                bound[best_first],
-                bare[best_first],
-                room,
-                lists.rank[r],
-                lists.best[r],
-                lists.length[r],
+            some = mine[lot]
+            bound, bare = _bounds(ground, setting, most, edges, some, link.ends, sight[lot])
+            bound = np.minimum(bound, rough[lot])
+            best_first = np.argsort(-bound, kind="mergesort")
+            some = some[best_first]
+            rows = _Rows(
+                edges.edge[some], edges.near[some], edges.far[some], bound[best_first], bare[best_first]
             )
-
-
-@compiled
-def tabled(
-    space: Space, setting: Setting, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "r 3"], lists: Lists
-) -> Table:
-    """The table of a transmitter, from the lists of its links."""
-    return table_of(space, setting, tx, rx, make_room(setting, len(rx)), lists.best, lists.length)
+            links.found[r] = _enter(space, setting, link, rows, work, links.found[r])

@@ -1,10 +1,10 @@
-"""Paths that a rough wall of a floor plan scatters once, beside those that the plan's engine finds.
+"""Paths that a rough wall of a floor plan scatters once, in addition to those that the plan's engine finds.
 
-Walls are cut into strips, strips into tiles no larger than asked for. A strip counts if the middle of its side is seen
-from both ends, which is decided as for any receiver there (`wireless.geometry.beams`): walls reach from floor to
+Walls are cut into strips, strips into tiles of at most a given size. A strip counts if the middle of its side is seen
+from both ends, which is decided as for any receiver there (`wireless.geometry.visibility`): walls reach from floor to
 ceiling, so that it holds for all its tiles. Each tile is one path by its middle, whose power is the integral over the
-tile: a fixed rule of so many points that their distance is small against that of either end. There is no chance in
-the powers. Phases have the way's own part, and one of each tile that is drawn once by `SEED`: they turn as a terminal
+tile: a fixed rule of so many points that their distance is small against that of either end. Powers are not random.
+Phases are those of the path's length, plus one of each tile that is drawn once by `SEED`: they turn as a terminal
 moves, and are the same in each run.
 
 Reflections lose what is scattered. Left out: scattering before or after another interaction, by floor and ceiling, and
@@ -18,10 +18,10 @@ from jaxtyping import Bool, Float, Int
 
 from wireless.em.fields import REFLECTION, SCATTERING, fresnel
 from wireless.em.scattering import lobe, lobe_integral
-from wireless.geometry.beams import sight_of, views_onto
+from wireless.geometry.array_types import Point
 from wireless.support.compiled import compiled
 from wireless.tracing.blocks import Rows
-from wireless.tracing.scenes import PlanScene, marked, part_of
+from wireless.tracing.scenes import PlanScene
 from wireless.tracing.table import Setting, Table
 
 #: Draws the phases of tiles.
@@ -67,8 +67,7 @@ class Scattering:
         self.scene, self.share, self.alpha = scene, share, alpha
         self.tiles, points = _tiles(scene, share > 0, tile_m)
         self._around = scene.locate(points)
-        self._wanted = marked(self._around[1], len(scene.plan.tri_vertex))
-        self._points = points
+        self._points = np.column_stack([points, np.full(len(points), scene.extruded.low_m)])
 
     def added(
         self, rows: Rows, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], keep: int
@@ -91,10 +90,8 @@ class Scattering:
             )
         return found
 
-    def powers(
-        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "3"], some: Int[np.ndarray, " m"]
-    ) -> Float[np.ndarray, "m 2"]:
-        """Power gain by way of some tiles, vertical and horizontal polarisation."""
+    def powers(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"]) -> Float[np.ndarray, "m 2"]:
+        """Power gain over some tiles, vertical and horizontal polarisation."""
         t, setting = self.tiles, self.scene.setting
         near = np.minimum(*(np.linalg.norm(t.middle[some] - end, axis=1) for end in (tx, rx)))
         across = np.clip(np.ceil(t.width_m[some] / (FINE * near)), 1, MOST_POINTS).astype(np.int64)
@@ -116,8 +113,8 @@ class Scattering:
 
     def _density(
         self,
-        tx: Float[np.ndarray, "3"],
-        rx: Float[np.ndarray, "3"],
+        tx: Point,
+        rx: Point,
         point: Float[np.ndarray, "q 3"],
         tile: Int[np.ndarray, " q"],
         setting: Setting,
@@ -127,10 +124,10 @@ class Scattering:
         normal, wall = t.normal[tile], t.wall[tile]
         before, after = point - tx, rx - point
         r_i, r_s = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
-        way, out = before / r_i[:, None], after / r_s[:, None]
-        cos_i = np.clip(-(way[:, :2] * normal).sum(axis=1), 0.0, 1.0)
+        ray, out = before / r_i[:, None], after / r_s[:, None]
+        cos_i = np.clip(-(ray[:, :2] * normal).sum(axis=1), 0.0, 1.0)
         cos_s = np.clip((out[:, :2] * normal).sum(axis=1), 0.0, 1.0)
-        mirrored = way.copy()
+        mirrored = ray.copy()
         mirrored[:, :2] += 2 * cos_i[:, None] * normal
         cos_psi = np.clip((mirrored * out).sum(axis=1), -1.0, 1.0)
         shape = np.empty(len(point))
@@ -139,9 +136,9 @@ class Scattering:
             law = None if alpha < 0 else int(alpha)
             shape[some] = lobe(cos_psi[some], cos_s[some], law) / lobe_integral(cos_i[some], law)
         te, tm = _reflected(cos_i, setting.walls, wall, setting.wavenumber)
-        # Of a vertical field, theta, the TE part is that along way x normal.
-        level2, sine2 = np.maximum(1 - way[:, 2] ** 2, 1e-12), 1 - cos_i**2
-        sideways = (way[:, 0] * normal[:, 1] - way[:, 1] * normal[:, 0]) ** 2
+        # Of a vertical field, theta, the TE part is that along ray x normal.
+        level2, sine2 = np.maximum(1 - ray[:, 2] ** 2, 1e-12), 1 - cos_i**2
+        sideways = (ray[:, 0] * normal[:, 1] - ray[:, 1] * normal[:, 0]) ** 2
         vertical_te = np.clip(sideways / (level2 * np.maximum(sine2, 1e-12)), 0.0, 1.0)
         friis = (1 / (2 * setting.wavenumber)) ** 2
         common = friis * self.share[wall] ** 2 * shape * cos_i * (cos_s > 0) / (r_i * r_s) ** 2
@@ -149,22 +146,17 @@ class Scattering:
         horizontal = (1 - vertical_te) * te + vertical_te * tm
         return common[:, None] * np.column_stack([vertical, horizontal])
 
-    def _seen(self, point: Float[np.ndarray, "3"]) -> Bool[np.ndarray, " s"]:
+    def _seen(self, point: Point) -> Bool[np.ndarray, " s"]:
         """Which strips' sides a point sees."""
-        at = np.ascontiguousarray(point[None, :2])
-        seen = np.zeros(len(self._points), bool)
-        if len(seen):
-            start, triangle = self.scene.locate(at)
-            around = part_of(start, triangle, slice(0, 1))[1]
-            sight = sight_of(self.scene.plan, around, at[0], self._wanted, 0, 0, -1, 0)
-            seen = np.diff(views_onto(sight, self._points, *self._around)[0]) > 0
-        return seen
+        if not len(self._points):
+            return np.zeros(0, bool)
+        return self.scene.seen_targets(point, self._points, self._around)
 
     def _joined(
         self,
         table: Table,
         first: int,
-        tx: Float[np.ndarray, "3"],
+        tx: Point,
         rx: Float[np.ndarray, "n_rx 3"],
         seen: list[Bool[np.ndarray, " s"]],
         keep: int,
@@ -194,9 +186,7 @@ class Scattering:
         lost = np.where(table.kind == REFLECTION, of_wall[table.primitive], 1.0).prod(axis=1)
         return table.power * lost, table.gain * np.sqrt(lost)[:, None, None]
 
-    def _paths(
-        self, tx: Float[np.ndarray, "3"], rx: Float[np.ndarray, "3"], some: Int[np.ndarray, " m"], most: int
-    ) -> list[np.ndarray]:
+    def _paths(self, tx: Point, rx: Point, some: Int[np.ndarray, " m"], most: int) -> list[np.ndarray]:
         """Columns of a table after the first: a path by each of some tiles."""
         t, setting = self.tiles, self.scene.setting
         powers = self.powers(tx, rx, some)

@@ -12,13 +12,16 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Complex, Float, Int
 
-from wireless.geometry.beams import Sight, sight_of
+from wireless.geometry.array_types import Point, Points
 from wireless.geometry.boxes import make_boxes
-from wireless.geometry.closed import Sides
+from wireless.geometry.closed_surfaces import Sides
 from wireless.geometry.extruded import Extruded
 from wireless.geometry.facets import at_heights, find_surfaces, floor_and_ceiling, without_rims
-from wireless.geometry.images import make_space
-from wireless.geometry.plan import Locator, Plan, make_plan, regions
+from wireless.geometry.layers import Layers, one_storey
+from wireless.geometry.plan import Locator, make_plan, regions
+from wireless.geometry.space import make_space
+from wireless.geometry.view_steps import Limits
+from wireless.geometry.visibility import Visibility, find_visibility, views_onto
 from wireless.tracing.blocks import Rows, trace_blocks
 from wireless.tracing.candidates import Candidates
 from wireless.tracing.plan_engine import trace_links, views_of
@@ -30,9 +33,11 @@ logger = logging.getLogger(__name__)
 #: From so many facets on, chains of them are found by rays: below, what a transmitter's own search takes is more than
 #: its first links take by exhaustive search.
 MANY_FACETS = 150
-#: What transmitters see is kept for their next links: of so many, and no more than this [bytes]. Whose views pass
-#: triangles more often than that sees too much to keep.
-KEPT_SIGHTS, KEPT_BYTES, MOST_VISITS = 32, 32_000_000, 500_000
+#: What transmitters see is stored for their next links: of so many, and no more than this [bytes]; not if their views
+#: pass triangles more often than that.
+STORED_SIGHTS, STORED_BYTES, MOST_VISITS = 32, 32_000_000, 500_000
+#: Where each point's triangles begin (and an end), and these triangles.
+Around = tuple[Int[np.ndarray, " _"], Int[np.ndarray, " _"]]
 
 
 class PlanScene:
@@ -61,11 +66,12 @@ class PlanScene:
         )
         thin = self.setting.walls[:, 1].real > 0
         self.plan = plan._replace(tri_open=plan.tri_open & (plan.tri_wall >= 0) & thin[plan.tri_wall])
+        self._layers = one_storey(self.plan, extruded.low_m, extruded.high_m)
         self._region = regions(plan)
-        #: What was found last: a transmitter is asked for again and again, and so is a region.
-        self._around: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
-        self._passed: dict[int, tuple[Plan, Setting]] = {}
-        self._sights: dict[tuple[bytes, int], Sight] = {}
+        #: What was found last: links of the same transmitter and region follow each other.
+        self._around: dict[bytes, Around] = {}
+        self._passed: dict[int, tuple[Layers, Setting]] = {}
+        self._sights: dict[tuple[bytes, int], Visibility] = {}
         logger.info("Floor plan of %d walls and %d corners", len(extruded.walls), len(plan.corner_vertex))
 
     def tables(
@@ -82,80 +88,70 @@ class PlanScene:
                 )
         around_tx, around_rx = self._located(tx[:, :2]), self.locate(rx[:, :2])
         region = self._only_region(np.concatenate([around_tx[1], around_rx[1]]))
-        plan, setting = self._passable(region)
-        order, through = setting.side_reflections, setting.max_through
+        layers, setting = self._passable(region)
+        limits = limits_of(setting, MOST_VISITS)
 
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some, (start, triangle) = rx[rxs], part_of(*around_rx, rxs)
-            views = views_of(plan, some[:, :2].copy(), start, triangle, order, through)
-            tx_start, tx_triangle = part_of(*around_tx, txs)
-            for i, one in enumerate(tx[txs]):
-                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                sight = self._sight(one[:2].copy(), around, plan, setting, region, triangle)
-                yield trace_links(plan, setting, one, sight, some, start, triangle, views)
+        def visible(one: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
+            """What a transmitter sees, where paths must not leave a region; stored for its next links."""
+            key = one[:2].tobytes(), region
+            found = self._sights.get(key)
+            if found is None:
+                found = find_visibility(layers, around, one, mask_of(targets, len(self._region)), limits)
+                if found.whole:  # otherwise it sees too much to store
+                    self._store(key, found)
+            return found
 
-        return trace_blocks(len(tx), len(rx), trace, workers)
+        return trace_plans(layers, setting, limits, (tx, around_tx), (rx, around_rx), visible, workers)
 
-    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
+    def holds(self, points: Points) -> bool:
         """Whether points lie between floor and ceiling."""
         z = points[:, 2]
         return bool(np.all((z >= self.extruded.low_m) & (z <= self.extruded.high_m)))
 
+    def seen_targets(self, point: Point, targets: Points, around: Around) -> Bool[np.ndarray, " n"]:
+        """Which targets a point sees directly, of whom the triangles around each are given."""
+        start, triangle = self.locate(point[None, :2])
+        limits = limits_of(self.setting, 0)._replace(target_order=0, edge_order=-1, max_through=0)
+        wanted = mask_of(around[1], len(self._region))
+        seen = find_visibility(self._layers, triangle[: start[1]], point, wanted, limits)
+        return np.diff(views_onto(seen, targets, *around)[0]) > 0
+
     def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
         """The region that some triangles lie in, if paths must not leave it; -1 otherwise.
 
-        Whoever passes one wall only, from a region to itself, must find that region on both sides of the wall: a
+        A path that passes only one wall, from a region to itself, must find that region on both sides of the wall: a
         wall between rooms is passed by its two sides.
         """
         if self.setting.max_through == 1 and len(found := np.unique(self._region[around])) == 1:
             return int(found[0])
         return -1
 
-    def _passable(self, region: int) -> tuple[Plan, Setting]:
+    def _passable(self, region: int) -> tuple[Layers, Setting]:
         """Plan and setting in which paths pass only walls that may lead on, where they must not leave a region."""
-        if region < 0:
-            return self._where_open(self.plan.tri_open)
-        known = self._passed.get(region)
-        if known is None:
-            both = (self._region[:, None] == region) & (self._region[self.plan.tri_next] == region)
-            known = self._where_open(self.plan.tri_open & both)
-            self._passed = {region: known}
-        return known
+        if region not in self._passed:
+            tri_open = self.plan.tri_open
+            if region >= 0:
+                tri_open = (
+                    tri_open
+                    & (self._region[:, None] == region)
+                    & (self._region[self.plan.tri_next] == region)
+                )
+            layers = self._layers._replace(plan=self.plan._replace(tri_open=tri_open))
+            setting = self.setting if tri_open.any() else self.setting._replace(max_through=0)
+            self._passed = {region: (layers, setting)}
+        return self._passed[region]
 
-    def _sight(
-        self,
-        tx: Float[np.ndarray, "2"],
-        around: Int[np.ndarray, " s"],
-        plan: Plan,
-        setting: Setting,
-        region: int,
-        asked: Int[np.ndarray, " q"],
-    ) -> Sight:
-        """What a transmitter sees, where paths must not leave a region; kept, as it is asked for again and again.
+    def _store(self, key: tuple[bytes, int], found: Visibility) -> None:
+        """Store what a transmitter sees, and forget what was stored first if that is too much."""
+        stored = {**self._sights, key: found}
+        while len(stored) > STORED_SIGHTS or (
+            len(stored) > 1 and sum(map(_bytes, stored.values())) > STORED_BYTES
+        ):
+            del stored[next(iter(stored))]
+        self._sights = stored
 
-        Of one that sees too much it is what it sees of the triangles asked for.
-        """
-        key = tx.tobytes(), region
-        found = self._sights.get(key)
-        if found is None:
-            orders = setting.max_reflections, setting.side_reflections, setting.max_through
-            wanted = marked(asked, len(plan.tri_vertex))
-            found = sight_of(plan, around, tx, wanted, MOST_VISITS, *orders)
-            if not found.whole:
-                return found
-            kept = {**self._sights, key: found}
-            while len(kept) > KEPT_SIGHTS or (len(kept) > 1 and sum(map(_bytes, kept.values())) > KEPT_BYTES):
-                del kept[next(iter(kept))]
-            self._sights = kept
-        return found
-
-    def _where_open(self, tri_open: Bool[np.ndarray, "t 3"]) -> tuple[Plan, Setting]:
-        """Plan and setting in which paths pass only some walls, if any."""
-        plan = self.plan._replace(tri_open=tri_open)
-        return plan, self.setting if tri_open.any() else self.setting._replace(max_through=0)
-
-    def _located(self, points: Float[np.ndarray, "n 2"]) -> tuple[np.ndarray, np.ndarray]:
-        """`locate`, which keeps what it found last."""
+    def _located(self, points: Float[np.ndarray, "n 2"]) -> Around:
+        """`locate`, whose last result is stored."""
         key = points.tobytes()
         found = self._around.get(key)
         if found is None:
@@ -226,30 +222,59 @@ class SpaceScene:
         candidates = self._candidates(setting.max_through)
         return trace_blocks(len(tx), len(rx), lambda txs, rxs: candidates.trace(tx[txs], rx[rxs]), workers)
 
-    def _passing(self, points: Float[np.ndarray, "n 3"]) -> Setting:
-        """The setting for some points: who passes a closed surface once does not come out on the side it began on."""
+    def _passing(self, points: Points) -> Setting:
+        """The setting for some points: paths that pass a closed surface once do not end on the side they began on."""
         leads_on = self._sides is None or not self._sides.alike(points)
         return self._setting if leads_on else self._setting._replace(max_through=0)
 
 
-def _bytes(sight: Sight) -> int:
-    return sight.sector.nbytes + sight.visit.nbytes  # the rest is small
+def limits_of(setting: Setting, most_visits: int, span_m: np.ndarray | None = None) -> Limits:
+    """How far transmitters are followed, see `Limits`."""
+    orders = setting.max_reflections, setting.side_reflections, setting.max_through
+    return Limits(*orders, most_visits, np.zeros((2, 2)) if span_m is None else span_m)
 
 
-def marked(some: Int[np.ndarray, " s"], n: int) -> Bool[np.ndarray, " n"]:
+def trace_plans(
+    layers: Layers,
+    setting: Setting,
+    limits: Limits,
+    tx: tuple[Float[np.ndarray, "n_tx 3"], Around],
+    rx: tuple[Float[np.ndarray, "n_rx 3"], Around],
+    visible: Callable[[np.ndarray, np.ndarray, np.ndarray], Visibility],
+    workers: int | None,
+) -> Rows:
+    """Paths of each transmitter, to receivers in blocks.
+
+    Args:
+        layers: A floor plan, or several over each other.
+        setting: Physics and limits.
+        limits: How far transmitters are followed.
+        tx: Transmitters, and the triangles around each.
+        rx: Receivers likewise.
+        visible: What a transmitter sees, from its position, the triangles around it, and those with receivers.
+        workers: Threads; None for one on each available core.
+    """
+
+    def trace(txs: slice, rxs: slice) -> Iterator[Table]:
+        some, (start, triangle) = np.ascontiguousarray(rx[0][rxs]), part_of(*rx[1], rxs)
+        views = views_of(layers, some, start, triangle, limits._replace(target_order=-1))
+        tx_start, tx_triangle = part_of(*tx[1], txs)
+        for i, one in enumerate(np.ascontiguousarray(tx[0][txs])):
+            seen = visible(one, tx_triangle[tx_start[i] : tx_start[i + 1]], triangle)
+            yield trace_links(layers, setting, one, seen, some, start, triangle, views)
+
+    return trace_blocks(len(tx[0]), len(rx[0]), trace, workers)
+
+
+def _bytes(seen: Visibility) -> int:
+    return seen.sector.nbytes + seen.visit.nbytes  # the rest is small
+
+
+def mask_of(some: Int[np.ndarray, " s"], n: int) -> Bool[np.ndarray, " n"]:
     """True at some of n places."""
     flags = np.zeros(n, bool)
     flags[some] = True
     return flags
-
-
-def by_triangle(
-    start: Int[np.ndarray, " r1"], triangle: Int[np.ndarray, " s"], n_triangles: int
-) -> tuple[Int[np.ndarray, " t1"], Int[np.ndarray, " s"]]:
-    """Points of each triangle, from the triangles of each point."""
-    point = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    order = np.argsort(triangle, kind="stable")
-    return np.searchsorted(triangle[order], np.arange(n_triangles + 1)), point[order]
 
 
 def part_of(

@@ -1,75 +1,125 @@
-"""One path in space: walked back over its facets, looked at leg by leg, weighed, and entered into a link's list.
+"""One path in space: looked at leg by leg, weighed, and entered into a link's list.
 
-It is laid out before (`wireless.tracing.laying`). No leg may pass more walls than are left to pass.
+It is laid out before (`wireless.tracing.path_layout`). No leg may pass more walls than are left to pass.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from wireless.em.fields import DIFFRACTION, REFLECTION, TRANSMISSION, fresnel
-from wireless.geometry.images import FEW_TRIANGLES, Space, in_large_patch
+from wireless.geometry.array_types import Point
 from wireless.geometry.occlusion import (
     FREE,
     HIDDEN,
     TOUCHED,
     Tree,
     crosses,
-    hidden,
-    passed,
+    is_hidden,
     sight,
     sight_along,
+    walls_between,
 )
+from wireless.geometry.space import Ground, Space
 from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
-from wireless.tracing.laying import Ground, ground_of, images_over, turns_back
-from wireless.tracing.table import Scratch, Setting, enter, weigh
+from wireless.tracing.path_layout import Chain, Layout, images_over, is_on_large, lay_out, reflects_to
+from wireless.tracing.table import (
+    Best,
+    Scratch,
+    Setting,
+    Table,
+    list_path,
+    make_scratch,
+    make_table,
+    most_interactions,
+    weigh,
+    write_row,
+)
 
 #: At how many places around a target a path is looked for that is free.
 _TURNS = 16
 
 
+class Links(NamedTuple):
+    """Links of one transmitter, and their strongest paths so far, see `wireless.tracing.table.Best`."""
+
+    tx: Float[np.ndarray, "3"]
+    """Transmitter, around the space's origin [m]."""
+    rx: Float[np.ndarray, "r 3"]
+    """Receivers."""
+    ends: Float[np.ndarray, "r 2 3"]
+    """Both, for each receiver."""
+    rank: Float[np.ndarray, "r k 5"]
+    parts: Int[np.ndarray, "r k w"]
+    """Edge (-1 for none), numbers of patches before and behind it, and these, the first from either end first."""
+    found: Int[np.ndarray, " r"]
+    """Number of paths of each."""
+
+
+class Link(NamedTuple):
+    """One of them."""
+
+    ends: Float[np.ndarray, "2 3"]
+    """Transmitter and receiver."""
+    best: Best
+
+
+class Workspace(NamedTuple):
+    """Arrays to work in."""
+
+    scratch: Scratch
+    layout: Layout
+    """Shares the path of `scratch`."""
+    parts: Int[np.ndarray, " w"]
+    """What the path is made of, see `Links`."""
+    share: Float[np.ndarray, " k"]
+    """Walls that a leg passes: shares of the leg."""
+    triangle: Int[np.ndarray, " k"]
+    """Their triangles."""
+
+
 @compiled
-def aside(near_m: float) -> float:
-    """How far beside a target that is [m]: well beyond what touches."""
+def make_workspace(setting: Setting) -> Workspace:
+    """Arrays to work in."""
+    most, scratch, through = most_interactions(setting), make_scratch(setting), setting.max_through
+    layout = Layout(scratch.point, scratch.kind, scratch.primitive, np.empty((most, 3)))
+    parts = np.zeros(3 + most, np.int64)
+    return Workspace(scratch, layout, parts, np.empty(through), np.empty(through, np.int64))
+
+
+@compiled
+def make_links(setting: Setting, tx: Point, rx: Float[np.ndarray, "r 3"]) -> Links:
+    """Links with no path in their lists."""
+    rank = np.empty((len(rx), setting.keep, 5))
+    parts = np.empty((len(rx), setting.keep, 3 + most_interactions(setting)), np.int64)
+    ends = np.empty((len(rx), 2, 3))
+    ends[:, 0], ends[:, 1] = tx, rx
+    return Links(tx, rx, ends, rank, parts, np.zeros(len(rx), np.int64))
+
+
+@compiled
+def link_of(links: Links, r: int) -> Link:
+    """The link to one receiver."""
+    return Link(links.ends[r], Best(links.rank[r], links.parts[r]))
+
+
+@compiled
+def aside_m(near_m: float) -> float:
+    """How far next to a target that is [m]: well beyond what touches."""
     return max(1e-6, 30 * near_m)
 
 
 @compiled
-def _walk_back(
-    space: Space,
-    image: Float[np.ndarray, "m1 3"],
-    chain: Int[np.ndarray, " m"],
-    order: int,
-    target: Float[np.ndarray, "3"],
-    points: Float[np.ndarray, "m 3"],
-) -> bool:
-    """Reflection points from a target back to the source, the nearest to the target first; False if none."""
-    found = turns_back(ground_of(space), image, chain, order, target, points)
-    if found == 2:
-        for j in range(order):
-            patch = chain[order - 1 - j]
-            many = space.start[patch + 1] - space.start[patch] > FEW_TRIANGLES
-            if many and not in_large_patch(space.tree, space.tree_patch, patch, points[j]):
-                return False
-    return found > 0
-
-
-@compiled
-def weigh_path(
-    facet_normal: Float[np.ndarray, "f 3"],
-    edge_facets: Int[np.ndarray, "e 2"],
-    ground: Ground,
-    setting: Setting,
-    m: int,
-    scratch: Scratch,
-) -> tuple[float, float]:
+def weigh_path(ground: Ground, setting: Setting, m: int, scratch: Scratch) -> tuple[float, float]:
     """Length and power of the path in `scratch`, gain set; length -1 if it is none."""
     n = 1.0
     for j in range(m):
         primitive = scratch.primitive[j]
         if scratch.kind[j] != DIFFRACTION:
             for i in range(3):
-                scratch.normal[j, i] = facet_normal[primitive, i]
+                scratch.normal[j, i] = ground.facet_normal[primitive, i]
             for i in range(setting.walls.shape[1]):
                 scratch.walls[j, i] = setting.walls[primitive, i]
         else:
@@ -79,7 +129,7 @@ def weigh_path(
             n = ground.edge_gap_rad[primitive] / np.pi
             for i in range(2):
                 for k in range(setting.walls.shape[1]):
-                    scratch.wedge_walls[i, k] = setting.walls[edge_facets[primitive, i], k]
+                    scratch.wedge_walls[i, k] = setting.walls[ground.edge_facets[primitive, i], k]
     return weigh(setting, m, n, scratch)
 
 
@@ -94,9 +144,9 @@ def left_by_mirrors(
             continue
         primitive, size, off = scratch.primitive[j], 0.0, 0.0
         for i in range(3):
-            way = point[j + 1, i] - point[j, i]
-            size += way * way
-            off += way * facet_normal[primitive, i]
+            step = point[j + 1, i] - point[j, i]
+            size += step * step
+            off += step * facet_normal[primitive, i]
         if size < NEAR_M**2:  # in a corner, from another reflection in the same point
             continue
         cos_i = min(abs(off) / np.sqrt(size), 1.0)
@@ -106,25 +156,19 @@ def left_by_mirrors(
 
 
 @compiled
-def pass_walls(
-    space: Space,
-    setting: Setting,
-    m: int,
-    scratch: Scratch,
-    where: Float[np.ndarray, " k"],
-    which: Int[np.ndarray, " k"],
-) -> int:
+def pass_walls(space: Space, setting: Setting, m: int, work: Workspace) -> int:
     """Put the walls between the points of a path into it; its new number of interactions, -1 if it is hidden."""
+    scratch, share, triangle = work.scratch, work.share, work.triangle
     left = setting.max_through
     leg, end = 0, m
     while leg <= end:
         p, q = scratch.point[leg].copy(), scratch.point[leg + 1].copy()
         if left == 0:
-            if hidden(space.tree, p, q):
+            if is_hidden(space.tree, p, q):
                 return -1
             leg += 1
             continue
-        n = passed(space.tree, p, q, space.tree_passes, left, where, which)
+        n = walls_between(space.tree, p, q, space.tree_passes, left, share, triangle)
         if n < 0:
             return -1
         for j in range(end + 1, leg, -1):
@@ -133,15 +177,15 @@ def pass_walls(
             scratch.kind[j + n], scratch.primitive[j + n] = scratch.kind[j], scratch.primitive[j]
         for j in range(n):
             for i in range(3):
-                scratch.point[leg + 1 + j, i] = p[i] + where[j] * (q[i] - p[i])
+                scratch.point[leg + 1 + j, i] = p[i] + share[j] * (q[i] - p[i])
             scratch.kind[leg + j] = TRANSMISSION
-            scratch.primitive[leg + j] = space.surfaces.triangle_facet[space.tree.number[which[j]]]
+            scratch.primitive[leg + j] = space.surfaces.triangle_facet[space.tree.number[triangle[j]]]
         left, end, leg = left - n, end + n, leg + n + 1
     return end
 
 
 @compiled
-def look(tree: Tree, m: int, point: Float[np.ndarray, "m2 3"], kind: Int[np.ndarray, " m"]) -> int:
+def path_sight(tree: Tree, m: int, point: Float[np.ndarray, "m2 3"], kind: Int[np.ndarray, " m"]) -> int:
     """`HIDDEN`, `FREE`, or `TOUCHED` if it depends on what side of a tie a path of m interactions is taken to be."""
     found = sight_along(tree, point, m + 1)
     for j in range(m):
@@ -151,9 +195,7 @@ def look(tree: Tree, m: int, point: Float[np.ndarray, "m2 3"], kind: Int[np.ndar
 
 
 @compiled
-def _turn(
-    tree: Tree, p: Float[np.ndarray, "3"], at: Float[np.ndarray, "3"], q: Float[np.ndarray, "3"]
-) -> int:
+def _turn(tree: Tree, p: Point, at: Point, q: Point) -> int:
     """`TOUCHED` if a reflection is in a corner: at a point of another wall, or of the next reflection."""
     step = 0.0
     for i in range(3):
@@ -163,21 +205,18 @@ def _turn(
 
 @compiled
 def _is_limit(
-    space: Space,
-    source: Float[np.ndarray, "3"],
-    chain: Int[np.ndarray, " m"],
-    target: Float[np.ndarray, "3"],
-    points: Float[np.ndarray, "m 3"],
+    space: Space, source: Point, patch: Int[np.ndarray, " m"], target: Point, points: Float[np.ndarray, "m 3"]
 ) -> bool:
-    """Whether a way over facets, which meets sides of others, is free to some place beside its target."""
-    image, order = images_over(space.panes.plane, source, chain), len(chain)
+    """Whether a path over patches, which meets sides of others, is free to some place next to its target."""
+    chain = images_over(space.panes.plane, source, patch)
+    image, order = chain.image, chain.order
     along, across, other, place = np.empty(3), np.zeros(3), np.empty(3), np.empty(3)
     size, least = 0.0, 0
     for i in range(3):
         along[i] = target[i] - image[order, i]
         size += along[i] ** 2
     along /= np.sqrt(size)
-    if not _walk_back(space, image, chain, order, target, points):
+    if not reflects_to(space, chain, target, points):
         return False
     for i in range(3):
         if abs(along[i]) < abs(along[least]):
@@ -188,9 +227,9 @@ def _is_limit(
         other[i] = along[(i + 1) % 3] * across[(i + 2) % 3] - along[(i + 2) % 3] * across[(i + 1) % 3]
     for turn in range(_TURNS):
         c, s = np.cos((turn + 0.5) * 2 * np.pi / _TURNS), np.sin((turn + 0.5) * 2 * np.pi / _TURNS)
-        # Before the target too, lest it be behind the wall that it lies on.
-        place[:] = target + aside(space.tree.near_m) * (c * across + s * other - 10 * along)
-        if not _walk_back(space, image, chain, order, place, points):
+        # Before the target too: it may lie on a wall.
+        place[:] = target + aside_m(space.tree.near_m) * (c * across + s * other - 10 * along)
+        if not reflects_to(space, chain, place, points):
             continue
         free, here = True, source
         for j in range(order):
@@ -207,82 +246,116 @@ def _is_limit(
 
 
 @compiled
-def try_path(
+def enter_path(
     space: Space,
     setting: Setting,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    points: Float[np.ndarray, "m 3"],
-    m: int,
-    who: Int[np.ndarray, " w"],
-    scratch: Scratch,
-    where: Float[np.ndarray, " k"],
-    which: Int[np.ndarray, " k"],
-    rank: Float[np.ndarray, "k 5"],
-    best: Int[np.ndarray, "k w"],
+    link: Link,
+    near: Chain,
+    edge: int,
+    far: Chain,
+    work: Workspace,
     count: int,
 ) -> int:
-    """Enter the path in `scratch` into a link's list, unless it is hidden; new length of the list."""
-    # Most ways are hidden, which is found out sooner than how strong they would be.
-    bare, seen = m, FREE
-    if setting.max_through == 0:
-        seen = look(space.tree, m, scratch.point, scratch.kind)
-        if seen == HIDDEN:
-            return count
-    surfaces, ground = space.surfaces, ground_of(space)
-    length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
-    if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
+    """Enter the path over patches of both ends and an edge (-1 for none) into a link's list; the list's new length."""
+    m, large = lay_out(space.ground, link.ends, near, edge, far, work.layout)
+    if m < 0 or (large and not is_on_large(space, near, edge, far, work.layout.point)):
         return count
-    if setting.max_through > 0:
-        m = pass_walls(space, setting, m, scratch, where, which)
-    if m < 0 or m > setting.max_met:
-        return count
-    if m > bare:
-        length, power = weigh_path(surfaces.facet_normal, surfaces.edge_facets, ground, setting, m, scratch)
-        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
-            return count
-    if seen == TOUCHED and not is_limit(space, tx, rx, who, scratch.point, points):
-        return count
-    return list_path(scratch.point, m, who, length, power, rank, best, count)
+    name_path(work.parts, near, edge, far)
+    return try_path(space, setting, link, m, work, count, (-1.0, 0.0))
 
 
 @compiled
-def is_limit(
+def name_path(parts: Int[np.ndarray, " w"], near: Chain, edge: int, far: Chain) -> None:
+    """Put what a path is made of into `parts`: edge, numbers of patches before and behind it, and these."""
+    before, after = near.order, far.order
+    parts[0], parts[1], parts[2] = edge, before, after
+    for i in range(before):
+        parts[3 + i] = near.patch[i]
+    for i in range(after):
+        parts[3 + before + i] = far.patch[i]
+
+
+@compiled
+def try_path(
     space: Space,
-    tx: Float[np.ndarray, "3"],
-    rx: Float[np.ndarray, "3"],
-    who: Int[np.ndarray, " w"],
-    point: Float[np.ndarray, "m2 3"],
-    points: Float[np.ndarray, "m 3"],
-) -> bool:
+    setting: Setting,
+    link: Link,
+    m: int,
+    work: Workspace,
+    count: int,
+    weighed: tuple[float, float],
+) -> int:
+    """Enter the path in `work` into a link's list, unless it is hidden; the list's new length.
+
+    Args:
+        space: Surfaces.
+        setting: Physics and limits.
+        link: Ends, and paths so far.
+        m: Number of the path's interactions.
+        work: The path, and what it is made of.
+        count: Length of the list.
+        weighed: Its length and power; length -1 if these are yet to be found.
+    """
+    ground, scratch, rank, bare, seen, (length, power) = (
+        space.ground,
+        work.scratch,
+        link.best.rank,
+        m,
+        FREE,
+        weighed,
+    )
+    # Most paths are hidden, which is found sooner than how strong they would be.
+    if setting.max_through == 0:
+        seen = path_sight(space.tree, m, scratch.point, scratch.kind)
+        if seen == HIDDEN:
+            return count
+    if length < 0:
+        length, power = weigh_path(ground, setting, m, scratch)
+        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
+            return count
+    if setting.max_through > 0:
+        m = pass_walls(space, setting, m, work)
+    if m < 0 or m > setting.max_met:
+        return count
+    if m > bare:
+        length, power = weigh_path(ground, setting, m, scratch)
+        if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
+            return count
+    if seen == TOUCHED and not _is_seen(space, link.ends, work):
+        return count
+    number = 1000 * m + (500 if work.parts[0] >= 0 else 0)
+    return list_path(link.best, count, work.parts, length, power, m, number, scratch.point)
+
+
+@compiled
+def _is_seen(space: Space, ends: Float[np.ndarray, "2 3"], work: Workspace) -> bool:
     """Whether a path that touches walls counts as seen: as in floor plans, from either end to the edge, or to rx."""
-    edge, before, after = who[0], who[1], who[2]
-    near, far = who[3 : 3 + before], who[3 + before : 3 + before + after]
-    target = point[before + 1].copy()
-    return _is_limit(space, tx, near, target, points) and (
-        edge < 0 or _is_limit(space, rx, far, target, points)
+    parts, points = work.parts, work.layout.back
+    edge, before, after = parts[0], parts[1], parts[2]
+    near, far = parts[3 : 3 + before], parts[3 + before : 3 + before + after]
+    target = work.scratch.point[before + 1].copy()
+    return _is_limit(space, ends[0], near, target, points) and (
+        edge < 0 or _is_limit(space, ends[1], far, target, points)
     )
 
 
 @compiled
-def list_path(
-    p: Float[np.ndarray, "m2 3"],
-    m: int,
-    who: Int[np.ndarray, " w"],
-    length: float,
-    power: float,
-    rank: Float[np.ndarray, "k 5"],
-    best: Int[np.ndarray, "k w"],
-    count: int,
-) -> int:
-    """Enter a path of so many interactions into a link's list; new length of the list."""
-    new = np.empty(5)
-    new[0], new[1] = power, length
-    new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
-    new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
-    new[4] = 1000 * m + (500 if who[0] >= 0 else 0)
-    count, place = enter(rank, best, count, new)
-    if place >= 0:
-        for k in range(len(who)):
-            best[place, k] = who[k]
-    return count
+def table_of(space: Space, setting: Setting, links: Links, work: Workspace) -> Table:
+    """The table of each link's list, whose paths are laid out and weighed once more."""
+    scratch, ground, row = work.scratch, space.ground, 0
+    table = make_table(setting, len(links.rx), links.found.sum())
+    table.found[:] = links.found
+    for r in range(len(links.rx)):
+        ends = links.ends[r]
+        for j in range(links.found[r]):
+            parts = links.parts[r, j]
+            edge, before, after = parts[0], parts[1], parts[2]
+            near = images_over(ground.plane, ends[0], parts[3 : 3 + before])
+            far = images_over(ground.plane, ends[1], parts[3 + before : 3 + before + after])
+            m, _ = lay_out(ground, ends, near, edge, far, work.layout)
+            if setting.max_through > 0:
+                m = pass_walls(space, setting, m, work)
+            length, power = weigh_path(ground, setting, m, scratch)
+            write_row(table, row, length, power, m, scratch)
+            row += 1
+    return table

@@ -1,20 +1,21 @@
-"""Stacked storeys made ready for tracing: where they are traced as such, and where they are left to the general way."""
+"""Stacked storeys made ready for tracing: which ones are traced as such, and which ones in space."""
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import trimesh
 from jaxtyping import Complex, Float, Int
 
+from wireless.geometry.array_types import Points
 from wireless.geometry.facets import at_heights, find_surfaces, without_rims
 from wireless.geometry.layers import make_layers
 from wireless.geometry.plan import Locator
 from wireless.geometry.stack import Stack
-from wireless.tracing.blocks import Rows, trace_blocks
-from wireless.tracing.scenes import by_triangle, part_of
-from wireless.tracing.stack_engine import layer_views, trace_layers
-from wireless.tracing.table import Setting, Table
+from wireless.geometry.visibility import Visibility, find_visibility
+from wireless.tracing.blocks import Rows
+from wireless.tracing.scenes import Around, limits_of, mask_of, trace_plans
+from wireless.tracing.table import Setting
 
 logger = logging.getLogger(__name__)
 
@@ -27,8 +28,8 @@ class StackScene:
     """Storeys over each other, and how links in and between them are traced.
 
     Args:
+        stack: The storeys.
         mesh: All triangles.
-        stack: The storeys that they make.
         face_material: A number for the material of each face.
         face_wall: Its layers.
         setting: Physics and limits for some walls.
@@ -36,15 +37,15 @@ class StackScene:
         floor_ceiling: Whether floors and ceilings reflect.
 
     Raises:
-        NoStackError: If rooms are not closed, or paths are asked for that reflect at or pass slabs.
+        NoStackError: If rooms are not closed, or paths may reflect at or pass slabs.
     """
 
     engine = "storeys"
 
     def __init__(
         self,
-        mesh: trimesh.Trimesh,
         stack: Stack,
+        mesh: trimesh.Trimesh,
         face_material: Int[np.ndarray, " n"],
         face_wall: Complex[np.ndarray, "n l"],
         setting: Callable[[np.ndarray], Setting],
@@ -79,9 +80,7 @@ class StackScene:
         part = plan._replace(tri_vertex=plan.tri_vertex[own], tri_wall=plan.tri_wall[own])
         return Locator(part, 2 * self._snap_m), own
 
-    def _around(
-        self, points: Float[np.ndarray, "n 3"]
-    ) -> tuple[Int[np.ndarray, " n1"], Int[np.ndarray, " m"]]:
+    def _around(self, points: Points) -> Around:
         """Where each point's triangles begin, and these; none for a point in no layer, or on a floor or ceiling."""
         level, snap_m = self.layers.level_m, self._snap_m
         layer = np.searchsorted(level, points[:, 2], side="right") - 1
@@ -99,7 +98,7 @@ class StackScene:
         order = np.lexsort((found, of))
         return np.searchsorted(of[order], np.arange(len(points) + 1)), found[order]
 
-    def holds(self, points: Float[np.ndarray, "n 3"]) -> bool:
+    def holds(self, points: Points) -> bool:
         """Whether points, around the origin, lie in rooms and off the floors and ceilings between storeys."""
         start, triangle = self._around(points)
         return bool((np.diff(start) > 0).all() and self.room[triangle].all())
@@ -118,19 +117,17 @@ class StackScene:
                     f"{name} has positions in slabs or walls, outside, or at the height of a floor or ceiling "
                     "between storeys, expected within rooms. Trace them with scene='space'."
                 )
-        around_tx, around_rx = self._around(tx), self._around(rx)
         layers, setting = self.layers, self._setting
-        rim = layers.level_m[1:-1] if len(layers.rim) else np.empty(0)
+        has_rims = len(layers.outline.edge_gap_rad) > layers.outline.n_corners
+        rim = layers.level_m[1:-1] if has_rims else np.empty(0)
         both = np.concatenate([tx[:, 2], rx[:, 2], rim])
         span_m = np.array([[rx[:, 2].min(), rx[:, 2].max()], [both.min(), both.max()]])
+        limits = limits_of(setting, 0, span_m)
 
-        def trace(txs: slice, rxs: slice) -> Iterator[Table]:
-            some, (start, triangle) = np.ascontiguousarray(rx[rxs]), part_of(*around_rx, rxs)
-            views = layer_views(layers, some, start, triangle, setting.side_reflections, span_m)
-            targets = by_triangle(start, triangle, len(layers.tri_layer))
-            tx_start, tx_triangle = part_of(*around_tx, txs)
-            for i, one in enumerate(tx[txs]):
-                around = tx_triangle[tx_start[i] : tx_start[i + 1]]
-                yield trace_layers(layers, setting, one, around, some, *targets, views, span_m)
+        def visible(one: np.ndarray, around: np.ndarray, targets: np.ndarray) -> Visibility:
+            return find_visibility(layers, around, one, mask_of(targets, len(layers.tri_layer)), limits)
 
-        return trace_blocks(len(tx), len(rx), trace, workers)
+        both_around = self._around(tx), self._around(rx)
+        return trace_plans(
+            layers, setting, limits, (tx, both_around[0]), (rx, both_around[1]), visible, workers
+        )

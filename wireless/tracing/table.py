@@ -1,6 +1,6 @@
 """Tables of the strongest paths of links, and the arrays in which one path is worked out and weighed.
 
-Floor plans and spaces find paths in their own ways, and lay out, weigh and keep them alike.
+Floor plans and spaces find paths differently, but weigh and list them alike.
 """
 
 from typing import NamedTuple
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Complex, Float, Int
 
-from wireless.em.fields import TRANSMISSION, path_gain
+from wireless.em.fields import TRANSMISSION, Path, Wedge, path_gain
 from wireless.support.compiled import compiled
 
 #: Two faces farther apart are two walls, with a shaft or the open air between them [m].
@@ -16,7 +16,7 @@ THICKEST_WALL_M = 1.0 + 1e-6
 
 
 class Setting(NamedTuple):
-    """What paths are made of and which are kept."""
+    """What paths are made of, and how many are listed."""
 
     walls: Complex[np.ndarray, "n l"]
     """Layers of each wall, then of floor and ceiling, see `wireless.em.fields.fresnel`."""
@@ -178,13 +178,6 @@ def write_row(table: Table, row: int, length_m: float, power: float, m: int, scr
 
 
 @compiled
-def weighted(setting: Setting, gain: Complex[np.ndarray, "2 2"]) -> float:
-    """Power of a path by the setting's weights of polarisations."""
-    power = setting.vertical * abs(gain[0, 0]) ** 2 + setting.horizontal * abs(gain[1, 1]) ** 2
-    return power + setting.crossed * (abs(gain[0, 1]) ** 2 + abs(gain[1, 0]) ** 2)
-
-
-@compiled
 def share_walls(setting: Setting, m: int, scratch: Scratch) -> bool:
     """Pair the faces of passed walls along the path in `scratch`; whether it is within the limits.
 
@@ -238,63 +231,82 @@ def weigh(setting: Setting, m: int, n: float, scratch: Scratch) -> tuple[float, 
 
     What has no power, having met a wall that lets nothing through, is none.
 
-    A wedge on the way, if there is one, fills an angle of (2 - n) pi.
+    A wedge on the path, if there is one, fills an angle of (2 - n) pi.
     """
     if setting.max_through > 0 and not share_walls(setting, m, scratch):
         return -1.0, 0.0
-    length = path_gain(
-        scratch.point,
-        scratch.kind,
-        m,
-        scratch.normal,
-        scratch.walls,
-        scratch.share,
-        scratch.wedge,
-        n,
-        scratch.wedge_walls,
-        setting.wavenumber,
-        scratch.gain,
-        scratch.work,
-        scratch.field,
-        setting.bisector,
-    )
+    path = Path(scratch.point, scratch.kind, scratch.normal, scratch.walls, scratch.share)
+    wedge = Wedge(scratch.wedge, n, scratch.wedge_walls, setting.bisector)
+    length = path_gain(path, m, wedge, setting.wavenumber, scratch.gain, scratch.work, scratch.field)
     if length < 0:
         return length, 0.0
-    power = weighted(setting, scratch.gain)
+    g = scratch.gain
+    power = setting.vertical * abs(g[0, 0]) ** 2 + setting.horizontal * abs(g[1, 1]) ** 2
+    power = power + setting.crossed * (abs(g[0, 1]) ** 2 + abs(g[1, 0]) ** 2)
     return (length if power > 0 else -1.0), power
 
 
-@compiled
-def enter(
-    rank: Float[np.ndarray, "k 5"], who: Int[np.ndarray, "k n"], count: int, new: Float[np.ndarray, "5"]
-) -> tuple[int, int]:
-    """Make room in a sorted list; new count and place, or place -1 if weaker than all or there already.
+class Best(NamedTuple):
+    """Strongest paths of a link so far, strongest first."""
 
-    Rows of rank are power, length, directions at both ends and a number for the sequence of interactions:
-    what agrees in all is one path, found twice because it passes an end of a wall. Rows of who say what the path is
-    made of, each engine in as many numbers as it needs.
+    rank: Float[np.ndarray, "k 5"]
+    """Power, length, directions at both ends and a number for the sequence of interactions: what agrees in all is one
+    path, found twice because it passes an end of a wall."""
+    parts: Int[np.ndarray, "k w"]
+    """What each path is made of, each engine in as many numbers as it needs."""
+
+
+@compiled
+def new_best(setting: Setting, numbers: int) -> Best:
+    """An empty list of a link's paths, each made of so many numbers."""
+    return Best(np.empty((setting.keep, 5)), np.empty((setting.keep, numbers), np.int64))
+
+
+@compiled
+def list_path(
+    best: Best,
+    count: int,
+    parts: Int[np.ndarray, " w"],
+    length: float,
+    power: float,
+    m: int,
+    number: int,
+    p: Float[np.ndarray, "m2 3"],
+) -> int:
+    """Enter a path of m interactions into a list, unless it is weaker than all or there already; its new length.
+
+    Args:
+        best: The list.
+        count: Its length.
+        parts: What the path is made of.
+        length: Unfolded length of the path [m].
+        power: Its power gain.
+        m: Number of interactions.
+        number: Tells sequences of interactions apart.
+        p: Transmitter, interaction points, receiver [m].
     """
-    place = count
-    while place > 0 and rank[place - 1, 0] < new[0]:
+    rank, new, place = best.rank, np.empty(5), count
+    new[0], new[1], new[4] = power, length, number
+    new[2] = np.arctan2(p[1, 1] - p[0, 1], p[1, 0] - p[0, 0]) + (p[1, 2] - p[0, 2]) / length
+    new[3] = np.arctan2(p[m, 1] - p[m + 1, 1], p[m, 0] - p[m + 1, 0]) + (p[m, 2] - p[m + 1, 2]) / length
+    while place > 0 and rank[place - 1, 0] < power:
         place -= 1
     for step in (-1, 1):
         j = place - 1 if step < 0 else place
-        while 0 <= j < count and abs(rank[j, 0] - new[0]) <= 1e-6 * new[0]:
-            same = abs(rank[j, 1] - new[1]) < 1e-8 and rank[j, 4] == new[4]
+        while 0 <= j < count and abs(rank[j, 0] - power) <= 1e-6 * power:
+            same = abs(rank[j, 1] - length) < 1e-8 and rank[j, 4] == number
             for i in (2, 3):
                 off = abs(rank[j, i] - new[i])
                 same = same and min(off, 2 * np.pi - off) < 1e-6
             if same:
-                return count, -1
+                return count
             j += step
     if place >= len(rank):
-        return count, -1
+        return count
     count = min(count + 1, len(rank))
     for j in range(count - 1, place, -1):
-        for i in range(5):
-            rank[j, i] = rank[j - 1, i]
-        for i in range(who.shape[1]):
-            who[j, i] = who[j - 1, i]
-    for i in range(5):
-        rank[place, i] = new[i]
-    return count, place
+        rank[j] = rank[j - 1]
+        best.parts[j] = best.parts[j - 1]
+    rank[place] = new
+    best.parts[place] = parts
+    return count

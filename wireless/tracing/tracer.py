@@ -3,29 +3,31 @@
     paths = Tracer(mesh, frequency_hz=28e9).trace(tx, rx)
     paths = Tracer(building, frequency_hz=28e9).trace(tx, rx)   # a mesh with materials
 
-A mesh that was extruded from a floor plan is traced as one: views through its exact outline
-(`wireless.geometry.beams`), joined and weighed per link (`wireless.tracing.plan_engine`); storeys over each other as
-several (`wireless.tracing.stack_engine`). Any other mesh, and points above a plan's ceiling or below its floor, are
-traced in space (`wireless.tracing.space_engine`), slower, to the same paths. All decide in double precision. The
-building's own work (outline, corners, triangulation; facets, edges, boxes) is done once, when the tracer is made.
+A mesh that was extruded from a floor plan is traced as one, storeys over each other as several: views through their
+exact outlines (`wireless.geometry.visibility`), joined and weighed per link (`wireless.tracing.plan_engine`). Any other
+mesh, and points above a plan's ceiling or below its floor, are traced in space (`wireless.tracing.space_engine`),
+slower, to the same paths. All decide in double precision. Work that depends on the building only (outline, corners,
+triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
 Left out: more than one diffraction on a path; scattering by rough walls unless `TracerConfig.scattering` asks for it.
 """
 
 import logging
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from multiprocessing import parent_process
-from typing import Annotated, Literal, Protocol, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, runtime_checkable
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int, Integer
+from jaxtyping import Bool, Complex, Float, Int, Integer
 from scipy.constants import speed_of_light
 
 from wireless.em.materials import Material, wall_row
 from wireless.em.scattering import MOST_NARROW
-from wireless.geometry.closed import two_faced
+from wireless.geometry.array_types import Point
+from wireless.geometry.closed_surfaces import find_two_faced
 from wireless.geometry.extruded import find_extruded
 from wireless.geometry.plan import REACH_M
 from wireless.geometry.stack import find_stack
@@ -45,7 +47,7 @@ logger = logging.getLogger(__name__)
 #: its paths; each reflection more takes a half to three times longer (12 of them: a second a link of a home's exact
 #: outline, where 3 take 30 ms), and costs a drywall's path some 10 dB.
 MOST_IN_A_ROW, MOST_PATHS = 12, 5000
-#: Walls that paths pass below this frequency, where nothing else is asked for; above it, walls lose too much power for
+#: Walls that paths pass below this frequency, by default; above it, walls lose too much power for
 #: these paths to matter much [Hz].
 OPAQUE_HZ, WALLS_PASSED = 10e9, 2
 #: Thickest layer of a wall, and widest gap between two [m].
@@ -81,7 +83,7 @@ class Scene(Protocol):
 @dataclass(frozen=True, kw_only=True)
 @checked
 class TracerConfig:
-    """Which paths are looked for, and how many are kept."""
+    """Which paths are looked for, and how many are listed."""
 
     max_reflections: Annotated[int, Range(0, MOST_IN_A_ROW)] = 3
     """Most reflections on a path without diffraction."""
@@ -117,7 +119,7 @@ class TracerConfig:
     scattering_tile_m: Annotated[float, Range(0.05, 10, "m")] = 0.5
     """Largest side of the pieces that walls scatter by, each a path [m]."""
     max_paths: Annotated[int, Range(1, MOST_PATHS, "paths")] = 25
-    """Most paths of a link; the strongest are kept."""
+    """Most paths of a link: the strongest ones."""
     polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     """Antennas' polarisation, for a path's power; both takes the mean over both at the transmitter."""
     scene: Literal["auto", "plan", "storeys", "space"] = "auto"
@@ -151,11 +153,32 @@ def _whole(value: object) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
 
 
+def _checked_faces(
+    face_material: Integer[np.ndarray, " n"] | None, n_faces: int, n_materials: int
+) -> Int[np.ndarray, " n_faces"]:
+    """Material of each face, the first where none is given.
+
+    Raises:
+        ValueError: If these are not whole numbers of materials, one for each face.
+    """
+    of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
+    if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
+        raise ValueError(
+            f"face_material has shape {of_face.shape} of {of_face.dtype}, expected ({n_faces},) whole numbers."
+        )
+    if of_face.min() < 0 or of_face.max() >= n_materials:
+        raise ValueError(
+            f"face_material has values {of_face.min()} to {of_face.max()}, expected indices into "
+            f"{n_materials} materials."
+        )
+    return of_face.astype(np.int64)
+
+
 class Tracer:
     """A building made ready for tracing.
 
     Args:
-        scene: Walls (and floor and ceiling) as triangles [m], z up, whichever way they face; or something that has
+        scene: Walls (and floor and ceiling) as triangles [m], z up, of any orientation; or something that has
             such a mesh, and its materials with it.
         materials: Radio materials, by the names of `wireless.em.materials` or as a `Material`; None for the
             scene's own, or drywall.
@@ -192,18 +215,19 @@ class Tracer:
             mesh, materials, face_material = scene.mesh, scene.materials, scene.face_material
         materials = ("drywall",) if materials is None else materials
         check_mesh(mesh, self.config.snap_m)
-        n_faces = len(mesh.faces)
-        of_face = np.zeros(n_faces, np.int64) if face_material is None else np.asarray(face_material)
-        if of_face.shape != (n_faces,) or of_face.dtype.kind not in "iu":
-            raise ValueError(
-                f"face_material has shape {of_face.shape} of {of_face.dtype}, expected ({n_faces},) whole numbers."
-            )
-        if of_face.min() < 0 or of_face.max() >= len(materials):
-            raise ValueError(
-                f"face_material has values {of_face.min()} to {of_face.max()}, expected indices into "
-                f"{len(materials)} materials."
-            )
-        of_face = of_face.astype(np.int64)
+        of_face = _checked_faces(face_material, len(mesh.faces), len(materials))
+        self._face_wall = self._walls(materials)[of_face]
+        self._face_half = self._halves(mesh)
+        # A face that is a wall by itself is another wall than one of a pair.
+        self.scene, self._in_space = self._scenes(mesh, 2 * of_face + self._face_half)
+        self._scattering: Scattering | None = None
+        if self.config.scattering is not None:
+            if not isinstance(self.scene, PlanScene):
+                raise SceneError(NO_SPACE)
+            self._scattering = self._rough(self.scene, materials, of_face)
+
+    def _walls(self, materials: tuple[str | Material, ...]) -> Complex[np.ndarray, "m l"]:
+        """Layers of walls of each material, see `wireless.em.fields.fresnel`."""
         c = self.config
         rows = [
             wall_row(one, self.frequency_hz, c.wall_thickness_m or 0.0, c.wall_gap_m) for one in materials
@@ -211,13 +235,14 @@ class Tracer:
         walls = np.zeros((len(rows), max(map(len, rows))), np.complex128)
         for i, row in enumerate(rows):
             walls[i, : len(row)] = row
-        self._face_wall = walls[of_face]
-        self._face_half = self._halves(mesh)
-        # A face that is a wall by itself is another wall than one of a pair.
-        of_face = 2 * of_face + self._face_half
-        plan = None
-        if c.scene in ("auto", "plan"):
-            plan = find_extruded(mesh, of_face, c.snap_m)
+        return walls
+
+    def _scenes(
+        self, mesh: trimesh.Trimesh, of_face: Int[np.ndarray, " n_faces"]
+    ) -> tuple[PlanScene | StackScene | SpaceScene, Callable[[], SpaceScene]]:
+        """What the mesh is traced as, and how points are traced that lie outside of a plan or of storeys."""
+        c = self.config
+        plan = find_extruded(mesh, of_face, c.snap_m) if c.scene in ("auto", "plan") else None
         if plan is None and c.scene == "plan":
             raise SceneError(
                 "The mesh is no extruded floor plan: its walls are not all upright from floor to ceiling. "
@@ -229,56 +254,27 @@ class Tracer:
                 "The mesh is no storeys over each other: its walls are not all upright between the heights of two "
                 "floors and ceilings or more. Trace it with scene='space'."
             )
-        self._in_space = cache(
-            lambda: SpaceScene(
-                mesh,
-                of_face,
-                self._face_wall,
-                self._setting,
-                snap_m=c.snap_m,
-                floor_ceiling=c.floor_ceiling,
-                search=c.search,
-                rays=c.rays,
-                level_m=None if stack is None else stack.level_m,
-            )
-        )
-        self.scene: PlanScene | StackScene | SpaceScene
+        common: dict[str, Any] = {"snap_m": c.snap_m, "floor_ceiling": c.floor_ceiling}
+        parts = mesh, of_face, self._face_wall, self._setting
+        level_m = None if stack is None else stack.level_m
+        in_space = cache(lambda: SpaceScene(*parts, **common, search=c.search, rays=c.rays, level_m=level_m))
         if plan is not None:
-            self.scene = PlanScene(plan, self._setting, snap_m=c.snap_m, floor_ceiling=c.floor_ceiling)
-        elif stack is not None and c.scene != "space":
+            return PlanScene(plan, self._setting, **common), in_space
+        if stack is not None and c.scene != "space":
             try:
-                self.scene = StackScene(
-                    mesh,
-                    stack,
-                    of_face,
-                    self._face_wall,
-                    self._setting,
-                    snap_m=c.snap_m,
-                    floor_ceiling=c.floor_ceiling,
-                )
+                return StackScene(stack, *parts, **common), in_space
             except NoStackError as error:
                 if c.scene == "storeys":
                     raise SceneError(
                         f"The storeys cannot be traced as such because {error}. Trace them with scene='space'."
                     ) from None
                 logger.info("Storeys are traced in space, which takes longer, because %s", error)
-                self.scene = self._in_space()
-        else:
-            if c.scene == "auto":
-                logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
-            self.scene = self._in_space()
-        self._scattering: Scattering | None = None
-        if c.scattering is not None:
-            if not isinstance(self.scene, PlanScene):
-                raise SceneError(NO_SPACE)
-            self._scattering = self._rough(self.scene, materials, of_face // 2)
+        elif c.scene == "auto":
+            logger.info("The mesh is no extruded floor plan: it is traced in space, which takes longer.")
+        return in_space(), in_space
 
     def trace(
-        self,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-        *,
-        workers: int | None = None,
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], *, workers: int | None = None
     ) -> Paths:
         """Paths of all links between transmitters and receivers.
 
@@ -353,7 +349,7 @@ class Tracer:
             return np.zeros(len(passes), bool)
         if self.config.max_transmissions is None:
             _report_passage(self.frequency_hz)
-        return two_faced(mesh)
+        return find_two_faced(mesh)
 
     def _setting(self, faces: Int[np.ndarray, " n"]) -> Setting:
         """Physics and limits of this tracer, for walls or facets that have some faces of the mesh."""
@@ -387,11 +383,7 @@ class Tracer:
         )
 
     def _paths(
-        self,
-        tx: Float[np.ndarray, "n_tx 3"],
-        rx: Float[np.ndarray, "n_rx 3"],
-        rows: Rows,
-        origin: Float[np.ndarray, "3"],
+        self, tx: Float[np.ndarray, "n_tx 3"], rx: Float[np.ndarray, "n_rx 3"], rows: Rows, origin: Point
     ) -> Paths:
         tables = [table for row in rows for table, _ in row]
         owner = [np.repeat(np.arange(len(t.found)) + first, t.found) for row in rows for t, first in row]
@@ -427,7 +419,7 @@ class Tracer:
 
 @cache
 def _report_passage(frequency_hz: float) -> None:
-    """Say once, and not in each worker process, that paths pass walls where nobody asked for that."""
+    """Warn once, and not in each worker process, that paths pass walls by default."""
     if parent_process() is not None:
         return
     logger.warning(

@@ -11,7 +11,7 @@ import trimesh
 from jaxtyping import Bool, Float
 
 from robosim.plans.formats.mesh_file import Triangles
-from wireless.geometry.closed import Sides
+from wireless.geometry.closed_surfaces import Sides
 
 
 def in_bodies(triangles: Triangles, places: Float[np.ndarray, "k 3"]) -> Bool[np.ndarray, " k"]:

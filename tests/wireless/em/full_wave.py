@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from wireless.em.fields import diffract
+from wireless.em.fields import Wedge, diffract
 
 #: Courant number, of at most 1 / sqrt(2).
 COURANT = 0.7
@@ -131,18 +131,7 @@ def traced(truth: Diffracted, eps: complex, *, bisector: bool) -> np.ndarray:
         out = np.array([np.cos(phi), np.sin(phi), 0.0])
         field = np.zeros((2, 3), complex)
         field[0, 2] = field[1, 2] = 1.0
-        diffract(
-            field,
-            way,
-            out,
-            wedge,
-            1.5,
-            faces,
-            2 * np.pi,
-            truth.before,
-            truth.after[i],
-            np.zeros((4, 3)),
-            bisector,
-        )
+        legs_m = float(truth.before), float(truth.after[i])
+        diffract(field, way, out, Wedge(wedge, 1.5, faces, bisector), 2 * np.pi, legs_m, np.zeros((4, 3)))
         found[i] = field[0, 2]
     return found

@@ -6,7 +6,7 @@ from scipy.constants import speed_of_light
 from scipy.special import fresnel, jv, modfresnelm
 
 from wireless.em.diffraction import transition_over_root, wedge_terms
-from wireless.em.fields import diffract
+from wireless.em.fields import Wedge, diffract
 from wireless.paths import Interaction
 from wireless.tracing.tracer import Tracer, TracerConfig
 
@@ -194,6 +194,6 @@ def test_both_laws_are_one_for_a_perfect_conductor(slant_deg):
                 field = np.zeros((2, 3), complex)
                 field[0] = np.cross(way, [0.3, 0.5, 0.8])
                 field[1] = np.cross(way, field[0])
-                diffract(field, way, out, wedge, 1.5, faces, K, 3.0, 2.0, work, bisector)
+                diffract(field, way, out, Wedge(wedge, 1.5, faces, bisector), K, (3.0, 2.0), work)
                 both.append(field)
             assert np.abs(both[0] - both[1]).max() < 1e-8 * np.abs(both[1]).max()

@@ -4,8 +4,8 @@ import numpy as np
 import trimesh
 
 from wireless.geometry.facets import find_surfaces
-from wireless.geometry.images import make_space
 from wireless.geometry.neighbours import Neighbours, edge_neighbours, patch_neighbours, with_neighbours
+from wireless.geometry.space import make_space
 
 
 def space_of(mesh):
@@ -20,7 +20,7 @@ def test_sides_of_a_box_are_beside_all_but_the_opposite_one():
     space = space_of(trimesh.util.concatenate([trimesh.creation.box(), far]))
     patches, edges = patch_neighbours(space), edge_neighbours(space)
     normal = space.surfaces.facet_normal[space.patch_facet]
-    middle = space.triangle[space.start[:-1]].mean(axis=1)
+    middle = space.ground.triangle[space.ground.start[:-1]].mean(axis=1)
     for p in range(12):
         _, beside = patches.of(np.array([p]))
         assert len(set(beside)) == len(beside) == 5 and p in beside

@@ -6,8 +6,8 @@ import trimesh
 
 from tests.wireless.tracing.rounded import Placed, box, in_32_bits, subdivided
 from wireless.geometry.facets import find_surfaces
-from wireless.geometry.images import make_space
 from wireless.geometry.occlusion import hidden_each
+from wireless.geometry.space import make_space
 from wireless.geometry.tolerance import NEAR_M, fit_planes, tolerance_of
 
 TURN = (0.3, -0.8, 1.1)

@@ -106,7 +106,7 @@ def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, mon
     too much is not kept.
     """
     monkeypatch.setattr(scenes, "MOST_VISITS", most)
-    monkeypatch.setattr(scenes, "KEPT_SIGHTS", kept)
+    monkeypatch.setattr(scenes, "STORED_SIGHTS", kept)
     config = TracerConfig(max_transmissions=1, wall_passage="face")
     tracer = Tracer(two_rooms, materials=("partition",), config=config)
     for tx in (TX, RX[:1], TX):

@@ -1,4 +1,4 @@
-"""Which of a transmitter's beams and bends may reach a receiver: one sweep over both tables.
+"""Which chains of patches and edges of a transmitter may reach a receiver: one sweep over both tables.
 
 Each row takes some ten operations. Loops read and write so few arrays that the compiler makes them handle several
 numbers at once, and go over so few rows for each receiver in turn that these stay in the processor's cache. More is
@@ -10,11 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from wireless.geometry.images import Panes
+from wireless.geometry.array_types import Point
+from wireless.geometry.space import Panes
 from wireless.support.compiled import compiled
-from wireless.tracing.beams import WIDER_M, Beams, Bends
+from wireless.tracing.reachable import WIDER_M, EdgeChains, OpenChains
 
-#: Rows that are asked for each receiver in turn: they stay in the processor's cache.
+#: Rows that are looked at for each receiver in turn: they stay in the processor's cache.
 _ROWS = 256
 
 
@@ -28,15 +29,15 @@ class Hits(NamedTuple):
 
 
 @compiled
-def _in_beams(
+def _in_windows(
     column: Float[np.ndarray, "14 c"],
     first: int,
     last: int,
-    p: Float[np.ndarray, "3"],
+    p: Point,
     work: Float[np.ndarray, "3 n"],
     found: Int[np.ndarray, " n"],
 ) -> int:
-    """Beams from first to last whose window is between image and receiver, or almost; their number."""
+    """Chains from first to last whose window is between image and receiver, or almost; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
     share, margin = work[0], work[1]
     nx, ny, nz = column[3, first:last], column[4, first:last], column[5, first:last]
@@ -66,15 +67,15 @@ def _in_beams(
 
 
 @compiled
-def _in_bends(
+def _past_edges(
     column: Float[np.ndarray, "9 q"],
     first: int,
     last: int,
-    p: Float[np.ndarray, "3"],
+    p: Point,
     work: Float[np.ndarray, "3 n"],
     found: Int[np.ndarray, " n"],
 ) -> int:
-    """Bends from first to last whose edge is met where the ray leaves it for a point as it came; their number."""
+    """Edges from first to last that are met where the ray leaves for a point at its angle of arrival; their number."""
     n, size, px, py, pz = 0, last - first, p[0], p[1], p[2]
     ox, oy, oz = column[0, first:last], column[1, first:last], column[2, first:last]
     ax, ay, az = column[3, first:last], column[4, first:last], column[5, first:last]
@@ -103,17 +104,17 @@ def _through_pane(
     panes: Panes,
     far: Int[np.ndarray, "q l"],
     column: Float[np.ndarray, "9 q"],
-    rx: Float[np.ndarray, "3"],
+    rx: Point,
     first: int,
     work: Float[np.ndarray, "3 n"],
     found: Int[np.ndarray, " n"],
     n: int,
 ) -> int:
-    """Those of n bends that meet the patch next to the receiver on the way to it, or have none; their number.
+    """Those of n edges whose rays meet the patch next to the receiver, or that have none; their number.
 
-    Places along the edges and distances from them are in `work`, from the first bend on (`_in_bends`).
+    Places along the edges and distances from them are in `work`, from the first edge on (`_past_edges`).
     """
-    plane, low, high, kept = panes.plane, panes.low, panes.high, 0
+    plane, low, high, n_left = panes.plane, panes.low, panes.high, 0
     for j in range(n):
         q, inside = found[j], True
         patch = far[q, 0]
@@ -138,9 +139,9 @@ def _through_pane(
                     and low[patch, 2] - WIDER_M <= z <= high[patch, 2] + WIDER_M
                 )
         if inside:
-            found[kept] = q
-            kept += 1
-    return kept
+            found[n_left] = q
+            n_left += 1
+    return n_left
 
 
 @compiled
@@ -159,20 +160,20 @@ def _by_receiver(receiver: Int[np.ndarray, " h"], row: Int[np.ndarray, " h"], n_
 
 
 @compiled
-def beams_at(beams: Beams, rx: Float[np.ndarray, "r 3"]) -> Hits:
-    """Beams that may reach each receiver."""
+def chains_at(chains: OpenChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
+    """Chains of patches that may reach each receiver."""
     receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
-    found, work, direct, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), 0, beams.column
-    while direct < len(beams.order) and beams.order[direct] == 0:
+    found, work, direct, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), 0, chains.column
+    while direct < len(chains.order) and chains.order[direct] == 0:
         direct += 1
-    for first in range(0, len(beams.order), _ROWS):
-        last = min(first + _ROWS, len(beams.order))
+    for first in range(0, len(chains.order), _ROWS):
+        last = min(first + _ROWS, len(chains.order))
         for r in range(len(rx)):
             n = 0
             for c in range(first, min(last, direct)):
                 found[n] = c
                 n += 1
-            n += _in_beams(column, max(first, direct), last, rx[r], work, found[n:])
+            n += _in_windows(column, max(first, direct), last, rx[r], work, found[n:])
             if count + n > len(hit):
                 receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))
             receiver[count : count + n], hit[count : count + n] = r, found[:n]
@@ -181,14 +182,14 @@ def beams_at(beams: Beams, rx: Float[np.ndarray, "r 3"]) -> Hits:
 
 
 @compiled
-def bends_at(panes: Panes, bends: Bends, rx: Float[np.ndarray, "r 3"]) -> Hits:
-    """Bends that may reach each receiver."""
+def edges_at(panes: Panes, edges: EdgeChains, rx: Float[np.ndarray, "r 3"]) -> Hits:
+    """Edges that may reach each receiver."""
     receiver, hit, count = np.empty(4096, np.int64), np.empty(4096, np.int64), 0
-    found, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), bends.far, bends.column
+    found, work, far, column = np.empty(_ROWS, np.int64), np.empty((3, _ROWS)), edges.far, edges.column
     for first in range(0, len(far), _ROWS):
         last = min(first + _ROWS, len(far))
         for r in range(len(rx)):
-            n = _in_bends(column, first, last, rx[r], work, found)
+            n = _past_edges(column, first, last, rx[r], work, found)
             n = _through_pane(panes, far, column, rx[r], first, work, found, n)
             if count + n > len(hit):
                 receiver, hit = np.concatenate((receiver, receiver)), np.concatenate((hit, hit))

@@ -9,8 +9,8 @@ from scipy.constants import speed_of_light
 from scipy.spatial import cKDTree
 
 from wireless.geometry.facets import find_surfaces
-from wireless.geometry.images import make_space
 from wireless.geometry.shooting import Shooter, directions
+from wireless.geometry.space import make_space
 from wireless.paths import Interaction
 from wireless.tracing import candidates
 from wireless.tracing.tracer import Tracer, TracerConfig

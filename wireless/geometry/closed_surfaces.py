@@ -1,29 +1,30 @@
 """Which side of closed surfaces points are on.
 
 Triangles that share edges are one surface, and closed if each of its edges has an even number of them: also where two
-blocks meet in an edge, which has four. A sheet whose faces are doubled, back to back, is not. A way between two points
-meets a closed surface an even number of times if both are on one side of it, or else an odd one. So a way that meets
-but one wall leads nowhere among points that are on the same sides of all closed surfaces, as in rooms between walls
-that have two sides.
+blocks meet in an edge, which has four. A sheet whose faces are doubled, back to back, is not. A segment between two
+points meets a closed surface an even number of times if both are on one side of it, otherwise an odd number of times.
+So no segment that meets one wall only joins points that are on the same sides of all closed surfaces, as in rooms
+between walls that have two sides.
 
-What side a point is on is counted along one direction that no building has a wall in (the parity of what a ray meets,
+The side of a point is found by counting along one direction that no building has a wall in (parity of the crossings,
 M. Shimrat, Algorithm 112, Commun. ACM 5 (1962) 434), for all surfaces at once: each has a number of 64 random bits, and
-equal sums of these modulo two tell of the same sides, but once in 2^64. Faces that stand twice are met as one wall.
+equal sums of these modulo two mean the same sides, except once in 2^64. Doubled faces count as one wall.
 """
 
 import numpy as np
 import trimesh
-from jaxtyping import Bool, Float, Int, UInt64
+from jaxtyping import Bool, Int, UInt64
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from wireless.geometry.occlusion import Tree, make_tree
+from wireless.geometry.array_types import Point, Points
+from wireless.geometry.occlusion import Tree, depth_in, make_tree
 from wireless.geometry.tolerance import NEAR_M
 from wireless.support.compiled import compiled
 
-#: Where parity is counted along; upwards on each axis, which spares boxes the question which side a way comes from.
-_WAY = np.array([0.2718281828, 0.5772156649, 0.7700401577])
-#: Walls are thicker than twice this, and what is doubled is closer [m].
+#: Direction that parity is counted along; upwards on each axis, so that rays enter boxes at their lowest corner.
+_UP = np.array([0.2718281828, 0.5772156649, 0.7700401577])
+#: Walls are thicker than twice this, and doubled faces closer [m].
 _ASIDE_M = 1e-4
 
 
@@ -48,33 +49,33 @@ class Sides:
         self._tree = make_tree(np.asarray(mesh.triangles)[own], near_m=near_m)
         self._surface = surface[own][self._tree.number]
         self._bits = bits[self._surface]
-        self._way = _WAY / np.linalg.norm(_WAY) * 2 * np.linalg.norm(mesh.extents)
+        self._step = _UP / np.linalg.norm(_UP) * 2 * np.linalg.norm(mesh.extents)
 
-    def alike(self, points: Float[np.ndarray, "n 3"]) -> bool:
+    def alike(self, points: Points) -> bool:
         """Whether points are on the same sides of all closed surfaces, and none is on one."""
         sums, on = self._sums(points, np.full(len(points), -1))
         return not on.any() and bool((sums == sums[0]).all())
 
-    def parity(self, points: Float[np.ndarray, "n 3"]) -> UInt64[np.ndarray, " n"]:
+    def parity(self, points: Points) -> UInt64[np.ndarray, " n"]:
         """Of how many closed surfaces each point is inside, modulo two."""
         every, one = np.full(len(points), -1), np.ones(len(self._bits), np.uint64)
-        return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._way)[0]
+        return _sums(self._tree, self._surface, one, np.ascontiguousarray(points), every, self._step)[0]
 
     def inside(
-        self, points: Float[np.ndarray, "n 3"], surface: Int[np.ndarray, " n"]
+        self, points: Points, surface: Int[np.ndarray, " n"]
     ) -> tuple[Bool[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
         """Whether each point is inside a closed surface of its own, and whether it is on that."""
         sums, on = self._sums(points, surface)
         return sums != 0, on
 
     def _sums(
-        self, points: Float[np.ndarray, "n 3"], only: Int[np.ndarray, " n"]
+        self, points: Points, only: Int[np.ndarray, " n"]
     ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
         points = np.ascontiguousarray(points, float)
-        return _sums(self._tree, self._surface, self._bits, points, only, self._way)
+        return _sums(self._tree, self._surface, self._bits, points, only, self._step)
 
 
-def two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
+def find_two_faced(mesh: trimesh.Trimesh) -> Bool[np.ndarray, " f"]:
     """Which faces have the inside of closed surfaces on one side only: the two faces of walls, and of solids.
 
     The others are sheets: of no closed surface, or with another face of one on their back. Walls that are open at the
@@ -131,13 +132,13 @@ def _sums(
     tree: Tree,
     surface: Int[np.ndarray, " t"],
     bits: UInt64[np.ndarray, " t"],
-    points: Float[np.ndarray, "n 3"],
+    points: Points,
     only: Int[np.ndarray, " n"],
-    way: Float[np.ndarray, "3"],
+    step: Point,
 ) -> tuple[UInt64[np.ndarray, " n"], Bool[np.ndarray, " n"]]:
-    """Sums modulo two of the bits of triangles that ways from points meet; whether a point is on a triangle.
+    """Sums modulo two of the bits of triangles that steps from points meet; whether a point is on a triangle.
 
-    Of those of one surface (`only`), or of all where that is -1.
+    Only triangles of one surface count (`only`), or all where that is -1.
     """
     sums, stack, on = (
         np.zeros(len(points), np.uint64),
@@ -153,7 +154,7 @@ def _sums(
             depth -= 1
             box, enter, leave = stack[depth], 0.0, 1.0
             for k in range(3):
-                a, b = (low[box, k] - points[i, k]) / way[k], (high[box, k] - points[i, k]) / way[k]
+                a, b = (low[box, k] - points[i, k]) / step[k], (high[box, k] - points[i, k]) / step[k]
                 enter, leave = max(enter, a), min(leave, b)
             if enter > leave:
                 continue
@@ -165,20 +166,16 @@ def _sums(
             for t in range(-1 - one, -1 - one + other):
                 if only[i] >= 0 and surface[t] != only[i]:
                     continue
-                off, rise, least = 0.0, 0.0, np.inf
+                off, rise = 0.0, 0.0
                 for k in range(3):
                     off += normal[t, k] * (points[i, k] - triangle[t, 0, k])
-                    rise += normal[t, k] * way[k]
+                    rise += normal[t, k] * step[k]
                 share = -off / rise if abs(off) >= near_m else 0.0
                 if not 0 <= share <= 1:
                     continue
-                for k in range(3):
-                    into = (
-                        inward[t, k, 0] * (x + share * way[0] - triangle[t, k, 0])
-                        + inward[t, k, 1] * (y + share * way[1] - triangle[t, k, 1])
-                        + inward[t, k, 2] * (z + share * way[2] - triangle[t, k, 2])
-                    )
-                    least = min(least, into)
+                least = depth_in(
+                    triangle, inward, t, x + share * step[0], y + share * step[1], z + share * step[2]
+                )
                 if abs(off) < near_m and least >= -near_m:
                     on[i] = True
                 if share > 0 and least >= 0:

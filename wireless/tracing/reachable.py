@@ -1,10 +1,10 @@
-"""What a transmitter may reach, made ready once for all receivers: beams over chains of patches, and bends at edges.
+"""What a transmitter may reach, prepared once for all receivers: chains of patches, and edges with patches around them.
 
-A beam is an image and the window that it looks through. A bend is an edge, the image that it is seen by, and the
-patches behind it, over which receivers are mirrored rather than the edge. Each is a row of a table that tells in some
-ten operations whether a receiver may get a path from it, and no row depends on receivers.
+Each row of these tables shows in some ten operations whether a receiver may get a path from it, and no row depends on
+receivers. A chain of patches is an image and the window that it looks through. An edge comes with the image that it is
+seen by and the patches behind it, over which receivers are mirrored rather than the edge.
 
-Whether a bend over a patch is possible is found out in the half-plane of the edge, turned about it until source and
+Whether an edge may bend rays to a patch is decided in the half-plane of the edge, turned about it until source and
 patch lie in it: the source, unfolded to the other side of the edge, looks through the edge as through a window, and a
 ball around the patch must meet what it sees (the zone between the Keller cones of the edge's ends).
 """
@@ -14,17 +14,19 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from wireless.geometry.array_types import Planes, Point
 from wireless.geometry.cones import MAX_CORNERS
-from wireless.geometry.images import Space, cone_of, new_views, opens, windows_of
+from wireless.geometry.images import cone_of, new_views, open_view
 from wireless.geometry.shooting import Bent
+from wireless.geometry.space import Ground, Space
 from wireless.support.compiled import compiled
-from wireless.tracing.laying import edge_sight, is_open
+from wireless.tracing.path_layout import edge_sight, is_open
 
-#: How much wider beams and bends are than they can be, for what rounding does [m].
+#: How much wider windows and edges are than they can be, for what rounding does [m].
 WIDER_M = 1e-6
 
 
-class Beams(NamedTuple):
+class OpenChains(NamedTuple):
     """Chains of patches, seen from one transmitter."""
 
     chain: Int[np.ndarray, "c m"]
@@ -35,7 +37,7 @@ class Beams(NamedTuple):
     """Image, normal and level of the last patch, how far off it the image is, and a box around the window [m]."""
 
 
-class Sights(NamedTuple):
+class SeenEdges(NamedTuple):
     """Edges that a transmitter may see, directly or over patches."""
 
     edge: Int[np.ndarray, " q"]
@@ -45,13 +47,13 @@ class Sights(NamedTuple):
     over: Int[np.ndarray, "q m"]
     """These patches, the first from the transmitter first; -1 beyond the last."""
     place: Float[np.ndarray, "q 3"]
-    """Where the image is, as seen from the edge (`wireless.tracing.laying.edge_sight`)."""
+    """Where the image is, as seen from the edge (`wireless.tracing.path_layout.edge_sight`)."""
     part: Float[np.ndarray, "q 2"]
     """From where to where along the edge the image sees it, past the windows if not past what hides [m]."""
 
 
-class Bends(NamedTuple):
-    """Edges with what is before and behind them."""
+class EdgeChains(NamedTuple):
+    """Edges with patches before and behind them."""
 
     edge: Int[np.ndarray, " q"]
     """Edges."""
@@ -67,19 +69,19 @@ class Bends(NamedTuple):
 
 
 @compiled
-def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"]) -> Beams:
-    """Beams over chains, without those whose windows close.
+def open_chains(space: Space, tx: Point, chain: Int[np.ndarray, "c m"]) -> OpenChains:
+    """Chains of patches whose windows do not close.
 
     Args:
         space: Surfaces.
         tx: The transmitter, around the space's origin [m].
         chain: Patches, by length and in rising order; -1 beyond the last.
     """
-    most, count, windows = chain.shape[1], 0, windows_of(space)
+    most, count, windows = chain.shape[1], 0, space.windows
     # View k looks over the first k patches of a chain: of the next one only the views that differ are new.
     views, same = new_views(most + 1, most), 0
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
-    kept, orders, column = (
+    used, orders, column = (
         np.empty(len(chain), np.int64),
         np.empty(len(chain), np.int64),
         np.zeros((14, len(chain))),
@@ -96,12 +98,12 @@ def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"])
         same = shared
         while same < order:
             n_planes = cone_of(windows, views, same, plane)
-            if not opens(windows, views, same, chain[c, same], views, same + 1, plane, n_planes, spare):
+            if not open_view(windows, views, same, chain[c, same], views, same + 1, plane, n_planes, spare):
                 break
             same += 1
         if same < order:
             continue
-        kept[count], orders[count] = c, order
+        used[count], orders[count] = c, order
         if order > 0:
             patch, off = chain[c, order - 1], 0.0
             for i in range(3):
@@ -115,20 +117,20 @@ def aim(space: Space, tx: Float[np.ndarray, "3"], chain: Int[np.ndarray, "c m"])
                 column[8 + i, count], column[11 + i, count] = least - WIDER_M, largest + WIDER_M
             column[6, count], column[7, count] = windows.plane[patch, 3], off - windows.plane[patch, 3]
         count += 1
-    return Beams(chain[kept[:count]], orders[:count].copy(), column[:, :count].copy())
+    return OpenChains(chain[used[:count]], orders[:count].copy(), column[:, :count].copy())
 
 
 @compiled
 def place_edges(
-    space: Space, tx: Float[np.ndarray, "3"], edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
-) -> Sights:
+    space: Space, tx: Point, edge: Int[np.ndarray, " q"], over: Int[np.ndarray, "q m"]
+) -> SeenEdges:
     """The sights of some edges over some patches (-1 beyond the last) that are open to the image.
 
-    What is asked of one chain in a row is found out in a row.
+    Rows with the same chain that follow each other share its views.
     """
-    most, count, windows = over.shape[1], 0, windows_of(space)
+    most, count, windows = over.shape[1], 0, space.windows
     order, place, part = np.empty(len(edge), np.int64), np.empty((len(edge), 3)), np.empty((len(edge), 2))
-    views, same, n_planes, kept = new_views(most + 1, most), 0, 0, np.empty(len(edge), np.int64)
+    views, same, n_planes, used = new_views(most + 1, most), 0, 0, np.empty(len(edge), np.int64)
     spare, plane = np.empty((MAX_CORNERS, 3)), np.empty((MAX_CORNERS + 1, 4))
     views.image[0, 0] = tx
     for j in range(len(edge)):
@@ -140,7 +142,7 @@ def place_edges(
             same = 0
             while same <= k:
                 n_planes = cone_of(windows, views, same, plane)
-                if same == k or not opens(
+                if same == k or not open_view(
                     windows, views, same, over[j, same], views, same + 1, plane, n_planes, spare
                 ):
                     break
@@ -148,27 +150,27 @@ def place_edges(
         if same < k:
             continue
         e = edge[j]
-        z, distance, angle = edge_sight(space.surfaces.edge, space.surfaces.edge_wedge, e, views.image[k, k])
-        near_m = space.surfaces.near_m
-        if distance < near_m or not is_open(space.surfaces.edge_gap_rad[e], distance, angle, near_m):
+        z, distance, angle = edge_sight(space.ground.edge, space.ground.edge_wedge, e, views.image[k, k])
+        near_m = space.ground.near_m
+        if distance < near_m or not is_open(space.ground.edge_gap_rad[e], distance, angle, near_m):
             continue
-        low, high = _part_in(space.surfaces.edge[e], plane[:n_planes])
+        low, high = _part_in(space.ground.edge[e], plane[:n_planes])
         if low <= high:
-            kept[count], order[count] = j, k
+            used[count], order[count] = j, k
             place[count, 0], place[count, 1], place[count, 2] = z, distance, angle
             part[count, 0], part[count, 1] = low, high
             count += 1
-    return Sights(
-        edge[kept[:count]],
+    return SeenEdges(
+        edge[used[:count]],
         order[:count].copy(),
-        over[kept[:count]],
+        over[used[:count]],
         place[:count].copy(),
         part[:count].copy(),
     )
 
 
 @compiled
-def _part_in(ends: Float[np.ndarray, "2 3"], plane: Float[np.ndarray, "p 4"]) -> tuple[float, float]:
+def _part_in(ends: Float[np.ndarray, "2 3"], plane: Planes) -> tuple[float, float]:
     """The part of an edge within planes, almost: from where to where along it; nothing if the first is farther."""
     length, low, high = 0.0, 0.0, 1.0
     for i in range(3):
@@ -189,26 +191,24 @@ def _part_in(ends: Float[np.ndarray, "2 3"], plane: Float[np.ndarray, "p 4"]) ->
 
 
 @compiled
-def may_bend(
-    surfaces: tuple[Float[np.ndarray, "e 2 3"], Float[np.ndarray, "e 3 3"], Float[np.ndarray, " e"]],
-    sights: tuple[Int[np.ndarray, " q"], Float[np.ndarray, "q 3"], Float[np.ndarray, "q 2"]],
+def can_bend(
+    ground: Ground,
+    sights: SeenEdges,
     pairs: Int[np.ndarray, "b 2"],
     ball: Float[np.ndarray, "p 4"],
-    plane: Float[np.ndarray, "p 4"],
     side: Int[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " b"]:
     """Whether the edges of sights may bend rays to patches; rather yes than no.
 
     Args:
-        surfaces: Ends, wedges and open angles of all edges.
+        ground: Planes of patches, and edges.
         sights: Edges, where their images are, and what these see of the edges.
         pairs: A sight and a patch each; those of one sight in a row.
         ball: Centre and radius of a ball around each patch [m].
-        plane: Unit normal and level of each patch.
-        side: Which side of each can be reached, see `wireless.geometry.backs.Backs.seen_from`.
+        side: Which side of each can be reached, see `wireless.geometry.reachable_sides.Backs.seen_from`.
     """
-    ends, wedge, gap = surfaces
-    edge, place, part = sights
+    ends, wedge, gap, plane = ground.edge, ground.edge_wedge, ground.edge_gap_rad, ground.plane
+    edge, place, part = sights.edge, sights.place, sights.part
     can, last, e = np.zeros(len(pairs), np.bool_), -1, 0
     z0, r0, low, high, begin, end, c, s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(len(pairs)):
@@ -239,8 +239,8 @@ def may_bend(
     return can
 
 
-def make_bends(space: Space, sights: Sights, behind: list[Bent]) -> Bends:
-    """Bends of all sights, without patches behind the edge, and with some.
+def make_edge_chains(space: Space, sights: SeenEdges, behind: list[Bent]) -> EdgeChains:
+    """Edges of all sights, without patches behind them, and with some.
 
     Args:
         space: Surfaces.
@@ -254,15 +254,15 @@ def make_bends(space: Space, sights: Sights, behind: list[Bent]) -> Bends:
         far[row : row + len(bent.sight), : bent.chain.shape[1]] = bent.chain[:, ::-1]
         row += len(bent.sight)
     edge, place, part = sights.edge[sight], sights.place[sight], sights.part[sight]
-    along = space.surfaces.edge_wedge[edge, 0]
-    begin = space.surfaces.edge[edge, 0] + part[:, :1] * along
+    along = space.ground.edge_wedge[edge, 0]
+    begin = space.ground.edge[edge, 0] + part[:, :1] * along
     for patch in far.T[::-1]:  # what is next to the edge comes first
         some = np.flatnonzero(patch >= 0)
         normal, level = space.panes.plane[patch[some], :3], space.panes.plane[patch[some], 3]
         off = np.einsum("qi,qi->q", begin[some], normal) - level
         begin[some] -= 2 * off[:, None] * normal
         along[some] -= 2 * np.einsum("qi,qi->q", along[some], normal)[:, None] * normal
-    return Bends(
+    return EdgeChains(
         edge=edge,
         near=sights.over[sight],
         far=far,

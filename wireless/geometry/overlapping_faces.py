@@ -1,24 +1,26 @@
 """Sheets that lie on each other in one plane: which of them is met.
 
-Faces of several materials may cover the same place: a wall drawn twice, a picture on a wall, a sheet a hair's breadth
-before another. Closer than the tolerance there is no telling which is in front, and a path must be reflected once, so
-there is one surface: of the material that comes first. The others go on where they are not covered.
+Faces of several materials may cover the same place: a wall drawn twice, a picture on a wall, a sheet just
+before another. Closer than the tolerance it is unknown which is in front, and a path must be reflected once, so there
+is one surface: of the material that comes first. The others go on where they are not covered.
 """
 
 import numpy as np
 import shapely
 from jaxtyping import Float, Int
 
+from wireless.geometry.array_types import Point, Triangles
 
-def axes_in(normal: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2 3"]:
+
+def axes_in(normal: Point) -> Float[np.ndarray, "2 3"]:
     """Two unit vectors at right angles to each other and to a unit normal."""
     across = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
     across = across / np.linalg.norm(across)
     return np.array([across, np.cross(normal, across)])
 
 
-def uncovered(
-    triangle: Float[np.ndarray, "t 3 3"],
+def without_overlaps(
+    triangle: Triangles,
     plane: Int[np.ndarray, " t"],
     material: Int[np.ndarray, " t"],
     normal: Float[np.ndarray, "g 3"],
@@ -37,7 +39,7 @@ def uncovered(
     np.minimum.at(low, plane, material)
     np.maximum.at(high, plane, material)
     parts, source = [triangle], [np.arange(len(triangle))]
-    kept = np.ones(len(triangle), bool)
+    visible = np.ones(len(triangle), bool)
     for g in np.flatnonzero(high > low):
         own = np.flatnonzero(plane == g)
         base, axes = triangle[own[0], 0], axes_in(normal[g])
@@ -47,14 +49,14 @@ def uncovered(
             cover = shapely.union_all(flat[material[own] < one])
             hidden = np.zeros(len(own), bool)
             hidden[some] = _is_wide(shapely.intersection(flat[some], cover), tolerance_m)
-            kept[own[hidden]] = False
+            visible[own[hidden]] = False
             rest, which = shapely.get_parts(shapely.difference(flat[hidden], cover), return_index=True)
             wide = _is_wide(rest, tolerance_m)
             cut, of = shapely.get_parts(shapely.constrained_delaunay_triangles(rest[wide]), return_index=True)
             corners = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
             parts.append(base + corners @ axes)
             source.append(own[hidden][which[wide][of]])
-    parts[0], source[0] = triangle[kept], source[0][kept]
+    parts[0], source[0] = triangle[visible], source[0][visible]
     return np.concatenate(parts), np.concatenate(source)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from wireless.geometry.backs import Backs
+from wireless.geometry.reachable_sides import Backs
 from wireless.tracing.tracer import Tracer, TracerConfig
 
 RNG = np.random.default_rng(0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from wireless.geometry.closed import Sides, surfaces_of
+from wireless.geometry.closed_surfaces import Sides, surfaces_of
 
 RNG = np.random.default_rng(0)
 

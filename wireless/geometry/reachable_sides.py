@@ -1,7 +1,7 @@
-"""Which sides of patches can be reached at all: nobody outside of a body that lets nothing through sees its inside.
+"""Which sides of patches can be reached at all: the inside of an opaque body is never seen from outside.
 
 Each patch of a closed surface has the inside of that on one side and the outside on the other, unless the surface
-crosses itself there. A way that does not cross the surface begins and ends on the same side of it, so that a point
+crosses itself there. A path that does not cross the surface begins and ends on the same side of it, so that a point
 reaches only one side of the patch. Half of all patches are turned away from any edge, and need not be tried.
 """
 
@@ -9,11 +9,12 @@ import numpy as np
 import trimesh
 from jaxtyping import Bool, Float, Int
 
-from wireless.geometry.closed import Sides
-from wireless.geometry.images import Panes, Space
+from wireless.geometry.array_types import Point, Polygon, Triangles
+from wireless.geometry.closed_surfaces import Sides
+from wireless.geometry.space import Panes, Space, Windows
 from wireless.support.compiled import compiled
 
-#: How far off a patch its sides are asked what they are inside of [m].
+#: How far off a patch points are tested for being inside [m].
 _OFF_M = 1e-7
 
 
@@ -25,9 +26,10 @@ class Backs:
     """
 
     def __init__(self, space: Space):
-        count = np.diff(space.start)
-        patch, first = np.repeat(np.arange(len(count)), count), space.start[:-1]
-        corners = space.triangle.reshape(-1, 3)
+        ground = space.ground
+        count = np.diff(ground.start)
+        patch, first = np.repeat(np.arange(len(count)), count), ground.start[:-1]
+        corners = ground.triangle.reshape(-1, 3)
         faces, near_m = np.arange(len(corners)).reshape(-1, 3), space.tree.near_m
         self._sides = Sides(trimesh.Trimesh(corners, faces, process=False), near_m)
         surface = self._sides.surface
@@ -40,9 +42,9 @@ class Backs:
         start = np.searchsorted(surface[order], np.arange(surface.max(initial=0) + 2))
         plane = space.panes.plane
         self._known &= ~_crossed(
-            space.panes, space.window, space.corners, self._surface, space.triangle[order], start, 4 * near_m
+            space.panes, space.windows, self._surface, ground.triangle[order], start, 4 * near_m
         )
-        centre = space.triangle[first].mean(axis=1)
+        centre = ground.triangle[first].mean(axis=1)
         (front, on), (back, also) = (
             self._sides.inside(centre + off * plane[:, :3], self._surface)
             for off in (_OFF_M + 2 * near_m, -_OFF_M - 2 * near_m)
@@ -50,7 +52,7 @@ class Backs:
         self._known &= (front != back) & ~on & ~also
         self._front = front
 
-    def seen_from(self, point: Float[np.ndarray, "3"]) -> Int[np.ndarray, " p"]:
+    def seen_from(self, point: Point) -> Int[np.ndarray, " p"]:
         """Sides of patches that may be reached from a point: 1 for that of the normal, -1 for the other, 0 for both."""
         some, which = np.unique(self._surface[self._known], return_inverse=True)
         inside, on = self._sides.inside(np.tile(point, (len(some), 1)), some)
@@ -62,10 +64,9 @@ class Backs:
 @compiled
 def _crossed(
     panes: Panes,
-    window: Float[np.ndarray, "p k 3"],
-    corners: Int[np.ndarray, " p"],
+    windows: Windows,
     surface: Int[np.ndarray, " p"],
-    triangle: Float[np.ndarray, "t 3 3"],
+    triangle: Triangles,
     start: Int[np.ndarray, " s1"],
     near_m: float,
 ) -> Bool[np.ndarray, " p"]:
@@ -74,11 +75,11 @@ def _crossed(
     off, ends = np.empty(3), np.empty((2, 3))
     for p in range(len(plane)):
         for t in range(start[surface[p]], start[surface[p] + 1]):
-            beside = False
+            apart = False
             for i in range(3):
                 a, b, c = triangle[t, 0, i], triangle[t, 1, i], triangle[t, 2, i]
-                beside = beside or min(a, b, c) > high[p, i] + near_m or max(a, b, c) < low[p, i] - near_m
-            if beside:
+                apart = apart or min(a, b, c) > high[p, i] + near_m or max(a, b, c) < low[p, i] - near_m
+            if apart:
                 continue
             for k in range(3):
                 off[k] = -plane[p, 3]
@@ -94,7 +95,7 @@ def _crossed(
                     for i in range(3):
                         ends[n, i] = triangle[t, k, i] + share * (triangle[t, j, i] - triangle[t, k, i])
                     n += 1
-            if _enters(ends, window[p, : corners[p]], plane[p], near_m):
+            if _enters(ends, windows.window[p, : windows.corners[p]], plane[p], near_m):
                 crossed[p] = True
                 break
     return crossed
@@ -102,10 +103,7 @@ def _crossed(
 
 @compiled
 def _enters(
-    ends: Float[np.ndarray, "2 3"],
-    window: Float[np.ndarray, "k 3"],
-    plane: Float[np.ndarray, "4"],
-    near_m: float,
+    ends: Float[np.ndarray, "2 3"], window: Polygon, plane: Float[np.ndarray, "4"], near_m: float
 ) -> bool:
     """Whether a line between two points of a plane enters a convex window there by more than rounding."""
     first, last, n = 0.0, 1.0, len(window)

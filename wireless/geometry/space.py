@@ -1,0 +1,170 @@
+"""Triangles in space made ready for tracing: what reflects, what hides and what diffracts, sorted into boxes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from wireless.geometry.array_types import Point
+from wireless.geometry.boxes import Boxes, make_boxes
+from wireless.geometry.cones import SLACK_M, Walls
+from wireless.geometry.facets import Surfaces
+from wireless.geometry.occlusion import Tree, depth_in, inward_of, is_in_box, make_tree
+from wireless.geometry.patches import find_patches
+from wireless.support.compiled import compiled
+
+#: Patches of more triangles have the one that holds a point looked up in the tree.
+FEW_TRIANGLES = 8
+
+
+class Panes(NamedTuple):
+    """Patches by their planes and boxes."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level."""
+    low: Float[np.ndarray, "p 3"]
+    """Lowest corner of a box around each [m]."""
+    high: Float[np.ndarray, "p 3"]
+    """Highest corner."""
+
+
+class Windows(NamedTuple):
+    """What views are opened by."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level of each patch."""
+    facet: Int[np.ndarray, " p"]
+    """Its facet."""
+    window: Float[np.ndarray, "p k 3"]
+    """Corners of a window around it."""
+    corners: Int[np.ndarray, " p"]
+    """Their number."""
+    near_m: float
+    """What is closer than this touches."""
+
+
+class Ground(NamedTuple):
+    """What paths are laid out over."""
+
+    plane: Float[np.ndarray, "p 4"]
+    """Unit normal and level of each patch."""
+    patch_facet: Int[np.ndarray, " p"]
+    """Its facet."""
+    start: Int[np.ndarray, " p1"]
+    """Where each patch's triangles begin, and an end."""
+    triangle: Float[np.ndarray, "t 3 3"]
+    """Triangles by patch."""
+    inward: Float[np.ndarray, "t 3 3"]
+    """Unit vectors into each of these from its sides."""
+    facet_normal: Float[np.ndarray, "f 3"]
+    """Unit normal of each facet."""
+    edge: Float[np.ndarray, "e 2 3"]
+    """Ends of edges [m]."""
+    edge_wedge: Float[np.ndarray, "e 3 3"]
+    """Axes of each, see `wireless.geometry.facets.Surfaces`."""
+    edge_gap_rad: Float[np.ndarray, " e"]
+    """Open angle of each."""
+    edge_facets: Int[np.ndarray, "e 2"]
+    """Facets of 0-face and n-face."""
+    near_m: float
+    """What is closer than this touches."""
+
+
+class Space(NamedTuple):
+    """Surfaces made ready for tracing."""
+
+    surfaces: Surfaces
+    """Facets and edges, around an origin of their own."""
+    ground: Ground
+    """What paths are laid out over."""
+    windows: Windows
+    """What views are opened by."""
+    panes: Panes
+    """Planes and boxes of patches."""
+    tree: Tree
+    """What hides."""
+    tree_patch: Int[np.ndarray, " t"]
+    """Patch of each triangle, in the tree's order."""
+    tree_passes: Bool[np.ndarray, " t"]
+    """Triangles that let paths through, in the tree's order."""
+    walls: Walls
+    """Convex walls, by which much is hidden at once."""
+    mirrors: Bool[np.ndarray, " f"]
+    """Facets that reflect."""
+    passes: Bool[np.ndarray, " f"]
+    """Facets that let paths through; half-spaces do not."""
+    patch_facet: Int[np.ndarray, " p"]
+    """Facet of each patch."""
+    patch_boxes: Boxes
+    """Patches that reflect, sorted into boxes; numbers are those of patches."""
+    edge_boxes: Boxes
+    """Edges, sorted into boxes."""
+
+
+def make_space(surfaces: Surfaces, mirrors: Bool[np.ndarray, " f"], passes: Bool[np.ndarray, " f"]) -> Space:
+    """Prepare what does not depend on antennas.
+
+    Args:
+        surfaces: Facets and edges.
+        mirrors: Facets that reflect.
+        passes: Facets that let paths through.
+    """
+    patches = find_patches(surfaces)
+    tree = make_tree(surfaces.triangle, surfaces.plane[surfaces.triangle_facet], surfaces.near_m)
+    patch = np.empty(len(surfaces.triangle), np.int64)
+    patch[patches.triangle] = np.repeat(np.arange(len(patches.facet)), np.diff(patches.start))
+    triangle, plane = surfaces.triangle[patches.triangle], surfaces.plane[patches.facet]
+    used = (np.arange(patches.window.shape[1]) < patches.corners[:, None])[..., None]
+    low = np.where(used, patches.window, np.inf).min(axis=1)
+    high = np.where(used, patches.window, -np.inf).max(axis=1)
+    reflecting = np.flatnonzero(mirrors[patches.facet])
+    boxes = make_boxes(low[reflecting], high[reflecting])
+    return Space(
+        surfaces=surfaces,
+        ground=Ground(
+            plane=plane,
+            patch_facet=patches.facet,
+            start=patches.start,
+            triangle=triangle,
+            inward=inward_of(triangle, np.repeat(plane[:, :3], np.diff(patches.start), axis=0)),
+            facet_normal=surfaces.facet_normal,
+            edge=surfaces.edge,
+            edge_wedge=surfaces.edge_wedge,
+            edge_gap_rad=surfaces.edge_gap_rad,
+            edge_facets=surfaces.edge_facets,
+            near_m=surfaces.near_m,
+        ),
+        windows=Windows(plane, patches.facet, patches.window, patches.corners, surfaces.near_m),
+        panes=Panes(plane, low, high),
+        tree=tree,
+        tree_patch=patch[tree.number],
+        tree_passes=passes[surfaces.triangle_facet[tree.number]],
+        walls=Walls(patches.wall_of[tree.number], patches.wall, patches.wall_corners),
+        mirrors=mirrors,
+        passes=passes,
+        patch_facet=patches.facet,
+        patch_boxes=boxes._replace(number=reflecting[boxes.number]),
+        edge_boxes=make_boxes(surfaces.edge.min(axis=1), surfaces.edge.max(axis=1)),
+    )
+
+
+@compiled
+def in_large_patch(tree: Tree, tree_patch: Int[np.ndarray, " t"], patch: int, p: Point) -> bool:
+    """Whether a point of a patch's plane lies in one of its triangles, found in the tree; sides count."""
+    stack = np.empty(64, np.int64)
+    stack[0], depth = 0, 1
+    while depth > 0:
+        depth -= 1
+        box = stack[depth]
+        if not is_in_box(tree, box, p, SLACK_M):
+            continue
+        one, other = tree.child[box]
+        if one >= 0:
+            stack[depth], stack[depth + 1] = one, other
+            depth += 2
+            continue
+        for t in range(-1 - one, -1 - one + other):
+            mine = tree_patch[t] == patch
+            if mine and depth_in(tree.triangle, tree.inward, t, p[0], p[1], p[2]) >= -tree.near_m:
+                return True
+    return False
