@@ -62,7 +62,7 @@ def traced(extruded, ring):
 
 
 def test_paths_are_sorted_and_bounded(traced):
-    """By transmitter, receiver and falling power; at most as many per link as asked for."""
+    """By transmitter, receiver and falling power; at most as many per link as configured."""
     assert np.all(np.diff(traced.link) >= 0) and traced.count().max() == 12
     assert np.all(np.diff(traced.power)[np.diff(traced.link) == 0] <= 0)
 

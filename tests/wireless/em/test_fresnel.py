@@ -125,7 +125,7 @@ def test_two_layers_without_gap_are_one_of_twice_the_thickness():
 
 
 def test_thick_lossy_slab_is_a_half_space():
-    """1 m of concrete: the back face is not heard (-150 dB), reflection equals Fresnel's to 1e-12."""
+    """1 m of concrete: the back face is negligible (-150 dB), reflection equals Fresnel's to 1e-12."""
     eps = permittivity("concrete", CARRIER_HZ)
     thick, half = slab(COSINES, eps, 1.0, CARRIER_HZ), reflection(COSINES, eps)
     assert np.abs(np.array(thick[:2]) - half).max() < 1e-12

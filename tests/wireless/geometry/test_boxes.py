@@ -18,7 +18,7 @@ def things(kind, rng):
 
 @pytest.mark.parametrize("kind", ["scattered", "doubled", "in a row"])
 def test_each_thing_is_in_one_box_and_within_it(kind):
-    """500 things scattered, all in one place, and in a row of rising distances; whoever walks has room for 64 boxes."""
+    """500 things scattered, all in one place, and in a row of rising distances; stacks have room for 64 boxes."""
     low, high = things(kind, np.random.default_rng(1))
     boxes = make_boxes(low, high)
     assert sorted(boxes.number) == list(range(500))

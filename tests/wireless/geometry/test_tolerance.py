@@ -75,15 +75,15 @@ def test_walls_bent_within_the_tolerance_are_one_facet_without_an_edge(bits):
 
 @pytest.mark.parametrize("rise_m", [0.0, 5e-7, 2e-6, 1e-5, 1e-3, 0.1])
 def test_seams_of_bent_walls_let_nothing_through(rise_m):
-    """2,000 ways through points of the seam itself, in 32 bits: all hidden; 2,000 that pass beside the wall: none."""
+    """2,000 segments through points of the seam, in 32 bits: all hidden; 2,000 that pass next to the wall: none."""
     rng, placed = np.random.default_rng(0), Placed(TURN, (1, 2, 3))
     surfaces = surfaces_of(in_32_bits(placed.mesh(bent_wall(rise_m))))
     at = np.column_stack([np.zeros(2000), rng.uniform(0.01, 2.99, 2000), np.zeros(2000)])
     way = rng.uniform((-1, -1, 0.3), (1, 1, 2), (2000, 3))
     assert hides(surfaces, placed.points(at - way), placed.points(at + way)).all()
-    beside = np.tile((0.0, 3.001, 0.0), (2000, 1))
+    aside = np.tile((0.0, 3.001, 0.0), (2000, 1))
     way[:, 1] = 0
-    assert not hides(surfaces, placed.points(beside - way), placed.points(beside + way)).any()
+    assert not hides(surfaces, placed.points(aside - way), placed.points(aside + way)).any()
 
 
 def test_slivers_are_no_holes():

@@ -45,7 +45,7 @@ def test_random_walls_become_sides(seed):
 
 
 def test_point_on_a_wall_is_an_error():
-    """Three points in a row: the long wall cannot be a side, and is refused rather than lost."""
+    """Three points in a row: the long wall cannot be a side, and is rejected rather than lost."""
     mesh = Triangulation(np.array([[0, 0], [10, 10], [20, 20], [5, 0]]), 100)
     with pytest.raises(ValueError, match="lies on the wall"):
         mesh.constrain(0, 2)

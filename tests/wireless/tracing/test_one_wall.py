@@ -154,7 +154,7 @@ def test_both_directions_are_alike_and_no_power_is_gained(scene, extruded, ring)
 
 
 def test_below_10_ghz_walls_are_passed_unless_told_otherwise(apart, caplog):
-    """Said once; from 10 GHz on walls are passed only where that is asked for."""
+    """Reported once; from 10 GHz on walls are passed only if configured."""
     link = np.array([[1.0, 2.0, 1.2]]), np.array([[7.0, 2.0, 1.2]])
 
     def paths(frequency_hz, **options):

@@ -87,7 +87,7 @@ def test_half_spaces_let_nothing_through(with_a_screen):
 
 
 def test_what_was_traced_before_changes_no_path(two_rooms):
-    """One tracer asked for links in either room and between them, in turn, as a new one is for each: to the bit."""
+    """One tracer, links in either room and between them in turn: bit-identical to a new tracer for each."""
     config = TracerConfig(max_paths=50)
     kept = Tracer(two_rooms, materials=("partition",), config=config)
     for tx in (TX, RX[1:2]):
@@ -99,11 +99,11 @@ def test_what_was_traced_before_changes_no_path(two_rooms):
 
 
 @pytest.mark.parametrize("kept, most", [(1, 1000), (32, 1000), (0, 5)])
-def test_what_a_transmitter_sees_is_kept_for_the_same_walls_alone(two_rooms, monkeypatch, kept, most):
-    """Receivers in its room and in the next by turns, and another transmitter between: as if each link were the first.
+def test_what_a_transmitter_sees_is_stored_for_the_same_walls_alone(two_rooms, monkeypatch, kept, most):
+    """Receivers in its room and in the next by turns, another transmitter between: as if each link were the first.
 
-    Of a receiver in its own room it may pass the wall to nobody, of one in the next to where the wall leads. What sees
-    too much is not kept.
+    To receivers in its own room no path passes the wall, to one in the next room paths do. Transmitters that see too
+    much are not stored.
     """
     monkeypatch.setattr(scenes, "MOST_VISITS", most)
     monkeypatch.setattr(scenes, "STORED_SIGHTS", kept)

@@ -231,7 +231,7 @@ def test_sheets_on_each_other_reflect_once(gap, materials):
         assert [sorted(some) for some in orders] == [[0, 1], [0, 1], [1]]
         for i, first in enumerate(
             (min(materials), materials[0], min(materials))
-        ):  # beside the sheet: the wall
+        ):  # next to the sheet: the wall
             np.testing.assert_allclose(got[i], alone[first][0][i], atol=1e-3)
 
 
