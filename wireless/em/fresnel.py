@@ -66,7 +66,7 @@ def slab(
     Returns:
         r_te, r_tm: Reflected over incident electric field, both at the face that the wave meets.
         t_te, t_tm: Field at the other face over incident field at the nearest point of the first face. A ray
-            drawn straight on has the phase -k d cos(i) of that way in vacuum already: take it off there.
+            drawn straight on has the phase -k d cos(i) of that distance in vacuum already: subtract it there.
 
     Raises:
         ValueError: If thickness or frequency are not positive, a cosine is not in [0, 1], or Im(eps) > 0.

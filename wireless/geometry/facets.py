@@ -165,12 +165,12 @@ def at_heights(
 
 def without_rims(surfaces: Surfaces, ground: Bool[np.ndarray, " f"]) -> Surfaces:
     """The same without the edges of some facets, which are taken to go on beyond the walls."""
-    kept = ~ground[surfaces.edge_facets].any(axis=1)
+    inner = ~ground[surfaces.edge_facets].any(axis=1)
     return surfaces._replace(
-        edge=surfaces.edge[kept],
-        edge_wedge=surfaces.edge_wedge[kept],
-        edge_gap_rad=surfaces.edge_gap_rad[kept],
-        edge_facets=surfaces.edge_facets[kept],
+        edge=surfaces.edge[inner],
+        edge_wedge=surfaces.edge_wedge[inner],
+        edge_gap_rad=surfaces.edge_gap_rad[inner],
+        edge_facets=surfaces.edge_facets[inner],
     )
 
 

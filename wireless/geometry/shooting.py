@@ -224,37 +224,38 @@ class Shooter:
             triangle = self._scene.run(start.astype(np.float32), direction[ray].astype(np.float32))
             met = triangle >= 0
             ray, left, patch = ray[met], left[met], self._patch[triangle[met]]
-            facet = self._space.patch_facet[patch]
-            normal = self._space.surfaces.facet_normal[facet]
-            slope = np.einsum("ij,ij->i", direction[ray], normal)
+            normal, slope, off = self._planes(patch, start[met], direction[ray])
             slope[np.abs(slope) < 1e-9] = 0
-            off = np.einsum("ij,ij->i", start[met] - self._space.surfaces.facet_point[facet], normal)
             back = np.divide(off, slope, out=np.zeros_like(off), where=slope != 0)
             at = start[met] - back[:, None] * direction[ray]
             found.append(_Met(ray, patch, at, normal, slope, left))
-            on = self._space.passes[facet] & (left > 0) & (slope != 0)
+            on = self._space.passes[self._space.patch_facet[patch]] & (left > 0) & (slope != 0)
             start = at[on] + (_LIFT_M * np.sign(slope[on]))[:, None] * normal[on]
             ray, left = ray[on], left[on] - 1
         return found[0] if len(found) == 1 else _Met(*map(np.concatenate, zip(*found, strict=True)))
+
+    def _planes(
+        self, patch: Int[np.ndarray, " n"], start: Points, direction: Points
+    ) -> tuple[Points, Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
+        """Unit normals of patches that rays meet, cosines between rays and these, and how far off rays start [m]."""
+        facet, surfaces = self._space.patch_facet[patch], self._space.surfaces
+        normal = surfaces.facet_normal[facet]
+        off = np.einsum("ij,ij->i", start - surfaces.facet_point[facet], normal)
+        return normal, np.einsum("ij,ij->i", direction, normal), off
 
     def _free(self, start: Points, direction: Points, far: Float[np.ndarray, " n"]) -> Bool[np.ndarray, " n"]:
         """Whether rays come so far [m], through no more walls than may be passed."""
         free, start, far = np.ones(len(start), bool), start.copy(), far.copy()
         ray = np.arange(len(start))
         for passed in range(self._through + 1):
-            triangle = self._scene.run(
-                start[ray].astype(np.float32),
-                direction[ray].astype(np.float32),
-                dists=far[ray].astype(np.float32),
-            )
-            ray, triangle = ray[triangle >= 0], triangle[triangle >= 0]
-            facet = self._space.patch_facet[self._patch[triangle]]
-            normal = self._space.surfaces.facet_normal[facet]
-            slope = np.einsum("ij,ij->i", direction[ray], normal)
-            on = self._space.passes[facet] & (np.abs(slope) > 1e-9) & (passed < self._through)
+            begin, along, reach = (a[ray].astype(np.float32) for a in (start, direction, far))
+            triangle = self._scene.run(begin, along, dists=reach)
+            ray, patch = ray[triangle >= 0], self._patch[triangle[triangle >= 0]]
+            _, slope, off = self._planes(patch, start[ray], direction[ray])
+            on = self._space.passes[self._space.patch_facet[patch]] & (np.abs(slope) > 1e-9)
+            on &= passed < self._through
             free[ray[~on]] = False
-            ray, slope = ray[on], slope[on]
-            off = np.einsum("ij,ij->i", start[ray] - self._space.surfaces.facet_point[facet[on]], normal[on])
+            ray, slope, off = ray[on], slope[on], off[on]
             step = -off / slope + _LIFT_M / np.abs(slope)
             start[ray] += step[:, None] * direction[ray]
             far[ray] -= step

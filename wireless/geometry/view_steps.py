@@ -278,7 +278,7 @@ def add_visits(
     trail: Trail,
     steps: int,
     view: int,
-    wanted: Bool[np.ndarray, " t"],
+    has_target: Bool[np.ndarray, " t"],
     most: int,
 ) -> tuple[int, bool]:
     """Store the triangles that a view passes, and of those without targets at most so many.
@@ -289,7 +289,7 @@ def add_visits(
     visit, sector, last, whole = visits.visit, visits.sector, visits.last, True
     for n in range(steps):
         t = trail.step[n, 0]
-        if not wanted[t] and count >= most:
+        if not has_target[t] and count >= most:
             whole = False
             continue
         visit[count, 0], visit[count, 1], visit[count, 2] = view, last[t], trail.step[n, 1] < 0

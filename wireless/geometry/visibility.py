@@ -75,7 +75,7 @@ class Visibility(NamedTuple):
     window: Float[np.ndarray, "w 2"]
     """Corners of windows."""
     whole: bool
-    """Whether all visits are stored; otherwise those of the triangles that were wanted."""
+    """Whether all visits are stored; otherwise those of triangles with targets."""
 
 
 @compiled
@@ -83,7 +83,7 @@ def find_visibility(
     layers: Layers,
     around: Int[np.ndarray, " s"],
     source: Point,
-    wanted: Bool[np.ndarray, " t"],
+    has_target: Bool[np.ndarray, " t"],
     limits: Limits,
 ) -> Visibility:
     """All views of one source.
@@ -92,7 +92,7 @@ def find_visibility(
         layers: Walls, corners, triangles and openings.
         around: Triangles around the source, all of one layer.
         source: Position of the source [m].
-        wanted: Triangles with targets.
+        has_target: Which triangles have targets.
         limits: How far to follow it.
     """
     plan, level_m, layered = layers.plan, layers.level_m, len(layers.level_m) > 2
@@ -119,7 +119,9 @@ def find_visibility(
         if eye.order <= limits.target_order:
             while n_visits + steps > len(visits.visit):
                 visits = VisitList(visits.last, longer(visits.visit), longer(visits.sector))
-            n_visits, all_stored = add_visits(visits, n_visits, trail, steps, now, wanted, limits.most_visits)
+            n_visits, all_stored = add_visits(
+                visits, n_visits, trail, steps, now, has_target, limits.most_visits
+            )
             whole = whole and all_stored
         if eye.order <= limits.edge_order:
             most_rims = 6 * steps if has_rims else 0

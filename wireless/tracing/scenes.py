@@ -112,8 +112,8 @@ class PlanScene:
         """Which targets a point sees directly, of whom the triangles around each are given."""
         start, triangle = self.locate(point[None, :2])
         limits = limits_of(self.setting, 0)._replace(target_order=0, edge_order=-1, max_through=0)
-        wanted = mask_of(around[1], len(self._region))
-        seen = find_visibility(self._layers, triangle[: start[1]], point, wanted, limits)
+        has_target = mask_of(around[1], len(self._region))
+        seen = find_visibility(self._layers, triangle[: start[1]], point, has_target, limits)
         return np.diff(views_onto(seen, targets, *around)[0]) > 0
 
     def _only_region(self, around: Int[np.ndarray, " s"]) -> int:
