@@ -47,7 +47,7 @@ SLOW = (
     "slam/exploration",
     "slam/learning",
     "wireless/linkstate/test_linkstate_training.py",
-    "wireless/tracing/test_space_search.py",
+    "wireless/tracing/test_ray_search.py",
 )
 
 
