@@ -1,4 +1,4 @@
-"""Where the tests find floor plans and data that are not part of this project."""
+"""Fixtures of all tests, and floor plans and data that are not part of this project."""
 
 import os
 import signal
@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 from pathlib import Path
 
-# Large libraries come before the first module of ours: those that one of ours imports first are compiled anew in each
-# process, as jaxtyping has Python look for bytecode of a name of its own as long as a module of ours is loaded.
+# Import large libraries before the first module of this project: while such a module loads, jaxtyping makes Python look
+# for bytecode under another name, so libraries imported by it would be compiled again in each process.
 import matplotlib.pyplot  # noqa: F401
 import numba  # noqa: F401
 import numpy as np
@@ -22,10 +22,10 @@ from typecheck import check_all_again
 
 from robosim.support.workers import Workers
 
-# Each of several processes on as many cores: threads of theirs would wait for one another.
+# Several test processes use all cores: additional threads would wait for each other.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
-# A job that a shell runs in the background ignores Ctrl-C, and so would all that the tests start.
+# A background job of a shell ignores Ctrl-C, and so would the processes that tests start.
 if (
     signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     and threading.current_thread() is threading.main_thread()
@@ -42,7 +42,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session")
 def shared() -> Path:
-    """Folder of real floor plans and public measurements, which this project may not ship."""
+    """Folder of real floor plans and public measurements, which may not be shipped."""
     if not SHARED.is_dir():
         pytest.skip("needs the real floor plans in ../shared, which are not part of this project")
     return SHARED
@@ -59,13 +59,13 @@ def loops_for_any_mesh() -> None:
 
 
 @pytest.fixture(autouse=True)
-def looked_at_again() -> None:
-    """Types are checked in each test anew."""
+def fresh_type_checks() -> None:
+    """Check types again in each test."""
     check_all_again()
 
 
 def _here(self, function, arguments) -> Future:
-    """A call of a worker in this process."""
+    """Call a worker's function in this process."""
     future = Future()
     try:
         future.set_result(function(*arguments))
@@ -76,7 +76,7 @@ def _here(self, function, arguments) -> Future:
 
 @pytest.fixture
 def in_process(monkeypatch) -> None:
-    """Let workers' calls run in this process: faster where there are few, and a test can reach into them."""
+    """Run workers' calls in this process: faster for few calls, and a test can patch them."""
     monkeypatch.setattr(Workers, "_submit", _here)
 
 
@@ -85,7 +85,7 @@ _submit = Workers._submit
 
 @pytest.fixture(scope="session", autouse=True)
 def one_worker_is_this_process() -> Iterator[None]:
-    """A single worker is no process of its own: to start one takes seconds. More, or on a cluster, are real."""
+    """Run a single worker in this process, since a start takes seconds. Several workers, or a cluster, are real."""
 
     def submit(self, function, arguments) -> Future:
         alone = self._count == 1 and self._cluster is None
@@ -98,13 +98,13 @@ def one_worker_is_this_process() -> Iterator[None]:
 
 @pytest.fixture
 def real_workers(monkeypatch) -> None:
-    """A single worker is a process of its own, as it is for users."""
+    """Run a single worker in a separate process, as for users."""
     monkeypatch.setattr(Workers, "_submit", _submit)
 
 
 @pytest.fixture
 def own_modules(monkeypatch) -> Iterator[None]:
-    """Modules that a test imports from a folder of its own are no other test's."""
+    """Isolate modules that a test imports from its own folder."""
     monkeypatch.setattr(sys, "path", list(sys.path))
     before = set(sys.modules)
     for name in ("mine", "broken"):

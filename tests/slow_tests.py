@@ -28,7 +28,6 @@ SLOW = (
     "docs/test_learning_example.py",
     "faults",
     "fuzz",
-    "robosim/camera/test_gl_systems.py",
     "robosim/environments/test_target_search_vector.py",
     "robosim/evaluation/test_ablations.py",
     "robosim/evaluation/test_evaluation.py",

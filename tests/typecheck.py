@@ -1,7 +1,6 @@
-"""The type checker that the tests run annotated functions under: a whole number is a float too (PEP 484).
+"""Type checker of annotated functions in tests: an int is a float too (PEP 484).
 
-Looking at every argument doubles what the tests take. So each function is looked at until it was called often enough
-in a test, and again in the next.
+Checking every call doubles the time of the tests. Each function is therefore checked for its first calls in each test.
 """
 
 import inspect
@@ -13,7 +12,7 @@ from typing import Any
 
 from beartype import BeartypeConf, beartype
 
-#: Checks of a function in a test, of which a call makes two: of what is given and of what is returned.
+#: Checks per function and test; a call makes two, of its arguments and of its result.
 ENOUGH = 60
 
 _beartyped = beartype(conf=BeartypeConf(is_pep484_tower=True))
@@ -22,7 +21,7 @@ _trusted: list[Callable[..., Any]] = []
 
 
 def check(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A function that looks at what it is called with, for jaxtyping to call beside the one it is made after."""
+    """Wrap a function with checks of its arguments and result, as jaxtyping's type checker."""
     checked = _beartyped(function)
     name = (function.__module__, function.__qualname__)
 
@@ -37,14 +36,14 @@ def check(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def check_all_again() -> None:
-    """Look at every function again."""
+    """Check every function again."""
     _checks.clear()
     while _trusted:
         vars(_trusted.pop()).pop("__no_type_check__", None)
 
 
 def _trust(module: str, qualified_name: str) -> None:
-    """Let jaxtyping pass a function by, if it can be found under its name."""
+    """Disable the check of a function, if it can be found under its name."""
     found: Any = sys.modules.get(module)
     for name in qualified_name.split("."):
         found = inspect.getattr_static(found, name, None)

@@ -74,13 +74,11 @@ NOT_YET = (
     "wireless",
     "tests/benchmarks",
     "tests/cli",
-    "tests/conftest.py",
     "tests/faults",
     "tests/fuzz",
     "tests/robosim",
     "tests/robot_logs.py",
     "tests/slam",
-    "tests/typecheck.py",
     "tests/wireless",
 )
 _GENERATED = {"_build", "_static", "examples", "commands", "api"}
