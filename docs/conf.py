@@ -1,13 +1,11 @@
 """How the documentation is built: `make docs`, or `sphinx-build -W --keep-going docs docs/_build/html`."""
 
-import inspect
 import logging
 import os
 import sys
 import tomllib
 from pathlib import Path
 
-import scipy.stats
 from sphinx.ext.autodoc.mock import _MockModule
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -17,9 +15,6 @@ os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(ROOT), os.environ.g
 
 for _package in ("robosim", "wireless", "slam", "OpenGL"):
     logging.getLogger(_package).setLevel(logging.ERROR)
-
-# SciPy computes this signature from the docstring, at which Sphinx fails.
-scipy.stats.ks_2samp.__signature__ = inspect.Signature()
 
 _project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
 
@@ -45,6 +40,7 @@ extensions = [
     "commands",
     "api_pages",
     "recordings",
+    "measured",
 ]
 exclude_patterns = ["_build", "gallery/**", "**/*.inc.md", "Thumbs.db"]
 templates_path = ["_templates"]

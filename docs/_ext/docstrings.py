@@ -37,7 +37,7 @@ def _short_types(app, what, name, obj, options, signature, returned):
 
 
 def _process(app, what, name, obj, options, lines):
-    """Indented blocks become literal ones; elsewhere characters with a meaning in reStructuredText are escaped."""
+    """Indented blocks become literal ones; in other lines special characters are escaped."""
     lines[:] = _with_returns(lines)
     out: list[str] = []
     section = table = False
@@ -133,7 +133,7 @@ def _escaped(line: str) -> str:
         text = re.sub(r"([*|\\])", r"\\\1", text)
         parts[i] = head + re.sub(r"(\w)_(?=\W|$)", r"\1\\_", text)
     for i in range(1, len(parts), 2):
-        # What follows a name directly, as the plural's s, is kept apart from the markup.
+        # What follows a name directly, as the plural's s, is separated from the markup.
         if parts[i + 1][:1].isalnum():
             parts[i + 1] = "\\ " + parts[i + 1]
         if not parts[i].startswith("``"):

@@ -88,7 +88,7 @@ def calibrate_materials(
                 frequency_hz=frequency_hz,
                 names=names,
                 config=config,
-                tell=tried,
+                on_tried=tried,
             )
         fitted = replace(floor_plan, materials=fit.colours)
         rows = {

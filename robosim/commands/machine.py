@@ -3,18 +3,41 @@
 import sys
 from dataclasses import asdict
 
+from rich.table import Table
+
 from robosim.commands.output import console, emit_result
 from robosim.support.installation import package_version
 
 
-def doctor() -> None:
-    """Check this machine: what works, how fast, and how to fix the rest."""
+def doctor(*, speed: bool = False) -> None:
+    """Check this machine: what works, how fast, and how to fix the rest.
+
+    Args:
+        speed: Whether to measure rates of camera, tracing, estimation and a search, in half a minute.
+    """
     from robosim.doctor import examine, report
 
     with console.status("checking ..."):
         findings = examine()
     works = report(findings, console)
+    rates = _rates() if speed and works else []
     rows = [asdict(finding) for finding in findings]
-    emit_result({"robosim": package_version(), "works": works, "findings": rows})
+    emit_result({"robosim": package_version(), "works": works, "findings": rows, "rates": rates})
     if not works:
         sys.exit(1)
+
+
+def _rates() -> list[dict[str, object]]:
+    """Rates of this machine, printed and as they go into JSON."""
+    from robosim.rates import measure_rates
+
+    with console.status("measuring ..."):
+        rates = list(measure_rates())
+    table = Table(title="One core of this machine, by processor time", box=None, pad_edge=False)
+    table.add_column("")
+    table.add_column("a second", justify="right")
+    table.add_column("")
+    for rate in rates:
+        table.add_row(rate.name, f"{rate.per_s:,.0f}", rate.unit)
+    console.print(table)
+    return [rate._asdict() for rate in rates]

@@ -9,13 +9,10 @@ receiver sees the sum of their fields.
 import numpy as np
 from jaxtyping import Complex, Float
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from robosim.building.building import Building
-from robosim.drawing.radio import draw_rays
 from robosim.support.colours import STATE_NAMES
 from wireless.estimates import PathEstimates, wrapped
-from wireless.paths import LinkState, Paths
+from wireless.paths import Paths
 from wireless.sounding.sounder import Sounder
 
 #: True paths are drawn down to this far under the strongest [dB].
@@ -24,33 +21,6 @@ SHOWN_DB = 30.0
 STEP_DEG = 1.0
 #: Pictures reach this far under the strongest power [dB], or to the noise.
 RANGE_DB = 60.0
-
-
-def choose_telling(paths: Paths, state: LinkState) -> int | None:
-    """A link whose picture has most to show: strong paths from many sides.
-
-    Args:
-        paths: Paths of links.
-        state: State that it has.
-
-    Returns:
-        Number of the link (`Paths.link`); None if none has this state.
-    """
-    mine = np.flatnonzero(paths.link_state().ravel() == state)
-    if not len(mine):
-        return None
-    many = paths.count().size
-    first = np.full(many, -np.inf)
-    first[paths.link[paths.rank == 0]] = paths.power_db[paths.rank == 0]
-    strong = paths.select(paths.power_db >= first[paths.link] - 20.0)
-    count = np.maximum(np.bincount(strong.link, minlength=many), 1)
-    spread = np.zeros(many)
-    for azimuth in (strong.aoa_az, strong.aod_az):
-        east, north = (np.bincount(strong.link, f(azimuth), many) / count for f in (np.cos, np.sin))
-        spread += 1 - np.hypot(east, north)
-    # Up to six paths in different directions can be told apart by eye.
-    worth = spread * np.minimum(count, 6)
-    return int(mine[np.argmax(worth[mine])])
 
 
 def power_over_directions(
@@ -77,27 +47,6 @@ def power_over_directions(
         power[mine] = (np.abs(field) ** 2).max(axis=1)
     c = sounder.config
     return azimuth, 10 * np.log10(np.maximum(power, 1e-30)) + c.tx_power_dbm - c.snr_per_gain_db
-
-
-def link_figure(
-    building: Building, paths: Paths, link: int, sounder: Sounder, tensor: np.ndarray, found: PathEstimates
-) -> Figure:
-    """Rays of a link on the plan, and received power over both directions with true and estimated paths.
-
-    Args:
-        building: The walls.
-        paths: Paths of links.
-        link: Number of the link to draw.
-        sounder: What measured it, its terminals turned as the scene.
-        tensor: The measurement of this link.
-        found: Estimated paths of this link.
-    """
-    tx, rx = divmod(link, len(paths.rx_position))
-    figure = Figure(figsize=(14.5, 6.4), layout="constrained")
-    left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
-    draw_rays(left, building, paths, tx, rx, sounder.config.tx_power_dbm)
-    draw_directions(right, paths.between(tx, rx), sounder, tensor, found)
-    return figure
 
 
 def draw_directions(

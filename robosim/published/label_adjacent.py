@@ -1,9 +1,9 @@
 """Adjacent paths: which paths the published ray tracer could find, as it looked for them at a quarter of the receivers.
 
 It saved time where receivers are dense: rays were shot to a coarser grid only, every second receiver of every second
-row, and a receiver between took over the interactions of the paths found around it and worked out the exact paths that
-have them. So a path that exists between but nowhere around is missing there. The maker describes this as adjacent path
-generation; which receivers are the coarse grid and how far around is looked was found from the labels.
+row, and a receiver between adopted the interactions of the paths found around it, and the exact paths that have them
+were computed. So a path that exists between but nowhere around is missing there. The maker describes this as adjacent
+path generation; which receivers are the coarse grid and how far around is looked was found from the labels.
 
 The coarse grid goes on outside of the building, where nothing is published: these receivers are traced too.
 """
@@ -15,7 +15,7 @@ from wireless.paths import Paths
 
 #: Distance between receivers [m].
 SPACING_M = 0.15
-#: Receivers take over what is found at most so many rows and columns away: 93.4 % of links of seven buildings agree
+#: Receivers adopt what is found at most so many rows and columns away: 93.4 % of links of seven buildings agree
 #: so, 93.2 % with 2.
 REACH = 1
 #: More than there are rows or columns.

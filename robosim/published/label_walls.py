@@ -6,7 +6,7 @@ known. The patterns are steps along the outline from cell to cell, north up, fre
 capitals is open. Evidence from fully traced receivers (`robosim.published.label_adjacent`) in the clear that nothing
 but paths through one such piece and one more wall reach: 980 of 1172 (`sw w SE`), 728 of 851 (`sw w s SE`) and 80 of
 89 (`NE n w nw`) are labelled higher order. Where the tip is longer (`w w SE`, `w w s SE`, `NE n w w`) it is 27 of 355,
-where it is wider (`sw w s s SE` and so on) 41 of 180, so these are closed; and of direct ways through such pieces
+where it is wider (`sw w s s SE` and so on) 41 of 180, so these are closed; and of direct paths through such pieces
 north of a tip, 0 of 22 are line of sight. Without the openings whole rooms that are reached through a tip become
 outages; there are others, not found yet, for which rooms are outages still.
 """
@@ -59,17 +59,17 @@ def _runs(points: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
     steps = [(int(x), int(y)) for x, y in np.roll(points, -1, axis=0) - points]
     names = [STEPS[step] for step in steps]
     n = len(steps)
-    gone = {place for i in range(n) for place in _open_from(names, i)}
+    opened = {place for i in range(n) for place in _open_from(names, i)}
     # Begin where the direction changes, so that no run goes over the end.
     first = next((i for i in range(n) if names[i] != names[i - 1]), 0)
     runs, start = [], None
     for i in range(first, first + n):
         here, after = i % n, (i + 1) % n
-        if here in gone:
+        if here in opened:
             start = None
             continue
         start = points[here] if start is None else start
-        if after in gone or names[after] != names[here] or i == first + n - 1:
+        if after in opened or names[after] != names[here] or i == first + n - 1:
             runs.append((start, points[after]))
             start = None
     return runs

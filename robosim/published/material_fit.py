@@ -17,7 +17,7 @@ from robosim.published.measured_paths import MeasuredHall
 from wireless.em.materials import MATERIALS, WALLS, wall_row
 from wireless.tracing.tracer import Tracer, TracerConfig
 
-#: Reflections are told by paths of at most so many.
+#: Paths of at most so many reflections are compared.
 SPECULAR = TracerConfig(max_reflections=2, diffraction=False, max_paths=200)
 #: The same with edges.
 EDGES = replace(SPECULAR, diffraction=True)
@@ -33,7 +33,7 @@ ADDED = {
 }
 #: Walls of this let nothing come back: where a plan ends, not a building.
 NOTHING = "vacuum"
-#: A residual counts for no more than this [dB], as a wrong pair says nothing of materials.
+#: A residual counts for no more than this [dB], as a wrong pair has nothing to do with materials.
 MOST_DB = 15.0
 
 
@@ -71,7 +71,7 @@ def explained(hall: MeasuredHall, tracer: Tracer, config: MatchConfig) -> Explai
     """How much a tracer explains.
 
     Raises:
-        ValueError: If strengths cannot be told, see `residuals_db`.
+        ValueError: If strengths cannot be compared, see `residuals_db`.
     """
     matched = match(hall, trace_hall(hall, tracer, config.height_m), config)
     off = residuals_db(hall, matched)
@@ -106,7 +106,7 @@ def residuals_db(hall: MeasuredHall, matched: Matched) -> Float[np.ndarray, " n"
         ValueError: If powers were not measured, or no direct path is explained.
     """
     if hall.power_db is None:
-        raise ValueError("the table has no column power_db, but strengths are asked for.")
+        raise ValueError("the table has no column power_db, which the fit needs.")
     off = hall.power_db - matched.traced_db
     direct = matched.order == 0
     if not direct.any():
@@ -130,7 +130,7 @@ def fit_materials(
     frequency_hz: float,
     names: Sequence[str],
     config: MatchConfig,
-    tell: Callable[[str], None] = lambda text: None,
+    on_tried: Callable[[str], None] = lambda name: None,
 ) -> MaterialFit:
     """Choose the materials of a plan's walls by measured strengths.
 
@@ -141,10 +141,10 @@ def fit_materials(
         frequency_hz: Carrier frequency.
         names: Materials to try.
         config: When paths are the same.
-        tell: Is told each that was tried.
+        on_tried: Called with each that was tried.
 
     Raises:
-        ValueError: If strengths cannot be told, see `residuals_db`.
+        ValueError: If strengths cannot be compared, see `residuals_db`.
     """
     place = np.unique(hall.table[:, 0], return_inverse=True)[1]
     chosen_on = place % 2 == 0
@@ -159,7 +159,7 @@ def fit_materials(
     tried = {}
     for name in names:
         tried[name] = residual(name, colours)[0]
-        tell(name)
+        on_tried(name)
     wall = min(tried, key=tried.__getitem__)
     for i, given in enumerate(plan.materials):
         if given == NOTHING:
@@ -167,7 +167,7 @@ def fit_materials(
         of_colour = {}
         for name in names:
             of_colour[name] = residual(wall, (*colours[:i], name, *colours[i + 1 :]))[0]
-            tell(name)
+            on_tried(name)
         colours = (*colours[:i], min(of_colour, key=of_colour.__getitem__), *colours[i + 1 :])
     return MaterialFit(
         wall=wall, colours=colours, before_db=before, after_db=residual(wall, colours), tried=tried
@@ -176,5 +176,5 @@ def fit_materials(
 
 def _rms(off_db: Float[np.ndarray, " n"], some: Bool[np.ndarray, " n"]) -> float:
     """Root mean square of bounded residuals [dB]; infinite for none."""
-    kept = off_db[some & ~np.isnan(off_db)]
-    return float(np.sqrt(np.mean(np.minimum(np.abs(kept), MOST_DB) ** 2))) if len(kept) else np.inf
+    valid = off_db[some & ~np.isnan(off_db)]
+    return float(np.sqrt(np.mean(np.minimum(np.abs(valid), MOST_DB) ** 2))) if len(valid) else np.inf

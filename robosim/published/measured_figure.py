@@ -1,4 +1,4 @@
-"""Measured paths beside traced ones: where they arrive, and how strong they are."""
+"""Measured and traced paths: where they arrive, and how strong they are."""
 
 from pathlib import Path
 

@@ -1,7 +1,7 @@
-"""Traced paths beside measured ones: which of them are the same, and how strong they are.
+"""Traced and measured paths: which of them are the same, and how strong they are.
 
 A measured path is explained by a traced one if delay and both azimuths agree. Each traced path explains one measured
-path at most; of all ways to pair them the one that explains most is taken, the closest of these.
+path at most; of all pairings the one that explains most is taken, the closest of these.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class MatchConfig:
     delay_ns: Annotated[float, Range(1e-3, 1e3, "ns")] = 1.0
     angle_deg: Annotated[float, Range(1e-3, 180, "degrees")] = 5.0
     height_m: Annotated[float, Range(0, 100, "m")] = 1.5
-    """Height of both ends [m], which such tables do not say."""
+    """Height of both ends [m], which such tables do not have."""
     range_db: Annotated[float, Range(0, 300, "dB")] = 40.0
     """Traced paths weaker than the strongest of their place by more explain nothing [dB]."""
 

@@ -1,9 +1,9 @@
-"""Whether rough walls scatter what no reflection explains: measured paths beside what a plan's walls send that way.
+"""Whether rough walls scatter the measured paths that no reflection explains.
 
-The paths that direct ways and reflections leave over are held against the power that all walls scatter within the same
-delay and directions. How rough walls would have to be is told on every other place, and tried on the rest, beside a
-guess that knows nothing: all these paths equally strong. A coefficient above 1 is more than walls reflect at all: then
-it is not the walls of the plan that scatter.
+The paths that direct paths and reflections leave over are compared with the power that all walls scatter within the
+same delay and directions. How rough walls would have to be is fitted on every other place, and tried on the rest,
+next to a guess that knows nothing: all these paths equally strong. A coefficient above 1 is more than walls reflect
+at all: then it is not the walls of the plan that scatter.
 """
 
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ NEAR_DB = 5.0
 
 @dataclass(frozen=True, kw_only=True)
 class ScatteringFit:
-    """What scattering explains of the paths that direct ways and reflections leave over."""
+    """What scattering explains of the paths that direct paths and reflections leave over."""
 
     paths: int
     """Paths that are left over."""
@@ -67,7 +67,7 @@ def fit_scattering(
         ValueError: If powers were not measured, or no direct path is explained, or nothing left over is scattered.
     """
     if hall.power_db is None:
-        raise ValueError("the table has no column power_db, but strengths are asked for.")
+        raise ValueError("the table has no column power_db, which the fit needs.")
     smooth = match(hall, trace_hall(hall, tracer_of(plan, wall, frequency_hz), config.height_m), config)
     measured_db = hall.power_db - _direct_db(hall, smooth)
     traced = trace_hall(hall, tracer_of(plan, wall, frequency_hz, ROUGH), config.height_m)

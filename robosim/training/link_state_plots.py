@@ -39,20 +39,6 @@ def plot_curves(runs: dict[str, list[Epoch]], path: Path) -> None:
     save_figure(figure, path)
 
 
-def plot_confusions(matrices: dict[str, Shaped[np.ndarray, "4 4"]], path: Path) -> None:
-    """Draw confusion matrices of all links beside each other, as shares of each true state."""
-    figure, axes = plt.subplots(
-        1, len(matrices), figsize=(4.6 * len(matrices), 4.6), layout="constrained", squeeze=False
-    )
-    for part, (name, matrix) in zip(axes[0], matrices.items(), strict=True):
-        _draw_confusion(part, matrix)
-        right = np.trace(matrix) / max(matrix.sum(), 1)
-        part.set_title(
-            f"{name}\n{matrix.sum():,} links, {100 * right:.1f} % right", fontsize=9, parse_math=False
-        )
-    save_figure(figure, path)
-
-
 def _draw_confusion(axes: Axes, matrix: Shaped[np.ndarray, "4 4"]) -> None:
     """Shares of each true state (row) told as each state (column)."""
     shares = matrix / np.maximum(matrix.sum(1, keepdims=True), 1)

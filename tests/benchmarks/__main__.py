@@ -1,60 +1,44 @@
-"""Benchmarks: what is measured, how fast and how accurate. `python -m tests.benchmarks --help` lists them."""
+"""Benchmarks: what is measured, how fast and how accurate. Each writes its results as JSON, and prints its tables.
+
+python -m tests.benchmarks NAME --help
+python -m tests.benchmarks readme        the README's table of numbers, made again from docs/results/data
+"""
 
 import ast
 import importlib
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import tyro
 
-#: Benchmarks by name, and the module and function of each.
-BENCHMARKS = {
-    "render": "commands_whole:render",
-    "physics": "commands_whole:physics",
-    "navigation": "commands_maps:navigation",
-    "exploration": "commands_maps:exploration",
-    "episode": "commands_whole:episode",
-    "slam": "commands_maps:slam",
-    "belief": "commands_whole:belief",
-    "endurance": "commands_maps:endurance",
-    "wireless": "commands_radio:wireless",
-    "storeys": "commands_radio:storeys",
-    "estimation": "commands_radio:estimation",
-    "labels": "commands_radio:labels",
-    "edges": "commands_radio:edges",
-    "scattering": "commands_radio:scattering",
-    "positioning": "commands_radio:positioning",
-    "live": "commands_live:live",
-    "environment": "commands_whole:environment",
-    "plans": "commands_figures:plans",
-    "search": "commands_figures:search",
-}
+#: Benchmarks; each is a module with a function `main`.
+BENCHMARKS = (
+    "tracing", "estimation", "labels", "edges", "positioning", "render", "physics", "episode", "search", "belief",
+    "exploration", "mapping", "endurance", "environment", "live", "plans", "readme",
+)  # fmt: skip
+PROGRAM = "python -m tests.benchmarks"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Run the benchmark that the first argument names; the exit status is 2 if an argument is wrong."""
+    """Run the benchmark that the first argument names; the exit status is 1, and a line says why, if it cannot."""
     words = list(sys.argv[1:] if arguments is None else arguments)
-    prog = "python -m tests.benchmarks"
     if not words or words[0] not in BENCHMARKS:
         tyro.extras.subcommand_cli_from_dict(
-            {name: _listed(name) for name in BENCHMARKS}, prog=prog, description=__doc__, args=words
+            {name: _listed(name) for name in BENCHMARKS}, prog=PROGRAM, description=__doc__, args=words
         )
         return
-    module, function = BENCHMARKS[words[0]].split(":")
-    benchmark = getattr(importlib.import_module(f"tests.benchmarks.{module}"), function)
+    command = importlib.import_module(f"tests.benchmarks.{words[0]}").main
     try:
-        tyro.cli(benchmark, prog=f"{prog} {words[0]}", args=words[1:])
+        tyro.cli(command, prog=f"{PROGRAM} {words[0]}", args=words[1:])
     except ValueError as error:
-        sys.exit(f"{prog}: {' '.join(str(error).split())}")
+        sys.exit(f"{PROGRAM} {words[0]}: {' '.join(str(error).split())}")
 
 
-def _listed(name: str) -> Callable[[], Any]:
+def _listed(name: str) -> Callable[[], None]:
     """A function with the first sentence of a benchmark's help, which is read without importing its module."""
-    module, function = BENCHMARKS[name].split(":")
-    tree = ast.parse((Path(__file__).parent / f"{module}.py").read_text(encoding="utf-8"))
-    found = next(node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == function)
+    tree = ast.parse((Path(__file__).parent / f"{name}.py").read_text(encoding="utf-8"))
+    found = next(node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "main")
 
     def command() -> None: ...
 

@@ -1,11 +1,11 @@
-"""Links of the published data whose strongest path is a lone diffraction, and how strong they are heard.
+"""Links of the published data whose strongest path is a lone diffraction, and how strong they are received.
 
 The files have no powers of paths, but the SNRs that a simulated receiver estimated, which saturate above some 50 dB
 (`wireless.estimation.public`). So each case's traced paths are received by that receiver too, with several draws of
 phases, delays and noise, and SNR is compared with SNR: gains of the arrays, saturation and noise floor are on both
-sides. How strong the published transmitter is in all is told by far links in line of sight: received as they are and
+sides. The strength of the published transmitter follows from far links in line of sight: received as they are and
 `STEP_DB` stronger, the offset is where their median SNR is the published one. It is needed since the published
-constants leave some dB open, and since near links are so saturated that they do not tell it.
+constants leave some dB open, and since near links are saturated.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -14,8 +14,9 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float
 
-from robosim.published.label_links import in_the_clear, prepared, published_paths
+from robosim.published.label_links import published_paths
 from tests.benchmarks.edge_laws import Wedges
+from tests.benchmarks.labels import in_the_clear, prepared
 from wireless.estimation.public import PublicReceiver
 from wireless.formats.mmwrobotnav_measurements import Measurements
 from wireless.paths import Interaction, LinkState, Paths
@@ -26,7 +27,7 @@ from wireless.tracing.scenes import PlanScene
 NEAR_RAD, ALONE_DB, STRONGEST_DB = np.radians(20.0), 6.0, 3.0
 #: Its published estimate lies within this [rad].
 SAME_RAD = np.radians(4.0)
-#: SNRs between which receivers neither saturate nor hear mostly noise, mean of published and received [dB].
+#: SNRs between which receivers neither saturate nor receive mostly noise, mean of published and received [dB].
 CLEAN_DB = (22.0, 45.0)
 #: Draws of the receiver, and what its offset is found by [dB].
 DRAWS, STEP_DB = 6, 3.0
@@ -67,7 +68,7 @@ class Cases:
 
     @property
     def clean(self) -> Bool[np.ndarray, " m"]:
-        """Which are neither saturated nor noise, told by both SNRs alike so that neither is preferred."""
+        """Which are neither saturated nor noise, by both SNRs alike, so that neither is preferred."""
         middle = (self.published_db + self.received_db) / 2
         return (middle > CLEAN_DB[0]) & (middle < CLEAN_DB[1])
 
@@ -90,8 +91,8 @@ def find_cases(measured: Measurements, plan: Path, receiver: PublicReceiver, see
     rx = np.column_stack([measured.rx_position, np.full(len(measured.rx_position), measured.tx_position[2])])
     paths = published_paths(measured.tx_position, rx, measured.rx_cell, tracer)
     clear = in_the_clear(building, measured.tx_position[:2], measured.rx_position)
-    heard = _heard(paths, receiver)
-    single, path = _alone(measured, paths, heard, clear)
+    received_power = _received_power(paths, receiver)
+    single, path = _alone(measured, paths, received_power, clear)
     far = _far(measured, paths, clear)
     received = _received(paths, np.concatenate([single, far]), receiver, seed, 0.0)
     stronger = _received(paths, far, receiver, seed, STEP_DB)
@@ -130,23 +131,23 @@ def offset_db(far: Cases) -> tuple[float, float]:
         ValueError: If there are none, or all are saturated.
     """
     if not len(far):
-        raise ValueError("no link in line of sight is far enough to tell the published power by.")
+        raise ValueError("no link in line of sight is far enough to estimate the published power.")
     plain = float(np.median(far.published_db - far.received_db))
     stronger = float(np.median(far.published_db - far.again_db))
     if plain - stronger < 0.05 * STEP_DB:
-        raise ValueError("all links in line of sight are saturated: they do not tell the published power.")
+        raise ValueError("all links in line of sight are saturated: the published power cannot be estimated.")
     return STEP_DB * plain / (plain - stronger), plain
 
 
-def _heard(paths: Paths, receiver: PublicReceiver) -> Float[np.ndarray, " n"]:
-    """Power of each path as the arrays hear it, at the best beam, up to a constant."""
+def _received_power(paths: Paths, receiver: PublicReceiver) -> Float[np.ndarray, " n"]:
+    """Power of each path as the arrays receive it, at the best beam, up to a constant."""
     rx = np.sum(np.abs(receiver.sounder.rx_response(paths.aoa_az)) ** 2, axis=-1)
     tx = np.max(np.abs(receiver.sounder.tx_response(paths.aod_az)) ** 2, axis=-1)
     return paths.power * rx * tx
 
 
 def _alone(
-    measured: Measurements, paths: Paths, heard: Float[np.ndarray, " n"], clear: Bool[np.ndarray, " r"]
+    measured: Measurements, paths: Paths, power: Float[np.ndarray, " n"], clear: Bool[np.ndarray, " r"]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Links whose strongest path is a lone single interaction that the published estimate shows; and these paths."""
     links, chosen = [], []
@@ -154,12 +155,12 @@ def _alone(
     top = measured.snr_db.argmax(axis=1)
     for i in np.flatnonzero(clear & (np.diff(start) > 0)):
         some = slice(start[i], start[i + 1])
-        j = start[i] + int(np.argmax(heard[some]))
+        j = start[i] + int(np.argmax(power[some]))
         if paths.order[j] != 1 or paths.interaction[j, 0] == Interaction.TRANSMISSION:
             continue
         near = _apart(paths.aoa_az[some], float(paths.aoa_az[j])) < NEAR_RAD
-        beside, others = heard[some][near].sum() - heard[j], heard[some].sum() - heard[j]
-        if beside > heard[j] * 10 ** (-ALONE_DB / 10) or others > heard[j] * 10 ** (-STRONGEST_DB / 10):
+        near_power, others = power[some][near].sum() - power[j], power[some].sum() - power[j]
+        if near_power > power[j] * 10 ** (-ALONE_DB / 10) or others > power[j] * 10 ** (-STRONGEST_DB / 10):
             continue
         if _apart(measured.aoa_az[i, top[i]][None], float(paths.aoa_az[j]))[0] < SAME_RAD:
             links.append(i)

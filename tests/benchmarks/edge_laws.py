@@ -4,7 +4,7 @@ All are the uniform theory's four terms (`wireless.em.diffraction`), with other 
 weights, or another wedge. Rays are level and edges upright, so that vertical polarisation is soft.
 
 References: R. J. Luebbers, IEEE Trans. Antennas Propag. 32 (1984); P. D. Holm, IEEE Trans. Antennas Propag. 48 (2000);
-W. D. Burnside and K. W. Burgener, IEEE Trans. Antennas Propag. 31 (1983), for walls that let through.
+W. D. Burnside and K. W. Burgener, IEEE Trans. Antennas Propag. 31 (1983), for walls that transmit.
 """
 
 from collections.abc import Callable
@@ -134,14 +134,14 @@ def laws(wedges: Wedges, faces: dict[str, Faces], wavenumber: float) -> dict[str
 
     near = np.minimum(w.phi, w.phi_source), np.minimum(most - w.phi, most - w.phi_source)
     own = np.where(flip, w.phi, w.phi_source), np.where(flip, most - w.phi_source, most - w.phi)
-    half_way = (np.pi - np.abs(w.phi - w.phi_source)) / 2
+    middle = (np.pi - np.abs(w.phi - w.phi_source)) / 2
     r_0, r_n = (at(wall.te, angle) for angle in near)
-    r_half = at(wall.te, half_way)
-    passed = at(wall.through, half_way)
+    r_half = at(wall.te, middle)
+    passed = at(wall.through, middle)
     found = {
         "nearer face (default)": faced(wall.te, *near),
         "Luebbers' own angles": faced(wall.te, *own),
-        "bisector": faced(wall.te, half_way, half_way),
+        "bisector": faced(wall.te, middle, middle),
         "angle of the source": faced(wall.te, w.phi_source, most - w.phi_source),
         "angle of the observer": faced(wall.te, w.phi, most - w.phi),
         "Holm": power(r_0 * r_n * first + second + r_0 * on_0 + r_n * on_n),
@@ -151,7 +151,7 @@ def laws(wedges: Wedges, faces: dict[str, Faces], wavenumber: float) -> dict[str
         "half-space": faced(half.te, *near),
         "perfect conductor": power(direct - on_0 - on_n),
         "black wedge": power(direct),
-        "walls let through": power((1 - passed) * direct + r_0 * on_0 + r_n * on_n),
+        "walls transmit": power((1 - passed) * direct + r_0 * on_0 + r_n * on_n),
         "terms without phase": sum(power(t) for t in (first, second, r_0 * on_0, r_n * on_n)),
     }
     for name, n, share in (
@@ -162,7 +162,7 @@ def laws(wedges: Wedges, faces: dict[str, Faces], wavenumber: float) -> dict[str
         other = turned(w, n, share)
         a, b, c, d = terms(other, wavenumber)
         found[name] = power(a + b + r_0 * c + r_n * d)
-    found["bisector, half-space"] = faced(half.te, half_way, half_way)
+    found["bisector, half-space"] = faced(half.te, middle, middle)
     found["bisector, Holm"] = power(r_half**2 * first + second + r_half * (on_0 + on_n))
-    found["bisector, walls let through"] = power((1 - passed) * direct + r_half * (on_0 + on_n))
+    found["bisector, walls transmit"] = power((1 - passed) * direct + r_half * (on_0 + on_n))
     return found

@@ -1,125 +1,160 @@
-"""Sounding and path estimation: speed against error.
+"""Sounding and path estimation: speed against error, the reference's base station sending to its robot.
 
-Three measurements, all with the reference's base station sending to its robot. Speed: traced links are sounded by
-full waveforms and by the closed form, and estimated by each estimator, on one worker and on all; rates are medians of
-warm rounds. Lone paths: error of the azimuth of arrival over SNR, beside the Cramér-Rao bound
-(`wireless.sounding.bounds`), azimuths at random. Traced plans: how far the strongest estimated path is from the
-strongest true one (between isotropic antennas), for each link state, beside the published shares; and from the
-nearest of those true ones that are nearly as strong; and how well a perfect receiver would do that cannot tell apart
-paths that look alike (`tests.benchmarks.resolution`).
-
-A link for which no path is found counts as wrong by half a turn. On plans links count whose strongest path has an SNR
-(`wireless.estimates`) of 10 dB or more. Over lone paths, SNR is the energy of the path in the whole measurement
-over that of noise in one of its entries, of which there are over ten thousand, some 40 dB more: below some 20 dB
-a path drowns in the strongest of them. That the closed form has the law of waveforms, the tests say.
+Speed: traced links are sounded by full waveforms and by the closed form, and estimated by each estimator, one thread.
+Lone paths: error of the azimuth of arrival over SNR, against the Cramér-Rao bound (`wireless.sounding.bounds`). SNR is
+the energy of the path in the whole measurement over that of noise in one of its over ten thousand entries; below some
+20 dB a path drowns in the strongest of them. Traced plans: how far the strongest estimated path is from the strongest
+true one (between isotropic antennas), and from the nearest of those true ones that are nearly as strong, by link state;
+and how well a perfect receiver would do that does not resolve paths that look alike (`resolution`). A link for
+which no path is found counts as wrong by half a turn.
 """
 
 import copy
-import os
-import platform
-from collections.abc import Callable, Sequence
-from functools import partial
-from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
-from rich.console import Console, Group
+from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
 from robosim.plans.floorplan import FloorPlan
-from robosim.radio.scene import RadioConfig
-from robosim.support.files import write_json
+from robosim.radio.receivers import receiver_grid
+from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.progress import tracked
-from tests.benchmarks.arrivals import (
-    PUBLISHED,
-    TX_PER_PLAN,
-    arrival_error_rad,
-    on_plan,
-    pooled,
-    trace_links,
-)
-from tests.benchmarks.estimation_report import plot, tables
+from tests.benchmarks.harness import DEFAULT, Options, alternate, console, plans_of, quartiles
+from tests.benchmarks.resolution import strongest_sum_rad
+from tests.benchmarks.results import Results
 from wireless.antennas.codebook import terminal_named
+from wireless.estimates import wrapped
 from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.estimation.sage import SageEstimator
+from wireless.paths import LinkState, Paths
 from wireless.sounding.bounds import arrival_bound_rad, window_share
 from wireless.sounding.sounder import Rays, Sounder
 from wireless.sounding.waveform import measure_waveform
-from wireless.tracing.blocks import available_cores
 
 #: Energies of lone paths in the whole measurement [dB].
 SNRS_DB = (10.0, 15.0, 17.5, 20.0, 22.5, 25.0, 27.5, 30.0, 35.0, 40.0, 50.0, 60.0, 70.0, 80.0)
-#: Links that speed is measured on, and those of them that are sounded by waveforms, which are slow.
-SPEED_LINKS, WAVEFORM_LINKS = 1000, 12
-_ROUNDS = 3
+#: Links that estimators are timed on, and those of them that are sounded by waveforms, which are slow.
+TIMED, BY_WAVEFORM = 1000, 12
+#: Errors of which shares are given [deg].
+WITHIN_DEG = (1.0, 5.0, 10.0)
+#: Links whose strongest path is weaker do not count [dB], as the reference's robot ignores them.
+LEAST_SNR_DB = 10.0
+#: True paths at most this much weaker than the strongest are its rivals [dB]: their order is within what the gains of
+#: traced paths are worth, and a robot that follows one of them follows a path all the same.
+RIVAL_DB = 3.0
+#: Transmitters in each plan, and the grid of receivers [m], as in the reference.
+TX_PER_PLAN, GRID_M = 10, 0.15
+STATES = {
+    LinkState.LOS: "line of sight",
+    LinkState.FIRST_ORDER: "first order",
+    LinkState.HIGHER_ORDER: "higher order",
+}
 
 
-def run(
-    plans: Sequence[FloorPlan],
+def main(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
     *,
-    out: Path,
     links: int = 2000,
-    tolerance_m: float | None = None,
-    workers: int | None = None,
-    seed: int = 0,
-    console: Console | None = None,
-) -> Group:
-    """Measure speed and errors; write `estimation.json` and `estimation.png`, and return tables.
+    tolerance: float | None = None,
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """Sounding and estimation of paths: links a second against the error of the angle of arrival.
 
     Args:
-        plans: Floor plans.
-        out: Folder for the files.
-        links: Links in each plan, and a quarter as many lone paths at each SNR.
-        tolerance_m: How far walls may be moved to save corners [m]; left out, walls under staircases are
-            straight, but for published grids; 0 keeps every cell.
-        workers: Most threads; None for one on each available core. Errors do not depend on it.
-        seed: Seed of places, phases and noise.
-        console: Where progress is shown; None for nowhere.
-
-    Raises:
-        ValueError: If there are too few links.
+        plans: Floor plans, or folders of them, that links are traced in.
+        links: Links of each plan, and a quarter as many lone paths at each SNR.
+        tolerance: How far walls may be moved to save corners [m]; straight walls under staircases if not given, except
+            in published grids; 0 keeps every cell.
+        options: Of every benchmark.
     """
     if links < 4 * TX_PER_PLAN:
         raise ValueError(f"links is {links}, expected at least {4 * TX_PER_PLAN} in each plan.")
-    workers = workers or available_cores()
-    rng = np.random.default_rng(seed)
+    rng, results = np.random.default_rng(options.seed), Results()
     sounder = Sounder(terminal_named("gnb"), terminal_named("ue"))
-    estimators: dict[str, PathEstimator] = {}
-    prepare_s = {}
-    for name in ESTIMATORS:
-        begin = perf_counter()
-        estimators[name] = _limited(estimator_named(name, sounder), workers)
-        prepare_s[name] = perf_counter() - begin
-    radio = RadioConfig(building=BuildingConfig(tolerance_m=tolerance_m))
-    with tracked(plans, "tracing", console) as shown:
+    estimators = {name: single_threaded(estimator_named(name, sounder)) for name in ESTIMATORS}
+    found, radio = plans_of(plans), RadioConfig(building=BuildingConfig(tolerance_m=tolerance))
+    with tracked(found, "tracing", console) as shown:
         traced = [trace_links(plan, links, rng, radio) for plan in shown]
-    errors = [
-        row
-        for plan, paths in zip(plans, traced, strict=True)
-        for row in on_plan(plan.name, paths, sounder, estimators, rng)
-    ]
-    summary = pooled(errors)
+    add_arrivals([arrival_errors(paths, sounder, estimators, rng) for paths in traced], results)
     with tracked(SNRS_DB, "lone paths", console) as steps:
-        lone = [lone_paths(sounder, estimators, snr_db, max(links // 4, 10), rng) for snr_db in steps]
-    speed = speeds(sounder, estimators, Rays.from_paths(traced[0])[:SPEED_LINKS], workers, rng)
-    report = {
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        "workers": workers,
-        "seed": seed,
-        "links_per_plan": links,
-        "tolerance_m": tolerance_m,
-        "prepare_s": prepare_s,
-        "speed": speed,
-        "lone_paths": lone,
-        "pooled": summary,
-        "plans": errors,
-        "published": PUBLISHED,
+        for snr_db in steps:
+            add_lone_paths(sounder, estimators, snr_db, max(links // 4, 10), rng, results)
+    add_speed(sounder, estimators, Rays.from_paths(traced[0])[:TIMED], rng, results)
+    return options.finish("estimation", results)
+
+
+def single_threaded(estimator: PathEstimator) -> PathEstimator:
+    """The same estimator on one thread."""
+    if isinstance(estimator, SageEstimator):
+        estimator = copy.copy(estimator)
+        estimator.workers = 1
+    return estimator
+
+
+def trace_links(plan: FloorPlan, links: int, rng: np.random.Generator, config: RadioConfig) -> Paths:
+    """Paths from random transmitters to random receivers of the reference's grid.
+
+    Raises:
+        ValueError: If the plan has too few places for so many links.
+    """
+    scene = RadioScene(plan, config)
+    grid = receiver_grid(scene.building, GRID_M, config.height_m).position
+    need = TX_PER_PLAN + links // TX_PER_PLAN
+    if need > len(grid):
+        raise ValueError(
+            f"links is {links}, but {plan.name} has only {len(grid)} places on a grid of {GRID_M} m."
+        )
+    places = grid[rng.permutation(len(grid))[:need]]
+    return scene.tracer.trace(places[:TX_PER_PLAN], places[TX_PER_PLAN:])
+
+
+def arrival_errors(
+    paths: Paths, sounder: Sounder, estimators: dict[str, PathEstimator], rng: np.random.Generator
+) -> dict[str, Any]:
+    """Errors of arrival on traced links that are strong enough.
+
+    Returns:
+        state: Link states (n).
+        And by estimator and "perfect receiver", error of the strongest path, and of the nearest rival [deg] (n 2).
+    """
+    rays, state = Rays.from_paths(paths), paths.link_state().ravel()
+    with np.errstate(divide="ignore"):
+        strong = sounder.budget_db + 20 * np.log10(np.abs(rays.gain[:, 0])) >= LEAST_SNR_DB
+    tensor = sounder.measure(rays, rng)
+    error_rad = {name: arrival_error_rad(one, tensor, rays.aoa_az) for name, one in estimators.items()}
+    strongest = strongest_sum_rad(sounder, rays, rng)
+    error_rad["perfect receiver"] = np.abs(wrapped(strongest[:, None] - rays.aoa_az))
+    rival = np.abs(rays.gain) >= np.abs(rays.gain[:, :1]) * 10 ** (-RIVAL_DB / 20)
+    return {"state": state[strong]} | {
+        name: np.rad2deg(np.column_stack([one[:, 0], np.where(rival, one, np.pi).min(axis=1)]))[strong]
+        for name, one in error_rad.items()
     }
-    write_json(Path(out) / "estimation.json", report)
-    plot(report, Path(out) / "estimation.png")
-    return Group(*tables(report))
+
+
+def arrival_error_rad(
+    estimator: PathEstimator, tensor: np.ndarray, aoa_rad: Float[np.ndarray, "links rays"]
+) -> Float[np.ndarray, "links rays"]:
+    """How far the strongest estimated path is from each true one [rad]; half a turn where there is none."""
+    got = estimator.estimate(tensor)
+    return np.where(got.count[:, None] > 0, np.abs(wrapped(got.aoa_rad[:, :1] - aoa_rad)), np.pi)
+
+
+def add_arrivals(found: list[dict[str, Any]], results: Results) -> None:
+    """Shares of the links of all plans within some degrees, by link state and estimator."""
+    links = {name: np.concatenate([one[name] for one in found]) for name in found[0]}
+    state = links.pop("state")
+    for name, errors_deg in links.items():
+        for one, words in STATES.items():
+            own = errors_deg[state == one]
+            if not len(own):
+                continue
+            for column, of in ((0, "strongest path"), (1, "any path at most 3 dB weaker")):
+                for most in WITHIN_DEG:
+                    share = 100 * np.mean(own[:, column] <= most)
+                    row = f"{of}, {name}: within {most:g}°"
+                    results.add("arrivals", row, words, share, "%", digits=1, cases=len(own))
 
 
 def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, " links"]:
@@ -131,14 +166,15 @@ def strongest_energy_db(sounder: Sounder, rays: Rays) -> Float[np.ndarray, " lin
         return sounder.config.snr_per_gain_db + 10 * np.log10(energy)
 
 
-def lone_paths(
+def add_lone_paths(
     sounder: Sounder,
     estimators: dict[str, PathEstimator],
     snr_db: float,
     count: int,
     rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Errors of lone paths from and to azimuths at random, beside the bound."""
+    results: Results,
+) -> None:
+    """Errors of lone paths from and to azimuths at random, against the bound."""
     aoa, aod = rng.uniform(-np.pi, np.pi, (2, count, 1))
     zero = np.zeros_like(aoa)
     unit = Rays(gain=zero + 1 + 0j, delay_s=zero, aoa_az=aoa, aoa_el=zero, aod_az=aod, aod_el=zero)
@@ -146,63 +182,35 @@ def lone_paths(
     rays = Rays(gain=gain[:, None] + 0j, delay_s=zero, aoa_az=aoa, aoa_el=zero, aod_az=aod, aod_el=zero)
     tensor = sounder.measure(rays, rng)
     in_window_db = snr_db + 10 * float(np.log10(window_share(sounder)))
-    bound = arrival_bound_rad(sounder, aoa[:, 0], in_window_db)
-    row: dict[str, Any] = {"snr_db": snr_db, "links": count, "bound_deg": _rms_deg(bound)}
+    bound = _rms_deg(arrival_bound_rad(sounder, aoa[:, 0], in_window_db))
+    row = f"{snr_db:g} dB"
+    results.add("lone paths", row, "bound", bound, "°")
     for name, estimator in estimators.items():
         error = arrival_error_rad(estimator, tensor, aoa)[:, 0]
-        row[name] = {
-            "rms_deg": _rms_deg(error),
-            "above_bound_db": 20 * float(np.log10(_rms_deg(error) / row["bound_deg"])),
-            "within_5_deg": float(np.mean(error <= np.deg2rad(5))),
-        }
-    return row
+        results.add("lone paths", row, name, _rms_deg(error), "°", cases=count, bar=bound)
+        results.add(
+            "lone paths", row, f"{name}, within 5°", 100 * np.mean(error <= np.deg2rad(5)), "%", digits=1
+        )
 
 
 def _rms_deg(error_rad: np.ndarray) -> float:
     return float(np.rad2deg(np.sqrt(np.mean(error_rad**2))))
 
 
-def speeds(
+def add_speed(
     sounder: Sounder,
     estimators: dict[str, PathEstimator],
     rays: Rays,
-    workers: int,
     rng: np.random.Generator,
-) -> dict[str, Any]:
-    """Rates on one worker and on all, of sounding and of estimating traced links."""
-    n, few = len(rays), rays[:WAVEFORM_LINKS]
-    tensor = sounder.measure(rays, rng)
-    waveform_s = _median_s(partial(measure_waveform, sounder, few, rng), 1) / len(few)
-    counts = tuple(dict.fromkeys((1, workers)))
-    closed_s = {w: _median_s(partial(sounder.measure, rays, rng, workers=w)) / n for w in counts}
-    return {
-        "links": n,
-        "rays_per_link": float(np.mean(np.sum(np.abs(rays.gain) > 0, axis=1))),
-        "waveform_links": len(few),
-        "waveform_ms": 1e3 * waveform_s,
-        "closed_ms": 1e3 * closed_s[1],
-        "ratio": waveform_s / closed_s[1],
-        "sounding_links_per_s": {w: 1 / s for w, s in closed_s.items()},
-        "estimating_links_per_s": {
-            name: {w: n / _median_s(partial(_limited(estimator, w).estimate, tensor)) for w in counts}
-            for name, estimator in estimators.items()
-        },
-    }
-
-
-def _limited(estimator: PathEstimator, workers: int) -> PathEstimator:
-    """The same estimator on so many threads, if it is one that uses threads of its own."""
-    if isinstance(estimator, SageEstimator):
-        estimator = copy.copy(estimator)
-        estimator.workers = workers
-    return estimator
-
-
-def _median_s(work: Callable[[], Any], rounds: int = _ROUNDS) -> float:
-    """Median duration of some rounds of work."""
-    times = []
-    for _ in range(rounds):
-        begin = perf_counter()
-        work()
-        times.append(perf_counter() - begin)
-    return float(np.median(times))
+    results: Results,
+) -> None:
+    """Rates of sounding and of estimating traced links, one thread."""
+    few, tensor = rays[:BY_WAVEFORM], sounder.measure(rays, rng)
+    actions = {
+        "sounding, waveform": lambda: measure_waveform(sounder, few, rng),
+        "sounding, closed form": lambda: sounder.measure(rays, rng, workers=1),
+    } | {f"estimating, {name}": lambda one=one: one.estimate(tensor) for name, one in estimators.items()}
+    for name, seconds in alternate(actions, turns=3).items():
+        count = len(few) if "waveform" in name else len(rays)
+        middle, spread = quartiles(count / seconds)
+        results.add("speed", name, "links a CPU second", middle, spread=spread, cases=count)

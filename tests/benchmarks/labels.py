@@ -1,180 +1,202 @@
 """Agreement of traced link states and angles with the published labels of mmwRobotNav.
 
-One unit is a building and a transmitter. Units are kept in `units/`, so that a run that was killed goes on where
-it stopped, and a unit is done anew only if its plan, its data or the rules have changed. Each unit is worked on
-alone: the number of workers changes no result.
+A link is in the clear if its receiver lies in the same piece of free space as the transmitter and its cell has eight
+free neighbours: the published receivers are shifted by a cell against their plan, so that many of the others stand on
+walls or behind them, where a tie decides.
 """
 
-import hashlib
-from collections import defaultdict
+from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
+import cv2
 import numpy as np
-from rich.console import Console
-from rich.table import Table
-from rich.text import Text
+import shapely
+from jaxtyping import Bool, Float
+from tyro.conf import OmitArgPrefixes, Positional
 
-import wireless
-from robosim.published import label_adjacent, label_links, label_walls
-from robosim.published.label_links import TRACER, Links, compare, confusion
-from robosim.support.files import npz_bytes, write_json, write_whole
-from robosim.support.progress import told_units
-from robosim.support.run_folder import run_folder
-from robosim.support.workers import Workers
-from tests.benchmarks import label_maps
-from wireless.formats.mmwrobotnav_measurements import DataError, find_measurements, read_measurements
-from wireless.paths import LinkState
+from robosim.building.building import Building, make_building
+from robosim.plans.files import read_plan
+from robosim.published.label_links import TRACER, published_paths
+from robosim.published.label_walls import published_mesh
+from tests.benchmarks.harness import DEFAULT, Options, run_units
+from tests.benchmarks.results import Results
+from wireless.formats.mmwrobotnav_measurements import (
+    DataError,
+    find_measurements,
+    link_states,
+    read_measurements,
+)
+from wireless.paths import LinkState, Paths
+from wireless.tracing.tracer import Tracer
 
-STATES = ("outage", "LOS", "first", "higher")
+STATES = ("outage", "line of sight", "first order", "higher order")
 NEAR_RAD = np.radians(5.0)
-#: Maps of disagreement are drawn of so many buildings.
-N_MAPS = 3
-Unit = tuple[str, int]
+#: The published receiver: samples [s], elements of an array, and directions that it looks in.
+SAMPLE_S, ELEMENTS, DIRECTIONS = 2.5e-9, 8, 360
 
 
-def run(
-    data: Path, plans: Path, *, workers: int, cluster: str | None = None, out: Path, console: Console
-) -> dict[str, Any]:
-    """Compare all links, write `labels.json` and maps of the worst buildings, and show the tables.
+def main(
+    data: Positional[Path], plans: Positional[Path], *, options: OmitArgPrefixes[Options] = DEFAULT
+) -> Results:
+    """Labels: how many traced link states and angles agree with the published ones of mmwRobotNav.
+
+    19 minutes of processor time for 18 buildings. Goes on after a kill if it is given the same folder.
 
     Args:
         data: Folder with a folder of measurements for each building.
         plans: Folder with `NAME.glb_topdownmap.out` for each building.
-        workers: Processes at once.
-        cluster: Address of a dask scheduler that is used instead; its processes have to see the files.
-        out: Folder for the results.
-        console: Where progress and tables are shown.
+        options: Of every benchmark.
+    """
+    units = {
+        f"{name} {number}": (data, plan_file(plans, name), name, number)
+        for name, number in find_measurements(data)
+    }
+    found = run_units(compare, units, options.folder("labels"), workers=options.workers)
+    buildings = {
+        name: [found[unit] for unit in units if units[unit][2] == name] for _, _, name, _ in units.values()
+    }
+    results = Results()
+    for name, own in {**buildings, "all": list(found.values())}.items():
+        summarise(name, {key: np.concatenate([one[key] for one in own]) for key in own[0]}, results)
+    return options.finish("labels", results)
 
-    Returns:
-        What `labels.json` holds: for each building and in total what `summary` gives.
+
+def summarise(name: str, links: dict[str, np.ndarray], results: Results) -> None:
+    """Add what links of a building, or of all, agree in; the confusion of all links by their states."""
+    same = links["published"] == links["computed"]
+    results.add("agreement", name, "same link state", 100 * same.mean(), "%", digits=1, cases=len(same))
+    clear = same[links["clear"]]
+    results.add(
+        "agreement",
+        name,
+        "in the clear",
+        100 * clear.mean() if len(clear) else None,
+        "%",
+        digits=1,
+        cases=len(clear),
+    )
+    for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
+        both = (links["published"] == state) & ~np.isnan(links["strongest_off"])
+        for key, words in (
+            ("strongest_off", "direction within 5°"),
+            ("cluster_off", "as received within 5°"),
+        ):
+            share = 100 * np.mean(links[key][both] < NEAR_RAD) if both.any() else None
+            results.add(
+                "agreement", name, f"{STATES[state]}: {words}", share, "%", digits=1, cases=int(both.sum())
+            )
+    if name == "all":
+        for row, column in np.ndindex(4, 4):
+            count = np.sum((links["published"] == row) & (links["computed"] == column))
+            results.add("confusion", f"published {STATES[row]}", f"computed {STATES[column]}", count)
+
+
+def plan_file(plans: Path, name: str) -> Path:
+    """The plan of a building.
 
     Raises:
-        DataError: If there are no measurements, or a plan is missing.
+        DataError: If there is none.
     """
-    units = find_measurements(data)
-    plan_of = {name: _plan(plans, name) for name, _ in units}
-    keys = {unit: _key(data, plan_of[unit[0]], unit) for unit in units}
-    left = [unit for unit in units if not _kept(out, unit, keys[unit])]
-    with run_folder(out, "bench labels"):
-        calls = [(data, plan_of[unit[0]], unit) for unit in left]
-        with (
-            Workers(min(workers, len(left) or 1), cluster, what="transmitters") as pool,
-            told_units(console, "transmitters", len(units), len(units) - len(left)) as tell,
-        ):
-            for number, content in pool.run(_work, calls):
-                unit = left[number]
-                write_whole(_file(out, unit, keys[unit]), content)
-                tell(f"{unit[0]} {unit[1]}")
-        of_building: dict[str, list[Links]] = defaultdict(list)
-        for unit in units:
-            of_building[unit[0]].append(Links.load(_file(out, unit, keys[unit])))
-        rows = {name: summary(links) for name, links in of_building.items()}
-        total = summary([links for some in of_building.values() for links in some])
-        result = {"buildings": rows, "total": total}
-        write_json(out / "labels.json", result)
-        for name in sorted(rows, key=lambda name: (rows[name]["all"], name))[:N_MAPS]:
-            measured = [read_measurements(data, *unit) for unit in units if unit[0] == name]
-            label_maps.draw(out / f"{name}.png", plan_of[name], measured, of_building[name])
-        _show(console, rows, total)
-        return result
-
-
-def summary(some: list[Links]) -> dict[str, Any]:
-    """Agreement and angles of some transmitters' links together, as shares; NaN of no links."""
-    links = Links(**{name: np.concatenate([getattr(s, name) for s in some]) for name in vars(some[0])})
-    same = links.published == links.computed
-    row: dict[str, Any] = {
-        "links": len(same),
-        "all": _share(same),
-        "clear_links": int(links.clear.sum()),
-        "clear": _share(same[links.clear]),
-        "confusion": confusion(links, np.ones(len(same), bool)),
-        "confusion_clear": confusion(links, links.clear),
-    }
-    for state in (LinkState.LOS, LinkState.FIRST_ORDER, LinkState.HIGHER_ORDER):
-        both = (links.published == state) & ~np.isnan(links.strongest_off)
-        row[f"aoa_{STATES[state]}"] = {
-            "strongest": _share(links.strongest_off[both] < NEAR_RAD),
-            "cluster": _share(links.cluster_off[both] < NEAR_RAD),
-            "any": _share(links.any_off[both] < NEAR_RAD),
-        }
-    return row
-
-
-def last_line(total: dict[str, Any]) -> str:
-    """The two totals in words."""
-    return (
-        f"Link states agree for {100 * total['all']:.2f} % of all {total['links']} links and for "
-        f"{100 * total['clear']:.2f} % of the {total['clear_links']} in the transmitter's own free space and off "
-        "border cells."
-    )
-
-
-def _share(mask: np.ndarray) -> float:
-    return float(mask.mean()) if len(mask) else float("nan")
-
-
-def _plan(plans: Path, name: str) -> Path:
     path = plans / f"{name}.glb_topdownmap.out"
     if not path.is_file():
         raise DataError(
-            f"{path}: no such plan, but there are measurements of {name}. Give the folder of its top-down grid."
+            f"{path}: no such plan, but there are measurements of {name}. Give the folder of its grid."
         )
     return path
 
 
-def _key(data: Path, plan: Path, unit: Unit) -> str:
-    """Changes with whatever a unit's result depends on: its files, the rules and the tracer's code."""
-    name, number = unit
-    files = (plan, data / name / f"{name}_tx_pos.csv", data / name / f"{name}_Tx_{number}_beam_search.csv")
-    content = b"".join(path.read_bytes() for path in files if path.is_file())
-    sources = [
-        Path(label_adjacent.__file__),
-        Path(label_links.__file__),
-        Path(label_walls.__file__),
-        *sorted(Path(wireless.__file__).parent.rglob("*.py")),
-    ]
-    code = b"".join(path.read_bytes() for path in sources)
-    return hashlib.sha256(repr(TRACER).encode() + code + content).hexdigest()[:16]
+@lru_cache(maxsize=1)
+def prepared(plan: Path) -> tuple[Building, Tracer]:
+    """Building and tracer of a plan, cached for the next transmitter."""
+    building = make_building(read_plan(plan))
+    return building, Tracer(published_mesh(building.plan, building.height_m), config=TRACER)
 
 
-def _file(out: Path, unit: Unit, key: str) -> Path:
-    return out / "units" / f"{unit[0]}-{unit[1]}-{key}.npz"
+def compare(data: Path, plan: Path, name: str, number: int) -> dict[str, np.ndarray]:
+    """Trace the links of a transmitter, and compare them with the published ones.
+
+    Returns:
+        published, computed: Link states (n).
+        clear: Whether the link is in the transmitter's own piece of free space and off border cells (n).
+        strongest_off: Angle between the strongest computed path's arrival and the published estimate [rad]; NaN for
+            none (n).
+        cluster_off: The same of what a receiver with beams would report as the strongest path (n).
+
+    Raises:
+        ValueError: If receivers lie outside of the plan, or on no regular grid.
+    """
+    measured = read_measurements(data, name, number)
+    building, tracer = prepared(plan)
+    tx = measured.tx_position
+    rx = np.column_stack([measured.rx_position, np.full(len(measured.rx_position), tx[2])])
+    try:
+        paths = published_paths(tx, rx, measured.rx_cell, tracer)
+    except ValueError as error:
+        raise ValueError(f"{name} {number}: {error}") from error
+    estimate = measured.aoa_az[:, 0]
+    return {
+        "published": measured.state,
+        "computed": link_states(paths)[0],
+        "clear": in_the_clear(building, tx[:2], measured.rx_position),
+        "strongest_off": _nearest(paths.strongest(), estimate),
+        "cluster_off": _apart(received_azimuth(paths), estimate),
+    }
 
 
-def _kept(out: Path, unit: Unit, key: str) -> bool:
-    return _file(out, unit, key).is_file()
+def in_the_clear(
+    building: Building, tx: Float[np.ndarray, "2"], rx: Float[np.ndarray, "n 2"]
+) -> Bool[np.ndarray, " n"]:
+    """Which receivers are in the transmitter's own piece of free space, in cells with eight free neighbours.
+
+    Raises:
+        ValueError: If receivers lie outside of the plan.
+    """
+    plan = building.plan
+    cell = np.floor(plan.to_cells(rx)).astype(np.int64)
+    if not ((cell >= 0) & (cell < plan.shape[::-1])).all():
+        raise ValueError(
+            f"{plan.name}: receivers from {rx.min(axis=0)} to {rx.max(axis=0)} m do not fit on this plan. "
+            "Do data and plan belong together?"
+        )
+    inner = cv2.erode(np.pad(plan.free, 1).astype(np.uint8), np.ones((3, 3), np.uint8))[1:-1, 1:-1] > 0
+    parts = shapely.get_parts(building.free)
+    own = parts[np.argmin(shapely.distance(parts, shapely.Point(tx)))]
+    return inner[cell[:, 1], cell[:, 0]] & shapely.contains_xy(own, rx)
 
 
-def _work(data: Path, plan: Path, unit: Unit) -> bytes:
-    """The links of one unit, compared."""
-    return npz_bytes(compare(read_measurements(data, *unit), plan).arrays())
+def received_azimuth(paths: Paths) -> Float[np.ndarray, " n_rx"]:
+    """Azimuth of arrival that a receiver with beams reports as the strongest path [rad]; NaN without paths.
+
+    Paths in one sample of delay and one beam add up, incoherently since their phases are random. The beam is
+    that of a uniform line of `ELEMENTS` half a wavelength apart, looking in `DIRECTIONS`. One transmitter only.
+    """
+    look = np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+    found = np.full(len(paths.rx_position), np.nan)
+    start = np.searchsorted(paths.rx, np.arange(len(found) + 1))
+    for i in np.flatnonzero(np.diff(start)):
+        some = slice(start[i], start[i + 1])
+        power, azimuth, delay = paths.power[some], paths.aoa_az[some], paths.delay_s[some]
+        in_beam = _beam(look[:, None] - azimuth) * power
+        in_sample = np.sinc((delay[:, None] - delay) / SAMPLE_S) ** 2
+        found[i] = look[np.argmax((in_beam @ in_sample).max(axis=1))]
+    return found
 
 
-def _show(console: Console, rows: dict[str, Any], total: dict[str, Any]) -> None:
-    """Tables by building and of confusion, and the totals as the last line."""
-    table = Table("building", "links", "agree %", "clear links", "agree %", *_angles(), title="Link states")
-    for name, row in [*rows.items(), ("total", total)]:
-        if name == "total":
-            table.add_section()
-        angles = [
-            f"{100 * row[f'aoa_{state}']['strongest']:.1f} / {100 * row[f'aoa_{state}']['cluster']:.1f}"
-            for state in STATES[1:]
-        ]
-        cells = [f"{100 * row[name]:.2f}" for name in ("all", "clear")]
-        table.add_row(Text(name), str(row["links"]), cells[0], str(row["clear_links"]), cells[1], *angles)
-    console.print(table)
-    console.print(
-        "AoA: share within 5 degrees of the estimate, of the strongest path / through a receiver's beams"
-    )
-    for name, title in (("confusion", "All links"), ("confusion_clear", "Links in the clear")):
-        matrix = Table("published", *(f"computed {state}" for state in STATES), title=title)
-        for state, counts in zip(STATES, total[name], strict=True):
-            matrix.add_row(state, *(str(count) for count in counts))
-        console.print(matrix)
-    console.print(last_line(total), soft_wrap=True)
+def _beam(off: Float[np.ndarray, "n m"]) -> Float[np.ndarray, "n m"]:
+    """Power of a beam, 1 at its peak, at angles off it; nothing behind it."""
+    phase = np.pi / 2 * np.sin(off)
+    safe = np.where(np.abs(phase) < 1e-9, 1e-9, phase)
+    factor = np.sin(ELEMENTS * safe) / (ELEMENTS * np.sin(safe))
+    return np.where(np.cos(off) > 0, factor**2, 0.0)
 
 
-def _angles() -> list[str]:
-    return [f"AoA {state} %" for state in STATES[1:]]
+def _apart(a: Float[np.ndarray, " n"], b: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Angle between directions [rad]."""
+    return np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)
+
+
+def _nearest(paths: Paths, estimate: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
+    """Least angle between a link's paths and its estimate [rad]; NaN without paths."""
+    off = np.full(len(estimate), np.inf)
+    np.minimum.at(off, paths.rx, _apart(paths.aoa_az, estimate[paths.rx]))
+    return np.where(np.isinf(off), np.nan, off)

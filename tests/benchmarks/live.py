@@ -1,27 +1,23 @@
 """How fast the page follows: from a move of a handle to its rays, and decisions a second of a search that is watched.
 
-A handle is moved some twenty times a second along a circle, as a browser tells of a drag, and each move is timed until
-its rays and its list of paths are handed to the network; one reader takes all that is sent. Where Playwright and
-Chromium are there, the same is timed in a browser: from the pointer's event to the change of the list, one move at a
-time, and to the end of the first frame that has the new rays, whose last pixel is waited for. Without a graphics card a
-browser draws on the same cores, which is told beside the numbers.
-
-A search's decisions are counted from the first to the last, in a process of its own, without a page and with one.
+A handle moves some twenty times a second along a circle, as in a drag in a browser, and each move is timed until its
+rays and its list of paths are handed to the network; one reader takes all that is sent. Where Playwright and Chromium
+are installed, the same is timed in a browser: from the pointer's event to the change of the list, one move at a time,
+and to the end of the first frame with the new rays. Without a graphics card a browser draws on the same cores.
+Decisions of a search are counted from the first to the last, in a process of its own, without a page and with one.
 """
 
 import math
-import os
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Float
-from rich.table import Table
+from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
@@ -29,13 +25,14 @@ from robosim.live.link_model import LinkSettings
 from robosim.live.page import Page
 from robosim.live.search_process import GO, SearchJob, SearchProcess
 from robosim.plans.floorplan import FloorPlan
-from robosim.support.files import write_json
+from tests.benchmarks.harness import DEFAULT, Options, plans_of
+from tests.benchmarks.results import Results
 
 if TYPE_CHECKING:
     from playwright.sync_api import Page as Tab
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
-#: As a browser tells of a drag [s]; radius of the circle that is dragged along [m].
+#: Time between moves, as in a browser [s]; radius of the circle that is dragged along [m].
 _EVERY_S, _RADIUS_M = 0.05, 1.0
 _SETTLE_S = 120.0
 #: Moves that are timed one by one in a browser, the rest after them [s], and how many rests a slow one is given.
@@ -43,14 +40,14 @@ _ALONE, _REST_S, _MOST_RESTS = 40, 1.0, 5
 SOFTWARE = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 #: viser takes fewer pixels where drawing is slow; a place in its space is another one in the window then.
 ALL_PIXELS = "?fixedDpr=1"
-#: Tells when the pointer last moved, when the text of the page changed after it, and when the frame was drawn in which
-#: lines were handed to the graphics after that: rays are, anew at each move. Reading a pixel waits for the whole frame.
+#: Notes when the pointer last moved, when the text of the page changed after it, and when the frame was drawn in which
+#: lines were handed to the graphics after that. Reading a pixel waits for the whole frame.
 _TIMER = """() => {
-  window.moved = window.changed = window.drawn = 0;
+  window.dragged = window.changed = window.drawn = 0;
   window.addEventListener('pointermove', () => {
-    window.moved = performance.now(); window.changed = window.drawn = 0;
+    window.dragged = performance.now(); window.changed = window.drawn = 0;
   }, true);
-  new MutationObserver(() => { if (window.moved && !window.changed) window.changed = performance.now(); })
+  new MutationObserver(() => { if (window.dragged && !window.changed) window.changed = performance.now(); })
     .observe(document.body, {subtree: true, childList: true, characterData: true});
   const gl = document.querySelector('canvas[data-engine]').getContext('webgl2');
   const hand = gl.bufferData, pixel = new Uint8Array(4);
@@ -68,67 +65,60 @@ _TIMER = """() => {
 }"""
 
 
-def run(
-    plans: Sequence[FloorPlan], *, out: Path, moves: int = 200, decisions: int = 60, seed: int = 0
-) -> Table:
-    """Time drags and searches; write `live.json`, and return a table.
+def main(
+    plans: Positional[tuple[str, ...]] = ("office",),
+    *,
+    moves: int = 200,
+    decisions: int = 60,
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """The page of `robosim live`: how soon rays follow a drag, and what watching costs a search.
+
+    Needs the extra `live`; with Playwright and Chromium drags are timed in a browser too.
 
     Args:
-        plans: Where.
-        out: Folder for the file.
-        moves: Of a handle, in each case.
-        decisions: Of a search.
-        seed: Of the search.
+        plans: Floor plans.
+        moves: Moves of the transmitter in each case.
+        decisions: Decisions of a search.
+        options: Of every benchmark.
     """
-    rows = [
-        row for plan in plans for row in _measured(plan, EpisodeConfig(seed=seed, max_steps=decisions), moves)
-    ]
-    write_json(out / "live.json", {"rows": rows, "cores": len(os.sched_getaffinity(0)), "moves": moves})
-    return _table(rows)
+    results = Results()
+    for plan in plans_of(plans):
+        measure(plan, EpisodeConfig(seed=options.seed, max_steps=decisions), moves, results)
+    return options.finish("live", results)
 
 
-def _measured(plan: FloorPlan, config: EpisodeConfig, moves: int) -> list[dict[str, Any]]:
-    """All that is told of a plan."""
-    rows = []
+def measure(plan: FloorPlan, config: EpisodeConfig, moves: int, results: Results) -> None:
+    """Delays of drags on one plan, and decisions a second of a search, alone and watched."""
+
+    def add(name: str, delays_s: Float[np.ndarray, " n"]) -> None:
+        for words, share in (("median", 50), ("95 %", 95), ("largest", 100)):
+            delay = 1e3 * np.percentile(delays_s, share)
+            results.add("drags", f"{plan.name}, {name}", words, delay, "ms", digits=0, cases=len(delays_s))
+
     with Page("127.0.0.1", 0, "bench") as page, _reader(page):
         radio = page.explore(plan, BuildingConfig(), LinkSettings())
         searches = page.search(config, BuildingConfig())
         radio.settle(_SETTLE_S)
-        rows.append(_row(plan, "drag", _drag(page, moves)))
+        add("nothing else goes on", _drag(page, moves))
         radio.show_floor("received power")
-        rows.append(_row(plan, "drag, floor coloured", _drag(page, moves)))
+        add("the floor is coloured", _drag(page, moves))
         radio.show_floor("off")
         searches.start()
         watched = searches.searches[0]
         _wait(lambda: watched.recording is not None and len(watched.recording) > 1)
-        rows.append(_row(plan, "drag, a search running", _drag(page, moves)))
+        add("a search runs", _drag(page, moves))
         searches.stop()
         page.show("Radio")
-        rows += [_row(plan, name, delays) for name, delays in _in_browser(page, radio.settle)]
-    alone = _decisions_per_s(plan, config)
+        for name, delays_s in _in_browser(page, radio.settle):
+            add(name, delays_s)
+    results.add("searches", plan.name, "alone", _decisions_per_s(plan, config), "decisions/s", digits=1)
     with Page("127.0.0.1", 0, "bench") as page, _reader(page):
         page.explore(plan, BuildingConfig(), LinkSettings()).settle(_SETTLE_S)
         searches = page.search(config, BuildingConfig())
         page.show("Search")
         searches.start()
-        shown = _rate(searches.searches[0])
-        fps = searches.player.fps
-    rows.append(
-        {"plan": plan.name, "what": "search", "alone_per_s": alone, "watched_per_s": shown, "fps": fps}
-    )
-    return rows
-
-
-def _row(plan: FloorPlan, what: str, delays_s: Float[np.ndarray, " n"]) -> dict[str, Any]:
-    median, most, worst = 1e3 * np.percentile(delays_s, [50, 95, 100])
-    return {
-        "plan": plan.name,
-        "what": what,
-        "n": len(delays_s),
-        "median_ms": median,
-        "p95_ms": most,
-        "max_ms": worst,
-    }
+        results.add("searches", plan.name, "watched", _rate(searches.searches[0]), "decisions/s", digits=1)
 
 
 def _drag(page: Page, moves: int) -> Float[np.ndarray, " n"]:
@@ -214,7 +204,7 @@ def _in_browser(page: Page, settle: Callable[[float], bool]) -> list[tuple[str, 
         time.sleep(5.0)  # all that is sent at first
         listed, drawn = _timed_moves(page, tab)
         browser.close()
-    return [("drag in a browser that draws by software: list", listed), ("its rays drawn", drawn)]
+    return [("in a browser that draws by software: the list", listed), ("in that browser: the rays", drawn)]
 
 
 def _timed_moves(page: Page, tab: "Tab") -> tuple[Float[np.ndarray, " n"], Float[np.ndarray, " n"]]:
@@ -230,16 +220,16 @@ def _timed_moves(page: Page, tab: "Tab") -> tuple[Float[np.ndarray, " n"], Float
     listed, drawn = [], []
     for k in range(_ALONE):
         tab.mouse.move(x + 20 * math.sin(k), y + 15 * math.cos(k))
-        moved = changed = seen = 0.0
+        dragged = changed = seen = 0.0
         # Slow ones are waited for, or the slowest would be left out.
         for _ in range(_MOST_RESTS):
             time.sleep(_REST_S)
-            moved, changed, seen = tab.evaluate("[window.moved, window.changed, window.drawn]")
+            dragged, changed, seen = tab.evaluate("[window.dragged, window.changed, window.drawn]")
             if changed and seen:
                 break
         if changed and seen:
-            listed.append((changed - moved) / 1e3)
-            drawn.append((seen - moved) / 1e3)
+            listed.append((changed - dragged) / 1e3)
+            drawn.append((seen - dragged) / 1e3)
     tab.mouse.up()
     return np.array(listed), np.array(drawn)
 
@@ -261,25 +251,3 @@ def pixel_of(camera: Any, place: Float[np.ndarray, "3"]) -> tuple[float, float]:
     focal = camera.image_height / 2 / math.tan(camera.fov / 2)
     across, down = focal * seen[:2] / seen[2]
     return float(camera.image_width / 2 + across), float(camera.image_height / 2 + down)
-
-
-def _table(rows: Sequence[dict[str, Any]]) -> Table:
-    heads = (
-        "moves",
-        "median [ms]",
-        "95 % [ms]",
-        "most [ms]",
-        "alone [1/s]",
-        "watched [1/s]",
-        "pictures [1/s]",
-    )
-    table = Table("plan", "what", *heads)
-    for row in rows:
-        if row["what"] == "search":
-            cells = [""] * 4 + [f"{row[name]:.1f}" for name in ("alone_per_s", "watched_per_s", "fps")]
-        else:
-            cells = [str(row["n"]), *(f"{row[name]:.0f}" for name in ("median_ms", "p95_ms", "max_ms"))] + [
-                ""
-            ] * 3
-        table.add_row(row["plan"], row["what"], *cells)
-    return table

@@ -1,9 +1,9 @@
 """What a floor plan is like, in numbers, and how alike two sets of plans are.
 
-Sizes (free area, rooms), shape (wall length and clearance, free-standing things), ways (passages between
+Sizes (free area, rooms), shape (wall length and clearance, free-standing things), routes (passages between
 rooms, the narrowest that cannot be avoided, detour), and sight (the share of the floor that is seen from a
 place). All are of the largest connected piece of free floor; rooms and passages are those that a hull of the
-given radius can reach. Walls stand where the plan's ``wall_line`` says, so plans of one custom compare.
+given radius can reach. Walls stand where the plan's ``wall_line`` has them.
 
 Two sets are compared by the distance of Kolmogorov and Smirnov: the largest vertical gap between their
 cumulative distributions, 0 for equal ones, 1 for disjoint ones.
@@ -16,24 +16,20 @@ and isovist fields", Environment and Planning B 6 (1979); Xia et al., "Gibson En
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from pathlib import Path
 
 import cv2
 import numpy as np
 from jaxtyping import Bool, Float
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from scipy.stats import ks_2samp
 
-from robosim.generator.rooms import clearance, find_rooms, largest_piece
+from robosim.generator.hull_places import largest_piece
 from robosim.plans.floorplan import FloorPlan
-from robosim.support.figures import save_figure
 from slam.planning.marching import march
-from wireless.support.counting import counted
+from tests.benchmarks.rooms import clearance, find_rooms
 
 #: Smaller islands are specks of the raster rather than things [m2].
 SMALLEST_THING_M2 = 0.02
-#: Places from which sight is measured, and from which ways are.
+#: Places from which sight is measured, and from which routes begin.
 N_VIEWS, N_SOURCES = 128, 6
 #: Rays of an isovist.
 N_RAYS = 180
@@ -66,7 +62,7 @@ class PlanStatistics:
     """Clear widths of all passages between rooms [m], doors among them, in no order."""
 
 
-def plan_statistics(plan: FloorPlan, hull_radius_m: float) -> PlanStatistics:
+def plan_statistics(plan: FloorPlan, hull_radius_m: float = 0.18) -> PlanStatistics:
     """Describe a plan in numbers.
 
     Args:
@@ -124,39 +120,8 @@ def compare_plans(
     return pairs
 
 
-def plot_comparison(
-    real: Sequence[FloorPlan], generated: Sequence[FloorPlan], path: Path, *, hull_radius_m: float = 0.18
-) -> dict[str, float]:
-    """Draw the distributions of all statistics of two sets of plans over each other.
-
-    For a fair comparison both sets should follow one custom (`FloorPlan.wall_line` and `eroded_m`).
-
-    Args:
-        real: Plans to be compared with.
-        generated: Plans to be judged.
-        path: Name of the PNG file.
-        hull_radius_m: Radius of the hull that rooms and passages are counted for [m].
-
-    Returns:
-        Distance of Kolmogorov and Smirnov of each statistic, by its name.
-    """
-    pairs = compare_plans(
-        *([plan_statistics(plan, hull_radius_m) for plan in plans] for plans in (real, generated))
-    )
-    figure = Figure(figsize=(13, 11), layout="constrained")
-    figure.suptitle(
-        f"{counted(len(generated), 'generated plan')} and {counted(len(real), 'real one')}, "
-        f"hull radius {hull_radius_m:g} m"
-    )
-    distances = {name: ks_distance(a, b) for name, (a, b) in pairs.items()}
-    for axes, (name, (a, b)) in zip(figure.subplots(3, 3).flat, pairs.items(), strict=True):
-        _draw_distributions(axes, a, b)
-        axes.set_title(f"{_TITLES[name]}\nKS distance {distances[name]:.2f}", fontsize=10)
-    save_figure(figure, path)
-    return distances
-
-
-_TITLES = {
+#: What each statistic is called.
+TITLES = {
     "free_area_m2": "free area [m²]",
     "rooms": "rooms",
     "wall_per_area_m": "wall length per free area [1/m]",
@@ -167,22 +132,6 @@ _TITLES = {
     "bottleneck_m": "narrowest unavoidable passage [m]",
     "passage_widths_m": "width of passages between rooms [m]",
 }
-
-
-def _draw_distributions(axes: Axes, real: np.ndarray, generated: np.ndarray) -> None:
-    real, generated = real[np.isfinite(real)], generated[np.isfinite(generated)]
-    low, high = np.percentile(np.concatenate([real, generated]), [0, 99.5])
-    bins = np.linspace(low, high, 16)
-    steps = axes.twinx()
-    for sample, colour, label in ((real, "#0072B2", "real"), (generated, "#D55E00", "generated")):
-        weights = np.full(len(sample), 1 / max(len(sample), 1))
-        axes.hist(
-            np.clip(sample, low, high), bins.tolist(), weights=weights, color=colour, alpha=0.35, label=label
-        )
-        steps.ecdf(sample, color=colour, lw=1.5)
-    axes.set_ylabel("share in the bin")
-    steps.set_ylabel("share below")
-    axes.legend(loc="center right", fontsize=8)
 
 
 def _n_islands(floor: np.ndarray, resolution_m: float) -> int:

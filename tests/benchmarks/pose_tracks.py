@@ -1,18 +1,16 @@
-"""Ways to know the pose, side by side on the same frames: odometry, RGB-D odometry of OpenCV, mappers.
+"""Methods to estimate the pose, on the same frames: odometry, RGB-D odometry of OpenCV, mappers.
 
 Each but the mappers adds up displacements from the true start. Errors are those of evo: ATE is the root mean square
 distance of estimated from true places, without alignment, since all begin at the true pose; RPE is the same of the
 displacements from frame to frame, and of their turns.
-OpenCV's odometry (dense, point-to-plane and photometric) sees two pictures and knows nothing of wheels. It is lost at
+OpenCV's odometry (dense, point-to-plane and photometric) sees two pictures and does not use wheels. It is lost at
 times, in turns before bare walls: answers more than 0.1 m or 5 degrees off odometry are replaced by odometry.
 Reference: Sturm et al., A benchmark for the evaluation of RGB-D SLAM systems, IROS 2012; Park, Zhou and Koltun, Colored
 point cloud registration revisited, ICCV 2017; evo, Grupp 2017.
 """
 
 import math
-import time
 from collections.abc import Collection, Sequence
-from typing import Protocol, runtime_checkable
 
 import cv2
 import numpy as np
@@ -30,40 +28,18 @@ from slam.sensing.bearings import Bearing
 LOST_M, LOST_RAD = 0.1, math.radians(5.0)
 
 
-@runtime_checkable
-class Displacement(Protocol):
-    """Tells how the robot has moved since the frame before."""
+class Odometry:
+    """Displacements since the frame before, as odometry measures them."""
 
-    def moved(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
-        """Displacement in the robot's frame before the action: x, y [m], yaw [rad]."""
+    def __init__(self, less: NoiseModel | None = None) -> None:
+        """Take the constant error of each action off, as a calibration would find it, if the noise is given."""
+        self._bias = {action: less.sensor_bias(action) if less else np.zeros(3) for action in Action}
 
     def begin(self, view: Observation) -> None:
         """Take the first frame."""
 
-
-class RawOdometry:
-    """What odometry says."""
-
-    def begin(self, view: Observation) -> None:
-        """Nothing to do."""
-
-    def moved(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
-        """See `Displacement`."""
-        return view.odometry
-
-
-class UnbiasedOdometry:
-    """Odometry less the constant error of each action."""
-
-    def __init__(self, noise: NoiseModel) -> None:
-        """Take the constants from the noise that is simulated, as a calibration would find them."""
-        self._bias = {action: noise.sensor_bias(action) for action in Action}
-
-    def begin(self, view: Observation) -> None:
-        """Nothing to do."""
-
-    def moved(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
-        """See `Displacement`."""
+    def displacement(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
+        """Displacement in the robot's frame before the action: x, y [m], yaw [rad]."""
         return view.odometry - self._bias[action]
 
 
@@ -72,7 +48,7 @@ class OpenCVOdometry:
 
     def __init__(self, camera: CameraConfig, noise: NoiseModel) -> None:
         """Set it up for a camera."""
-        self._fallback = UnbiasedOdometry(noise)
+        self._fallback = Odometry(less=noise)
         settings = cv2.OdometrySettings()
         matrix = camera.K.astype(np.float32)
         matrix[:2, 2] -= 0.5  # OpenCV counts from the first pixel's centre
@@ -95,19 +71,19 @@ class OpenCVOdometry:
         """Take the first frame."""
         self._before = _frame(view)
 
-    def moved(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
-        """See `Displacement`."""
+    def displacement(self, view: Observation, action: Action) -> Float[np.ndarray, "3"]:
+        """See `Odometry`."""
         now, before = _frame(view), self._before
         self._before = now
-        odometry = self._fallback.moved(view, action)
+        odometry = self._fallback.displacement(view, action)
         found, T_now_before = self._odometry.compute(*before, *now)
         if found and np.isfinite(T_now_before).all():
             T_before_now = np.linalg.inv(T_now_before)
             yaw = -math.atan2(T_before_now[0, 2], T_before_now[2, 2])
-            told = np.array([T_before_now[2, 3], -T_before_now[0, 3], yaw])
-            off = told - odometry
+            estimated = np.array([T_before_now[2, 3], -T_before_now[0, 3], yaw])
+            off = estimated - odometry
             if math.hypot(off[0], off[1]) <= LOST_M and abs(wrap(float(off[2]))) <= LOST_RAD:
-                return told
+                return estimated
         self.lost += 1
         return odometry
 
@@ -119,21 +95,18 @@ def _frame(view: Observation) -> tuple[np.ndarray, np.ndarray]:
 
 
 class Track:
-    """Adds up what one of them says."""
+    """Adds up displacements from the true start."""
 
-    def __init__(self, source: Displacement, start: Float[np.ndarray, "3"]) -> None:
+    def __init__(self, source: Odometry | OpenCVOdometry, start: Float[np.ndarray, "3"]) -> None:
         self._source = source
         self.poses = [np.array(start, float)]
-        self.seconds: list[float] = []
 
     def update(self, view: Observation, action: Action | None) -> None:
         """Take in a frame and the action that led to it; None at the first."""
-        begin = time.perf_counter()
         if action is None:
             self._source.begin(view)
-            return
-        self.poses.append(compose(self.poses[-1], self._source.moved(view, action)))
-        self.seconds.append(time.perf_counter() - begin)
+        else:
+            self.poses.append(compose(self.poses[-1], self._source.displacement(view, action)))
 
 
 class MapperTrack:
@@ -143,40 +116,38 @@ class MapperTrack:
         """Begin.
 
         Args:
-            mapper: Who finds the pose.
+            mapper: Estimates the pose.
             start: Where it begins.
-            sources: Names of the transmitters that it hears, where the robot has a radio.
+            sources: Names of the transmitters that it receives, where the robot has a radio.
         """
-        self._mapper = mapper
+        self._mapper, self._sources = mapper, sources
         self._mapper.reset(start)
-        self._sources = sources
         self.poses: list[np.ndarray] = []
-        self.seconds: list[float] = []
 
     def update(self, view: Observation, action: Action | None) -> None:
         """Take in a frame and the action that led to it; None at the first."""
-        begin = time.perf_counter()
-        estimate = self._mapper.update(view.depth, action, view.odometry, **view.beside)
-        self.poses.append(estimate.pose)
-        self.seconds.append(time.perf_counter() - begin)
+        self.poses.append(self._mapper.update(view.depth, action, view.odometry, **view.beside).pose)
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
-        """Take in where transmitters appear; the time of that counts for the next frame."""
+        """Take in where transmitters appear."""
         if isinstance(self._mapper, Listener):
             self._mapper.listen([one for one in bearings if one.source in self._sources])
 
 
-def trajectory_errors(true: Float[np.ndarray, "n 3"], told: Float[np.ndarray, "n 3"]) -> dict[str, float]:
+def trajectory_errors(
+    true: Float[np.ndarray, "n 3"], estimated: Float[np.ndarray, "n 3"]
+) -> dict[str, float]:
     """ATE and RPE of a trajectory of poses x [m], y [m], yaw [rad].
 
     Returns:
         `ate_m`: root mean square of distances. `rpe_m` and `rpe_deg`: root mean squares of the errors of displacements
         and of turns from frame to frame. `last_m`, `last_deg`: errors at the end; `worst_m`, `worst_deg`: the largest.
     """
-    off = told - true
+    off = estimated - true
     gap = np.hypot(off[:, 0], off[:, 1])
     steps = [
-        between(between(true[k], true[k + 1]), between(told[k], told[k + 1])) for k in range(len(true) - 1)
+        between(between(true[k], true[k + 1]), between(estimated[k], estimated[k + 1]))
+        for k in range(len(true) - 1)
     ]
     step = np.array(steps).reshape(-1, 3)
     return {

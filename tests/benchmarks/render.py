@@ -1,257 +1,144 @@
-"""Cameras compared: frames per second against error of the depth.
+"""Cameras: time of a frame against error of its depth, the usual alternatives next to ours.
 
-All draw the same shaded building from the same poses; see `tests.benchmarks.race` for how they are timed and
-`tests.benchmarks.true_depth` for the judge, which is itself checked against a plain loop over all triangles. Errors
-are those of pixels that are not at a silhouette, where a hair decides what is seen. Cameras that cannot work on a
-machine, for want of OSMesa or EGL say, are left out, each with its reason.
+All draw the same shaded building from the same poses. Each runs in a process of its own, since a process uses one
+OpenGL system, and they take turns of a fraction of a second, so that other work of the machine disturbs all of them;
+ratios are medians over turns. Each draws 1,200 pictures before its time counts, since stock pyrender on OSMesa
+compiles its shaders again for each picture and becomes slower once llvmpipe holds 1,024 of them. The judge of depth
+is exact ray casting (`true_depth`); pixels at silhouettes, where a thousandth of a pixel decides, are left out.
 """
 
 import os
-import platform
-import tempfile
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack
+from multiprocessing import get_context
+from typing import Any
 
 import numpy as np
-import shapely
+import trimesh
 from jaxtyping import Float
-from matplotlib.figure import Figure
-from rich.table import Table
-from rich.text import Text
+from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import Building, make_building
 from robosim.camera.model import CameraConfig, camera_pose
-from robosim.camera.rendering.gl_systems import missing
+from robosim.camera.rendering.gl_systems import OpenGLError, default_system
 from robosim.camera.rendering.shading import shaded_mesh
-from robosim.plans.files import read_plan
-from robosim.support.assets import shipped_plans
-from robosim.support.figures import save_figure
-from robosim.support.files import write_json
-from tests.benchmarks.peers import PEERS
-from tests.benchmarks.race import Heat, Result, race
-from tests.benchmarks.true_depth import DepthJudge, plain_depth
+from tests.benchmarks.camera_peers import CAMERAS, OURS
+from tests.benchmarks.harness import DEFAULT, Options, console, free_places, plans_of, quartiles
+from tests.benchmarks.results import Results
+from tests.benchmarks.true_depth import DepthJudge
 
-#: The camera that the others are compared with: of each kind of picture the first of these that works.
-OURS = {
-    "rgb+depth": ("pyrender", "pyrender-egl", "embree"),
-    "depth": ("pyrender-depth", "pyrender-depth-egl", "embree-depth"),
-}
-#: What cameras promise: 1 mm + 0.1 %.
-_ABSOLUTE_M, _RELATIVE = 1e-3, 1e-3
-_CLEARANCE_M = 0.2
+#: Depth that cameras promise: within 1 mm + 0.1 %.
+ABSOLUTE_M, RELATIVE = 1e-3, 1e-3
+#: Slow cameras, whose time does not change, need not draw all the pictures of the warm-up [s].
+WARM_UP_S = 10.0
+
+_drawn: dict[str, Any] = {}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    """One camera at one size."""
-
-    camera: str
-    images: str
-    """What it takes: "rgb+depth" or "depth"."""
-    size_px: int
-    frames_per_s: float = np.nan
-    """Median over the turns."""
-    ours_faster: float = np.nan
-    """How many times as many frames robosim takes of the same images; median of the ratios of turns."""
-    cpu_ms: float = np.nan
-    """Processor time of a picture, which other work on the machine changes little; median over the turns."""
-    ours_cheaper: float = np.nan
-    """How many times less processor time robosim takes for the same images; ratio of the medians."""
-    mean_error_mm: float = np.nan
-    max_error_mm: float = np.nan
-    beyond: float = np.nan
-    """Share of pixels whose depth is off by more than 1 mm + 0.1 %."""
-    trouble: str = ""
-    """Why it took no pictures, if so."""
-
-
-def run(
-    building: Building | None = None,
+def main(
+    plan: Positional[str] = "flat",
     *,
-    sizes: Sequence[int] = (128, 256),
-    out: Path,
-    peers: Sequence[str] = tuple(PEERS),
+    sizes: tuple[int, ...] = (128, 256),
     warm_up: int = 1200,
     turns: int = 9,
-    turn_s: float = 0.2,
-    n_poses: int = 32,
-) -> Table:
-    """Time the cameras, and write `render.json` and `render.png`.
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """Cameras: time of an RGB-D frame against error of its depth, ours against stock pyrender, MuJoCo and Embree.
 
     Args:
-        building: What is drawn; the shipped flat if not given.
+        plan: Floor plan to draw.
         sizes: Widths of the square pictures [pixels].
-        out: Folder for the files.
-        peers: Which cameras, by the names of `tests.benchmarks.peers`.
-        warm_up: Pictures that each takes before its time counts.
-        turns: How often each has its turn.
-        turn_s: How long a turn lasts, about [s].
-        n_poses: From how many poses pictures are taken.
-
-    Returns:
-        A table of the results, and below it what was left out.
-
-    Raises:
-        RuntimeError: If none of the cameras took a picture.
+        warm_up: Pictures that each camera draws before its time counts.
+        turns: Turns of each camera.
+        options: Of every benchmark.
     """
-    building = building or make_building(read_plan(shipped_plans()["flat"]))
-    mesh = shaded_mesh(building)
-    rows: list[Row] = []
+    results = Results()
+    building = make_building(plans_of([plan])[0])
     for size in sizes:
-        config = CameraConfig(width=size, height=size)
-        heat = Heat(mesh, random_views(building, config, n_poses), config)
-        with tempfile.TemporaryDirectory() as folder:
-            names = _with_ours(peers)
-            results = race(heat, names, Path(folder), warm_up=warm_up, turns=turns, turn_s=turn_s)
-        rows += _rows(results, heat, DepthJudge(building.mesh, config))
-    about = {
-        "plan": building.plan.name,
-        "free_m2": building.free.area,
-        "triangles": len(mesh.faces),
-        "machine": f"{platform.machine()}, {os.cpu_count()} cores",
-        "judge_error_m": judge_error_m(building),
-    }
-    out.mkdir(parents=True, exist_ok=True)
-    write_json(out / "render.json", {**about, "rows": [asdict(row) for row in rows]})
-    if all(row.trouble for row in rows):
-        raise RuntimeError(f"No camera took a picture. {_left_out(rows)}")
-    _plot(rows, out / "render.png")
-    return _table(rows, f"{about['plan']}: {len(mesh.faces)} triangles, {about['machine']}")
+        measure(building, CameraConfig(width=size, height=size), warm_up, turns, results)
+    return options.finish("render", results)
+
+
+def measure(building: Building, config: CameraConfig, warm_up: int, turns: int, results: Results) -> None:
+    """Time and errors of all cameras that work here, at one size of pictures."""
+    mesh, poses = shaded_mesh(building), random_views(building, config, 32)
+    judge = DepthJudge(building.mesh, config)
+    truth = [judge.look(T_map_camera) for T_map_camera in poses]
+    depth, sure = np.stack([view.depth for view in truth]), np.stack([view.sure for view in truth])
+    try:
+        system = default_system()
+    except OpenGLError as error:
+        console.print(f"Only Embree draws here: {error}")
+        system = None
+    names = [name for name in CAMERAS if system or name.startswith("Embree")]
+    with ExitStack() as stack:
+        workers, seconds = {}, {}
+        for name in names:
+            worker = stack.enter_context(ProcessPoolExecutor(1, get_context("spawn")))
+            try:
+                seen = worker.submit(_prepare, name, system, mesh, poses, config, warm_up).result()
+            except Exception as error:  # whatever a library raises means that this camera does not work here
+                console.print(f"{name}: {type(error).__name__}: {error}")
+                continue
+            workers[name], seconds[name] = worker, []
+            error_mm = 1e3 * np.abs(seen - depth)[sure]
+            row = f"{name}, {config.width} x {config.height}"
+            beyond = error_mm > 1e3 * (ABSOLUTE_M + RELATIVE * depth[sure])
+            results.add("cameras", row, "mean error", error_mm.mean(), "mm", cases=error_mm.size)
+            results.add("cameras", row, "largest error", error_mm.max(), "mm")
+            results.add("cameras", row, "beyond 1 mm + 0.1 %", 100 * beyond.mean(), "%", digits=3, bar=0)
+        for _ in range(turns):
+            for name, worker in workers.items():
+                seconds[name].append(worker.submit(_turn, 0.2).result())
+    for name, times in seconds.items():
+        row = f"{name}, {config.width} x {config.height}"
+        wall_s, cpu_s = np.array(times).T
+        middle, spread = quartiles(1e3 * cpu_s)
+        results.add(
+            "cameras", row, "processor time of a frame", middle, "ms", digits=2, spread=spread, cases=turns
+        )
+        results.add("cameras", row, "frames a second", 1 / np.median(wall_s), digits=0)
+        ours = OURS if OURS in seconds else "Embree"
+        times_ours = cpu_s / np.array(seconds[ours])[:, 1]
+        results.add("cameras", row, "times ours", np.median(times_ours), digits=1)
 
 
 def random_views(building: Building, config: CameraConfig, count: int) -> Float[np.ndarray, "n 4 4"]:
-    """Camera poses spread over the free floor, always the same ones, not too close to walls."""
+    """Camera poses T_map_camera spread over the free floor, 0.2 m from walls; the same in each call."""
     rng = np.random.default_rng(0)
-    inside = building.free.buffer(-_CLEARANCE_M)
-    if inside.is_empty:
-        inside = building.free
-    x0, y0, x1, y1 = inside.bounds
-    views: list[np.ndarray] = []
-    while len(views) < count:
-        draws = rng.uniform((x0, y0, -np.pi), (x1, y1, np.pi), (256, 3))
-        here = shapely.contains_xy(inside, draws[:, 0], draws[:, 1])
-        views += [camera_pose(pose, config) for pose in draws[here]]
-    return np.array(views[:count])
+    places = free_places(building.free.buffer(-0.2), count, rng)
+    return np.array([camera_pose(np.array([*place, rng.uniform(-np.pi, np.pi)]), config) for place in places])
 
 
-def judge_error_m(building: Building, n_rays: int = 100) -> float:
-    """Largest difference between the judge and trying all triangles, over some pixels of one view [m]."""
-    config = CameraConfig(width=64, height=64)
-    T_map_camera = random_views(building, config, 1)[0]
-    view = DepthJudge(building.mesh, config).look(T_map_camera)
-    some = np.linspace(0, view.depth.size - 1, n_rays).astype(int)
-    some = some[view.sure.ravel()[some]]
-    rays = config.directions().reshape(-1, 3)[some] @ T_map_camera[:3, :3].T
-    exact = plain_depth(building.mesh, T_map_camera[:3, 3], rays)
-    return float(np.abs(view.depth.ravel()[some] - exact).max())
+def _prepare(
+    name: str,
+    system: str | None,
+    mesh: trimesh.Trimesh,
+    poses: Float[np.ndarray, "n 4 4"],
+    config: CameraConfig,
+    warm_up: int,
+) -> Float[np.ndarray, "n h w"]:
+    """Make a camera in this process and warm it up; the depth of all poses [m]."""
+    os.environ.pop("LP_NUM_THREADS", None)  # set by our own cameras in the process above
+    if system:
+        os.environ.update({"PYOPENGL_PLATFORM": system, "MUJOCO_GL": system})
+    draw: Callable[[np.ndarray], np.ndarray] = CAMERAS[name](mesh, config)
+    depth = np.stack([draw(T_map_camera) for T_map_camera in poses])
+    begin, drawn = time.perf_counter(), 0
+    while drawn < warm_up and time.perf_counter() - begin < WARM_UP_S:
+        draw(poses[drawn % len(poses)])
+        drawn += 1
+    _drawn.update(draw=draw, poses=poses)
+    return depth
 
 
-def _with_ours(peers: Sequence[str]) -> list[str]:
-    """Names of cameras in the order of `PEERS`; with one of ours, if none was named, to compare them with."""
-    unknown = [name for name in peers if name not in PEERS]
-    if unknown:
-        raise ValueError(f"peers has {unknown[0]!r}, expected names among {', '.join(PEERS)}.")
-    there = {name for name, peer in PEERS.items() if not (peer.system and missing(peer.system))}
-    kinds = {PEERS[name].images for name in peers}
-    ours = [[name for name in OURS[kind] if name in there] for kind in kinds]
-    added = {able[0] for able in ours if not set(able) & set(peers)}
-    return sorted(set(peers) | added, key=list(PEERS).index)
-
-
-def _rows(results: list[Result], heat: Heat, judge: DepthJudge) -> list[Row]:
-    truth = [judge.look(T) for T in heat.poses]
-    depth, sure = np.stack([view.depth for view in truth]), np.stack([view.sure for view in truth])
-    able = {result.name: result for result in results if not result.trouble}
-    rows = []
-    for result in results:
-        peer = PEERS[result.name]
-        row = Row(camera=peer.label, images=peer.images, size_px=heat.config.width, trouble=result.trouble)
-        if result.trouble:
-            rows.append(row)
-            continue
-        # Where none of ours works, a camera is compared with itself.
-        ours = next((able[name] for name in OURS[peer.images] if name in able), result)
-        error = np.abs(result.depth - depth)[sure]
-        rows.append(
-            replace(
-                row,
-                frames_per_s=float(1 / np.median(result.seconds)),
-                ours_faster=float(np.median(result.seconds / ours.seconds)),
-                cpu_ms=float(1e3 * np.median(result.cpu_s)),
-                ours_cheaper=float(np.median(result.cpu_s) / np.median(ours.cpu_s)),
-                mean_error_mm=float(1e3 * error.mean()),
-                max_error_mm=float(1e3 * error.max()),
-                beyond=float((error > _ABSOLUTE_M + _RELATIVE * depth[sure]).mean()),
-            )
-        )
-    return rows
-
-
-def _table(rows: list[Row], title: str) -> Table:
-    caption = (
-        "ours: how many times as fast robosim takes the same images, by the clock and by processor time. "
-        "Errors of depth against exact ray casting, away from silhouettes."
-    )
-    if any(row.trouble for row in rows):
-        caption += f"\n{_left_out(rows)}"
-    table = Table(title=Text(title, "table.title"), caption=caption)
-    for column in ("camera", "images"):
-        table.add_column(column)
-    for column in (
-        "size",
-        "frames/s",
-        "ours",
-        "CPU ms",
-        "ours",
-        "mean error",
-        "max error",
-        "beyond 1 mm + 0.1 %",
-    ):
-        table.add_column(column, justify="right")
-    for row in rows:
-        if row.trouble:
-            continue
-        table.add_row(
-            row.camera,
-            row.images,
-            str(row.size_px),
-            f"{row.frames_per_s:,.0f}",
-            f"{row.ours_faster:.1f} x",
-            f"{row.cpu_ms:.2f}",
-            f"{row.ours_cheaper:.1f} x",
-            f"{row.mean_error_mm:.4f} mm",
-            f"{row.max_error_mm:.3f} mm",
-            f"{100 * row.beyond:.3f} %",
-        )
-    return table
-
-
-def _left_out(rows: list[Row]) -> str:
-    """Which cameras took no pictures, and why, reason by reason."""
-    cameras: dict[str, dict[str, None]] = {}
-    for row in rows:
-        if row.trouble:
-            cameras.setdefault(row.trouble, {})[row.camera] = None
-    return "\n".join(f"Left out: {'; '.join(names)}. {reason}" for reason, names in cameras.items())
-
-
-def _plot(rows: list[Row], path: Path) -> None:
-    """Draw error over speed; better is down and to the right."""
-    figure = Figure(figsize=(10, 5), layout="constrained")
-    axes = figure.subplots()
-    shown = [row for row in rows if not row.trouble]
-    markers = dict(zip(sorted({row.size_px for row in shown}), "osD^v*", strict=False))
-    kinds = list(dict.fromkeys((row.camera, row.images) for row in shown))
-    for number, kind in enumerate(kinds):
-        points = [row for row in shown if (row.camera, row.images) == kind]
-        x, y = [row.frames_per_s for row in points], [row.max_error_mm for row in points]
-        axes.plot(x, y, "-", color=f"C{number}", lw=0.8, label=", ".join(kind))
-        for row in points:
-            axes.plot(row.frames_per_s, row.max_error_mm, markers[row.size_px], color=f"C{number}")
-    for size, marker in markers.items():
-        axes.plot([], [], marker, color="0.5", label=f"{size} x {size} pixels")
-    axes.set(xscale="log", yscale="log", xlabel="frames per second", ylabel="largest error of depth [mm]")
-    axes.grid(True, which="both", lw=0.3)
-    figure.legend(fontsize="x-small", loc="outside right upper")
-    save_figure(figure, path)
+def _turn(least_s: float) -> tuple[float, float]:
+    """Seconds of a picture by the wall clock and of processor time, over a turn of at least so long."""
+    draw, poses = _drawn["draw"], _drawn["poses"]
+    begin, cpu, drawn = time.perf_counter(), time.process_time(), 0
+    while not drawn or time.perf_counter() - begin < least_s:
+        draw(poses[drawn % len(poses)])
+        drawn += 1
+    return (time.perf_counter() - begin) / drawn, (time.process_time() - cpu) / drawn

@@ -1,8 +1,8 @@
-"""How well any estimator can tell the strongest path that does not tell apart what looks alike.
+"""How well an estimator can find the strongest path if it does not resolve paths that look alike.
 
 Paths arrive with phases of their own. Where they differ by less than a measurement resolves, only the sum of their
 fields is seen: two strong ones may cancel, two weak ones pass for a strong one. The limit here is that of a receiver
-that knows all directions and delays, hears no noise, and takes the strongest of such sums for the strongest path.
+that knows all directions and delays, has no noise, and takes the strongest of such sums for the strongest path.
 
 A path's signature is the outer product of what it leaves on receive ports, delays and beams. From the strongest
 path on, each takes to itself what is left of those whose signatures agree with its own by `ALIKE`, the modulus of the
@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from wireless.sounding.sounder import Rays, Sounder
 
-#: Paths whose signatures agree by this are not told apart.
+#: Paths whose signatures agree by this are not resolved.
 ALIKE = 0.95
 
 

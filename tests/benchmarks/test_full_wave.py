@@ -17,7 +17,7 @@ RIVALS = ("nearer face (default)", "Luebbers' own angles", "bisector", "Holm", "
 
 
 def compared():
-    """For each material and law: errors of strength [dB] in the shadow and elsewhere, and of the field."""
+    """For each material and law: errors of strength [dB] in the shadow and outside of it, and of the field."""
     rows = {}
     for material, eps in MATERIALS.items():
         shadow, lit, field = ({name: [] for name in RIVALS} for _ in range(3))

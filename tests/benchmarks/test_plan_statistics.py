@@ -8,9 +8,9 @@ import shapely
 
 from robosim.generator.canvas import Canvas
 from robosim.generator.rect import Rect
-from robosim.generator.rooms import clearance, find_rooms
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
-from tests.benchmarks.plan_statistics import ks_distance, perimeter_m, plan_statistics, plot_comparison
+from tests.benchmarks.plan_statistics import ks_distance, perimeter_m, plan_statistics
+from tests.benchmarks.rooms import clearance, find_rooms
 
 CELL_M = 0.05
 
@@ -114,7 +114,7 @@ def test_a_table_does_not_divide_a_room():
 
 
 def test_rooms_behind_too_narrow_doors_do_not_count():
-    """A hull of 0.5 m in front of a door of 0.45 m sees one room; one that fits nowhere is told so."""
+    """A hull of 0.5 m in front of a door of 0.45 m sees one room; one that fits nowhere is an error."""
     assert find_rooms(two_rooms(0.45), 0.25).count == 1
     assert find_rooms(two_rooms(0.45), 0.2).count == 2
     with pytest.raises(ValueError, match=r"hull_radius_m = 2, expected a hull that fits"):
@@ -122,7 +122,7 @@ def test_rooms_behind_too_narrow_doors_do_not_count():
 
 
 def test_one_sees_all_of_a_convex_room():
-    """From everywhere in a rectangle all of it is seen (within 3 %) and all ways are straight (within 2 %)."""
+    """From everywhere in a rectangle all of it is seen (within 3 %) and all routes are straight (within 2 %)."""
     stats = plan_statistics(painted(Rect(0, 0, 6, 4), yaw=0.4), 0.18)
     assert stats.visible_share == pytest.approx(1, abs=0.03)
     assert stats.detour == pytest.approx(1, abs=0.02)
@@ -189,16 +189,3 @@ def test_distance_of_distributions():
     assert ks_distance(sample, sample + 0.3) == pytest.approx(0.3, abs=0.002)
     assert ks_distance(sample, sample) == 0
     assert ks_distance(np.array([1.0, np.inf]), np.array([1.0, 1.0])) == pytest.approx(0.5)
-
-
-def test_comparison_is_drawn(tmp_path):
-    """A set compared with itself is at distance 0 in all statistics; with other plans it is not."""
-    some = [two_rooms(0.6), painted(Rect(0, 0, 6, 4), solid=(Rect(2, 2, 3, 3),))]
-    other = [painted(Rect(0, 0, 10, 9), yaw=0.2), two_rooms(1.0, 0.5)]
-    same = plot_comparison(some, some, tmp_path / "same.png")
-    apart = plot_comparison(some, other, tmp_path / "apart.png")
-    assert set(same.values()) == {0.0}
-    assert apart["free_area_m2"] == 1.0
-    assert apart["rooms"] == 0.0
-    assert apart["passage_widths_m"] == 1.0
-    assert (tmp_path / "apart.png").read_bytes()[:4] == b"\x89PNG"

@@ -42,7 +42,7 @@ def test_agreement_is_that_of_a_line_in_space_and_of_a_pulse_in_time(sounder):
     assert late == pytest.approx(agree[0, 1] * 2 / np.pi, rel=1e-3)
 
 
-def test_paths_apart_are_told_by_their_gains(sounder):
+def test_paths_apart_are_distinguished_by_their_gains(sounder):
     """90 degrees apart, or alike but 2 samples later: the strongest path is the strongest sum, always."""
     rng = np.random.default_rng(0)
     for other in ({"aoa_deg": [0.0, 90.0]}, {"aoa_deg": [0.0, 5.0], "delay": [0.0, 2.0]}):
@@ -50,7 +50,7 @@ def test_paths_apart_are_told_by_their_gains(sounder):
 
 
 def test_two_alike_paths_lose_to_a_third_as_often_as_they_cancel(sounder):
-    """Equal fields of random phases against one of equal size from elsewhere: |1 + e^(i phi)| < 1 in a third of all.
+    """Equal fields of random phases against one as large from another direction: |1 + e^(i phi)| < 1 in a third of all.
 
     10,000 links: within 4 standard deviations, 0.019. Powers instead of fields would never lose.
     """

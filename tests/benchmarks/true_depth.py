@@ -1,8 +1,8 @@
 """Depth as it should be: the judge of cameras.
 
-Embree says which triangle is behind the centre of a pixel; where its plane is met, is worked out in double
+Embree finds which triangle is behind the centre of a pixel; where its plane is met, is worked out in double
 precision, so that no rounding of coordinates is left. Pixels where a thousandth of a pixel decides what is seen
-are told apart: there engines may differ, and both be right.
+are marked: engines may differ there, and both be right.
 """
 
 from typing import NamedTuple
@@ -26,7 +26,7 @@ class TrueDepth(NamedTuple):
     depth: Float[np.ndarray, "h w"]
     """Metres along the view at the pixels' centres; 0 where nothing is hit."""
     sure: Bool[np.ndarray, "h w"]
-    """Not at a silhouette: beside the centre one sees the same plane, within 0.5 mm + 0.05 %."""
+    """Not at a silhouette: next to the centre the same plane is seen, within 0.5 mm + 0.05 %."""
 
 
 class DepthJudge:
@@ -46,14 +46,14 @@ class DepthJudge:
         face, depth, _ = self._cast(T_map_camera, 0.0, 0.0)
         sure = np.ones(depth.shape, bool)
         for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
-            _, beside, rays = self._cast(T_map_camera, dx * SHAKE_PX, dy * SHAKE_PX)
+            _, shifted, rays = self._cast(T_map_camera, dx * SHAKE_PX, dy * SHAKE_PX)
             same_plane = self._to_plane(face, T_map_camera, rays)
-            sure &= np.abs(beside - same_plane) < 5e-4 + 5e-4 * depth
+            sure &= np.abs(shifted - same_plane) < 5e-4 + 5e-4 * depth
         shape = self._config.height, self._config.width
         return TrueDepth(depth.reshape(shape), sure.reshape(shape))
 
     def _cast(self, T_map_camera: np.ndarray, dx_px: float, dy_px: float) -> tuple[np.ndarray, ...]:
-        """Faces hit beside the centres of pixels, their depths [m], and the rays."""
+        """Faces hit next to the centres of pixels, their depths [m], and the rays."""
         rays = self._config.directions()
         rays[..., :2] += np.array([dx_px, dy_px]) / self._config.focal_px
         rays = rays.reshape(-1, 3) @ T_map_camera[:3, :3].T

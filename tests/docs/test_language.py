@@ -65,10 +65,8 @@ _WORD = re.compile(rf"(?:{'|'.join(WORDS)})", re.IGNORECASE)
 
 #: Pages and packages that are not written in these terms yet.
 NOT_YET = (
-    "docs/results",
     "docs/formats/episode.md",
     "docs/formats/evaluation.md",
-    "docs/_ext",
     "robosim",
     "slam",
     "wireless",

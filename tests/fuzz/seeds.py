@@ -34,14 +34,13 @@ from robosim.plans.formats.plan_image import GREY
 from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
-from robosim.published.label_links import Links
 from robosim.published.measured_paths import COLUMNS as MEASURED
 from robosim.recording.decision_log import DECISIONS, DecisionWriter
 from robosim.robot.calibration import COLUMNS, read_runs
 from robosim.robot.robots import TURTLEBOT, write_robot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
-from robosim.support.files import npz_bytes, plain, write_files, write_json, write_whole
+from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.run_folder import SETTINGS
 from robosim.task.record import EpisodeLog, Link
 from robosim.task.tasks import Task
@@ -387,12 +386,6 @@ def checkpoints(folder: Path) -> None:
 def arrays(folder: Path) -> None:
     """Arrays that runs leave for themselves."""
     home, rng = _into(folder, "arrays"), np.random.default_rng(6)
-    states = np.array([1, 2, 3], np.uint8)
-    off = rng.random(3)
-    labels = Links(
-        published=states, computed=states, clear=states > 1, strongest_off=off, cluster_off=off, any_off=off
-    )
-    write_whole(home / "labels.npz", npz_bytes(labels.arrays()))
     np.savez(
         home / "home-1000220.npz",
         tokens=rng.normal(size=(4, 5, 5)).astype(np.float32),
@@ -403,8 +396,6 @@ def arrays(folder: Path) -> None:
         senses=rng.normal(size=(4, INPUTS)).astype(np.float32),
         advised=np.array([0, 1, 2, 0]),
     )
-    noted = np.array([[0, 3, -5.2, 0.01, 0.02, 0.05, 0, 0, 1, 2.0], [4, 1, 0.3, 0.6, 0.8, 0.9, 1, 1, 1, 3.0]])
-    np.savez_compressed(home / "belief.npz", belief_0=noted, belief_1=noted[:1])
     write_json(home / "bench.json", {"settings": {"seed": 1}, "rows": [{"plan": "a", "ate_m": 0.1}]})
 
 

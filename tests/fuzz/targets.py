@@ -28,7 +28,6 @@ from robosim.plans.floorplan import MapError
 from robosim.plans.formats.furnishing_file import read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
-from robosim.published.label_links import Links
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
 from robosim.recording.decision_log import read_decisions
@@ -47,7 +46,6 @@ from slam.control.controller import ControlConfig
 from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
-from tests.benchmarks.belief import read_search
 from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
@@ -363,10 +361,8 @@ TARGETS: dict[str, Target] = {
     "checkpoint of an explorer": Target("checkpoints", "explorer.pt", _explorer_checkpoint, 0.7),
     "checkpoint of a classifier": Target("checkpoints", "link-state.pt", _link_checkpoint, 0.7),
     "checkpoint of a search": Target("checkpoints", "search.pt", _search_checkpoint, 0.7),
-    "labels": Target("arrays", "labels.npz", lambda folder, file: Links.load(file), 0.3),
     "homes": Target("arrays", "home-*", _homes, 0.3),
     "round": Target("arrays", "round-1.npz", lambda folder, file: read_round(file), 0.3),
-    "belief": Target("arrays", "belief.npz", lambda folder, file: read_search(file, 2), 0.3),
     "bench": Target("arrays", "bench.json", lambda folder, file: read_json(file, "results", keys=("rows",)), 0.3),
     "robot's log": Target("logs", "*.[lc]*", lambda folder, file: read_log(file), 2),
     "scans beside a trajectory": Target("logs", "*.t*", _scans, names="odometry.tum"),

@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from robosim.building.building import make_building
-from robosim.generator.trial_floors import turned
 from robosim.plans.files import read_plan
+from tests.benchmarks.trial_floors import turned
 from tests.outlines import free_polygons
 from tests.robosim.building.test_outline import noise, plan_from, plan_of
 

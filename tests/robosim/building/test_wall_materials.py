@@ -8,10 +8,10 @@ from PIL import Image
 
 from robosim.building.building import BuildingConfig, make_building
 from robosim.building.material_file import read_material
-from robosim.generator.trial_floors import turned
 from robosim.plans.files import read_plan, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.support.reading import FileError
+from tests.benchmarks.trial_floors import turned
 from wireless.em.materials import Layer, Material
 from wireless.paths import LinkCategory
 from wireless.tracing.tracer import Tracer, TracerConfig

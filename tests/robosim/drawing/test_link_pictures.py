@@ -1,4 +1,4 @@
-"""Pictures of links: power where the paths are, and links chosen for what they show."""
+"""Pictures of links: power where the paths are."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from robosim.building.building import make_building
-from robosim.drawing.links import choose_telling, draw_directions, power_over_directions
+from robosim.drawing.links import draw_directions, power_over_directions
 from robosim.radio.receivers import receiver_grid
 from tests.plans import two_rooms
 from wireless import LinkState, PathEstimates, Rays, Sounder, Tracer, terminal_named
@@ -68,21 +68,9 @@ def test_silence_shows_the_noise(sounder):
     assert 10 * np.log10(np.mean(10 ** (power / 10))) == pytest.approx(floor + 4.8, abs=0.5)
 
 
-@pytest.mark.parametrize("state", [LinkState.LOS, LinkState.FIRST_ORDER])
-def test_the_link_chosen_has_the_state_and_many_directions(paths, state):
-    """It has the state asked for; stripped to its strongest path it is passed over; no link, no choice."""
-    link = choose_telling(paths, state)
-    assert paths.link_state().ravel()[link] == state
-    mine = paths.select(paths.link == link)
-    assert len(mine) > 3
-    poorer = paths.select((paths.link != link) | (paths.rank == 0))
-    assert choose_telling(poorer, state) != link
-    assert choose_telling(paths.select(paths.order > 5), state) is None
-
-
 def test_picture_marks_true_and_estimated_paths(sounder, paths):
     """A circle for each true path within 30 dB of the strongest, a cross for each estimate, in degrees."""
-    link = choose_telling(paths, LinkState.LOS)
+    link = np.flatnonzero(paths.link_state().ravel() == LinkState.LOS)[0]
     mine = paths.select(paths.link == link)
     found = PathEstimates(
         aoa_rad=np.array([[0.5, -2.0, 0.0]]),

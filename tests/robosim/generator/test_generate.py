@@ -14,8 +14,8 @@ from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.generator.building_style import STYLES
 from robosim.generator.generate import SHIPPED, GeneratorConfig, generate_plan, in_one_piece
+from robosim.generator.hull_places import largest_piece
 from robosim.generator.layout import Layout, lay_out
-from robosim.generator.rooms import find_rooms, largest_piece
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
 from tests.benchmarks.plan_statistics import (
@@ -25,6 +25,7 @@ from tests.benchmarks.plan_statistics import (
     perimeter_m,
     plan_statistics,
 )
+from tests.benchmarks.rooms import find_rooms
 from tests.outlines import free_polygons
 
 NAVIGABLE = GeneratorConfig(navigable=True)

@@ -1,0 +1,94 @@
+"""The README's table of numbers, with values from docs/results/data."""
+
+from pathlib import Path
+
+from tests.benchmarks.results import ROOT, resolved
+
+BEGIN, END = "<!-- numbers: python -m tests.benchmarks readme -->", "<!-- end of numbers -->"
+#: What is measured, its numbers by {file/table/row/name}, and the page with more.
+ROWS: tuple[tuple[str, str, str], ...] = (
+    (
+        "find a transmitter in an unknown home",
+        "{search/arrived/fused/all} of 200 tasks in 20 scanned homes, in {search/median/fused/easy} / "
+        "{search/median/fused/moderate} / {search/median/fused/hard} times the steps of an oracle (median; easy / "
+        "moderate / hard)",
+        "[search](docs/results/search.md)",
+    ),
+    (
+        "the same with a network, trained in 2 CPU hours",
+        "{search/arrived/learned/all}, in {search/median/learned/easy} / {search/median/learned/moderate} / "
+        "{search/median/learned/hard} times the steps",
+        "[search](docs/results/search.md)",
+    ),
+    (
+        "the same, published by Yin et al. (2022)",
+        "{search/arrived/published, los-or-first/easy} / {search/arrived/published, los-or-first/moderate} / "
+        "{search/arrived/published, los-or-first/hard}, in {search/median/published, los-or-first/easy} / "
+        "{search/median/published, los-or-first/moderate} / {search/median/published, los-or-first/hard} times "
+        "the steps",
+        "[published](docs/concepts/published.md)",
+    ),
+    (
+        "trace radio links, 3 reflections and diffraction",
+        "{tracing/outlines/straight walls/links a CPU second} per second and core",
+        "[speed](docs/results/speed.md)",
+    ),
+    (
+        "agree with published link states",
+        "{labels/agreement/all/same link state} of 483,690 links",
+        "[radio](docs/results/radio.md)",
+    ),
+    (
+        "classify link states from estimated paths",
+        "{link_states_public/public/ours, as shipped/right} in buildings not used for training; the published "
+        "network {link_states_public/public/published network, the first fold/right}",
+        "[radio](docs/results/radio.md)",
+    ),
+    (
+        "angle of arrival within 5°, of a path at most 3 dB weaker than the strongest",
+        "{estimation/arrivals/any path at most 3 dB weaker, sage: within 5°/line of sight} in line of sight, "
+        "{estimation/arrivals/any path at most 3 dB weaker, sage: within 5°/first order} in first order",
+        "[radio](docs/results/radio.md)",
+    ),
+    (
+        "explore scanned homes",
+        "{exploration/driving/gain/seen after 250} / {exploration/driving/gain/seen after 500} / "
+        "{exploration/driving/gain/seen after 1000} of the floor after 250 / 500 / 1000 steps",
+        "[mapping](docs/results/mapping.md)",
+    ),
+    (
+        "final pose error of a search",
+        "median {search/pose at the end/fused/median}, 95 % below {search/pose at the end/fused/95 %}",
+        "[search](docs/results/search.md)",
+    ),
+    (
+        "draw an RGB-D frame of 128 x 128",
+        "{render/cameras/robosim, 128 x 128/processor time of a frame} on one core",
+        "[speed](docs/results/speed.md)",
+    ),
+)
+
+
+def main(*, path: Path = ROOT / "README.md") -> None:
+    """Write the README's table of numbers from docs/results/data.
+
+    Args:
+        path: The README.
+    """
+    path.write_text(with_numbers(path.read_text(encoding="utf-8")), encoding="utf-8")
+
+
+def with_numbers(page: str) -> str:
+    """A page with the table between its two marks made again.
+
+    Raises:
+        ValueError: If the page has no marks.
+    """
+    before, marked, rest = page.partition(BEGIN)
+    _, ended, after = rest.partition(END)
+    if not marked or not ended:
+        raise ValueError(f"README has no {BEGIN} or no {END}.")
+    lines = [f"| {what} | {resolved(numbers)} | {more} |" for what, numbers, more in ROWS]
+    return "\n".join(
+        [before + BEGIN, "", "| capability | measured | details |", "|---|---|---|", *lines, "", END + after]
+    )

@@ -1,0 +1,242 @@
+"""Each benchmark runs at its smallest size, and its numbers are plausible. No bounds on times."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from robosim.plans.files import write_ros
+from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
+from tests.benchmarks import (
+    belief,
+    edges,
+    endurance,
+    environment,
+    episode,
+    estimation,
+    exploration,
+    labels,
+    mapping,
+    physics,
+    plans,
+    positioning,
+    render,
+    tracing,
+)
+from tests.benchmarks.__main__ import BENCHMARKS, main
+from tests.benchmarks.harness import Options
+from tests.benchmarks.mapping import Settings
+from tests.plans import two_rooms
+
+
+@pytest.fixture
+def pair(tmp_path) -> str:
+    """A file with two rooms."""
+    write_ros(two_rooms(0.8), tmp_path / "pair.yaml")
+    return str(tmp_path / "pair.yaml")
+
+
+@pytest.fixture
+def options(tmp_path) -> Options:
+    return Options(out=tmp_path / "out")
+
+
+def column(results, table, name):
+    """Values of a column by their rows."""
+    return {
+        row["row"]: row.get("value") for row in results.rows if (row["table"], row["name"]) == (table, name)
+    }
+
+
+def test_tracing(pair, options, monkeypatch):
+    """The fullest setting agrees with itself; rays find all paths, and none that is false."""
+    plan = StoreyPlan(plan=two_rooms(0.8))
+    opened = replace(plan, openings=(((0.4, 0.4), (1.4, 0.4), (1.4, 1.4), (0.4, 1.4)),))
+    monkeypatch.setattr(tracing, "three_villas", lambda: StoreysPlan(name="two", storeys=(opened, plan)))
+    monkeypatch.setattr(tracing, "JUDGED", tracing.Room(3, 1, 1))
+    monkeypatch.setattr(tracing, "ROOMS", (tracing.Room(1, 0, 0),))
+    monkeypatch.setattr(tracing, "SINGLE", 2)
+    results = tracing.main((pair,), receivers=40, rooms=1, options=options)
+    same = column(results, "interactions", "same link state")
+    without_edges = [same[f"two rooms, {n} reflections"] for n in range(5)]
+    assert without_edges == sorted(without_edges) and without_edges[0] < without_edges[-1] < 100
+    assert same["two rooms, 4 reflections and an edge"] == 100
+    assert set(column(results, "rooms", "found").values()) == {100}
+    found = list(column(results, "rays", "found").values())
+    assert found == sorted(found) and found[-1] == 100
+    assert set(column(results, "rays", "false").values()) == {0}
+    row = "6 links traced in space too"
+    assert results.find("storeys", row, "paths in both")["value"] > 6
+    assert results.find("storeys", row, "in space alone")["value"] == 0
+    assert results.find("storeys", row, "in storeys alone")["value"] == 0
+    sight = column(results, "scattering", "line of sight")
+    assert all(abs(change) < 0.2 for change in sight.values())
+    assert (options.out / "space.png").stat().st_size > 10_000
+
+
+def test_estimation(pair, options, monkeypatch):
+    """Ours is within 4.8 dB of the bound at 40 dB (15 links: 3 standard deviations); at 10 dB nothing is found."""
+    monkeypatch.setattr(estimation, "SNRS_DB", (10.0, 40.0))
+    monkeypatch.setattr(estimation, "BY_WAVEFORM", 1)
+    results = estimation.main((pair,), links=60, options=options)
+    assert results.find("lone paths", "10 dB", "sage")["value"] > 90
+    strong = results.find("lone paths", "40 dB", "sage")
+    assert abs(20 * np.log10(strong["value"] / strong["bar"])) < 4.8
+    assert 0.3 < results.find("lone paths", "40 dB", "pca")["value"] < 1.2
+    near = column(results, "arrivals", "line of sight")
+    assert near["strongest path, sage: within 10°"] > 80
+    assert min(column(results, "speed", "links a CPU second").values()) > 0
+
+
+def test_render(pair, options):
+    """Depth of each camera that draws here is right to 1 mm + 0.1 %; the judge is checked in the tests of cameras."""
+    results = render.main(pair, sizes=(48,), warm_up=2, turns=2, options=options)
+    error = column(results, "cameras", "mean error")
+    assert {"robosim, 48 x 48", "Embree, 48 x 48"} <= set(error)
+    assert all(0 < value < 1 for row, value in error.items() if row.startswith(("robosim", "Embree")))
+    assert results.find("cameras", "robosim, 48 x 48", "times ours")["value"] == 1
+
+
+def test_physics(pair, options):
+    """The kinematic twin is exact, MuJoCo errs by at most 0.3 mm at 5 ms, and walls hold in both."""
+    results = physics.main((pair,), legs=2, options=options)
+    error = column(results, "driving", "error of a motion")
+    assert error["two rooms, kinematic"] < 1e-9
+    assert 0 < error["two rooms, MuJoCo 5 ms"] < 0.3
+    assert max(column(results, "driving", "by the outline").values()) < 5
+
+
+def test_episode(pair, options):
+    """Six decisions of the oracle in all settings; what is measured is not measured again."""
+    first = episode.main((pair,), goal="oracle", targets=1, max_steps=6, options=options)
+    steps = column(first, "searches", "relative steps")
+    assert len(steps) == 8 and steps["default"] == 1
+    again = episode.main((pair,), goal="oracle", targets=1, max_steps=6, options=options)
+    assert again.rows == first.rows
+
+
+@pytest.mark.usefixtures("in_process")
+def test_belief(pair, options):
+    """Thirty decisions: all kinds of belief count the same measurements, and one that knows nothing is the worst."""
+    results = belief.main((pair,), goal="snr", targets=1, max_steps=30, options=options)
+    cases = {row["row"]: row["cases"] for row in results.rows if row["name"] == "within 1 m"}
+    assert len(cases) == 5 and len(set(cases.values())) == 1
+    density = column(results, "density", "mean of searches")
+    assert min(density, key=density.get) == "no measurement"
+
+
+@pytest.mark.usefixtures("in_process")
+def test_exploration(pair, options):
+    results = exploration.main(
+        (pair,),
+        explorers=("nearest", "gain"),
+        mapper="classical",
+        physics="kinematic",
+        max_steps=40,
+        options=options,
+    )
+    assert set(column(results, "driving", "area under the curve")) == {"nearest", "gain"}
+    assert all(20 < seen <= 100 for seen in column(results, "driving", "seen after 1000").values())
+    assert results.find("driving", "nearest", "over nearest")["value"] == 0
+
+
+@pytest.mark.usefixtures("in_process")
+def test_mapping(options):
+    """Floors are turned, parts left out, and radios received; each method has scores."""
+    settings = Settings(steps=6, transmitters=2)
+    results = mapping.main(("ring",), turned=(0.0, 30.0), settings=settings, options=options)
+    assert set(column(results, "plans", "ATE")) == {"ring", "ring@30"}
+    assert {"with radio of 1", "with radio of 2", *mapping.LEFT_OUT} <= set(
+        column(results, "poses", "ATE, median")
+    )
+    assert all(0 < value <= 1 for value in column(results, "maps", "iou seen").values())
+
+
+def test_endurance(pair, options):
+    """200 decisions: every number is finite, the pose is never off by 0.2 m, and in the end the map does not grow."""
+    results = endurance.main(pair, settings=Settings(steps=200), options=options)
+    assert set(column(results, "endurance", "not finite").values()) == {0}
+    assert max(column(results, "endurance", "largest").values()) < 20
+    assert len(set(list(column(results, "endurance", "cells of the map").values())[5:])) == 1
+
+
+def test_environment(pair, options, monkeypatch):
+    """A finer grid of a radio table is not worse, and takes longer; the nearest node alone is worse."""
+    monkeypatch.setattr(environment, "SECONDS", 0.01)
+    monkeypatch.setattr(environment, "CASES", dict(list(environment.CASES.items())[:1]))
+    monkeypatch.setattr(environment, "PEERS", {})
+    monkeypatch.setattr(environment, "MEASURED", 4)
+    results = environment.main(pair, robots=2, links=40, options=options)
+    turn = column(results, "radio tables", "direction, 90 %")
+    assert turn["0.1 m"] <= turn["0.5 m"]
+    assert turn["0.1 m"] <= turn["0.1 m, nearest node"]
+    assert len(column(results, "environments", "2 robots")) == 1
+
+
+def test_plans(pair, options):
+    """Few generated homes are like two rooms in no statistic entirely."""
+    results = plans.main((pair,), count=2, options=options)
+    assert all(0 < distance <= 1 for distance in column(results, "statistics", "distance").values())
+
+
+def test_published_data(shared, options, tmp_path):
+    """One building with one transmitter: 97 % of all links and 98 % of those in the clear."""
+    data, maps = tmp_path / "data" / "Hominy", shared / "maps" / "gibson" / "train"
+    data.mkdir(parents=True)
+    for name in ("Hominy_tx_pos.csv", "Hominy_Tx_8_beam_search.csv"):
+        (data / name).write_bytes((shared / "data" / "mmwrobotnav" / "Hominy" / name).read_bytes())
+    results = labels.main(data.parent, maps, options=options)
+    whole = results.find("agreement", "all", "same link state")
+    assert whole["cases"] == 1351 and whole["value"] > 96.5
+    assert results.find("agreement", "all", "in the clear")["value"] > 97.5
+    assert results.find("agreement", "all", "line of sight: direction within 5°")["value"] > 94
+    assert json.loads((options.out / "labels.json").read_text())["command"].startswith(
+        "python -m tests.benchmarks"
+    )
+
+
+def test_published_edges(shared, options):
+    """Six transmitters: lone diffractions spread less about the bisector's law than about our default."""
+    data = shared / "data" / "mmwrobotnav"
+    cases = [
+        edges.cases_of(
+            data, shared / "maps" / "gibson" / "train" / "Kerrtown.glb_topdownmap.out", "Kerrtown", number
+        )
+        for number in (1, 2, 3)
+    ]
+    results = edges.judge(edges.Cases.joined(cases))
+    spread = {
+        name: np.ptp(results.find("laws", name, "all")["spread"])
+        for name in ("bisector", "nearer face (default)")
+    }
+    assert spread["bisector"] < spread["nearer face (default)"]
+    assert abs(results.find("laws", "bisector", "all")["value"]) < 3
+
+
+def test_positioning(tmp_path, options):
+    """Exact paths of two places in a room: found within a centimetre."""
+    lines = ["place,tx_x_m,tx_y_m,tx_heading_rad,rx_x_m,rx_y_m,rx_heading_rad,range_m,aod_rad,aoa_rad"]
+    tx = np.array([1.0, 1.5])
+    for place, rx in enumerate(np.array([[4.0, 2.0], [3.0, 3.2]])):
+        for image in (tx, tx * (1, -1), tx * (-1, 1), (12.0 - tx[0], tx[1])):
+            ray = rx - image  # the transmitter mirrored at walls y = 0, x = 0 and x = 6
+            arrival = np.arctan2(-ray[1], -ray[0])
+            leaving = ray * np.sign([1 if image[0] == tx[0] else -1, 1 if image[1] == tx[1] else -1])
+            departure = np.arctan2(leaving[1], leaving[0])
+            numbers = [*tx, 0.0, *rx, 0.0, np.hypot(*ray), departure, arrival]
+            lines.append(f"{place}," + ",".join(f"{number:.9f}" for number in numbers))
+    (tmp_path / "paths.csv").write_text("\n".join(lines))
+    results = positioning.main(tmp_path / "paths.csv", options=options)
+    assert results.find("places", "receiver, clock known", "RMSE")["value"] < 0.01
+
+
+def test_the_list_names_all_benchmarks(capsys):
+    """--help of the whole has a line for each; an unknown one ends with status 2."""
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    printed = capsys.readouterr().out
+    assert all(name in printed for name in BENCHMARKS)
+    with pytest.raises(SystemExit) as ended:
+        main(["nothing"])
+    assert ended.value.code == 2

@@ -1,0 +1,54 @@
+"""Walls as the published ray tracer had them."""
+
+import numpy as np
+import pytest
+
+from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
+from robosim.published.label_walls import published_walls
+
+
+def test_the_slanted_piece_below_a_tip_of_one_cell_is_open_and_no_other():
+    """A tip of one cell in a wall that recedes by one: the piece below it is left out, upside down none is.
+
+    Mirrored the piece is open only below tips that are two cells wide. By hand in steps: straight ones, and the slants
+    to and from the tip, one of them open. A rule blind to the tip's length opened rooms that are shut.
+    """
+    slant = 0.05 * np.sqrt(2)
+
+    def length(free):  # the north first
+        ends = published_walls(plan_of(free[::-1]))
+        pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        assert pieces.min() == pytest.approx(0.05)
+        return pieces.sum()
+
+    one, two = tip(reach=1), tip(reach=2)
+    assert length(one) == pytest.approx(0.05 * 24 + slant)
+    for closed in (one[::-1], one[:, ::-1]):
+        assert length(closed) == pytest.approx(0.05 * 24 + 2 * slant)
+    for closed in (two, two[::-1], two[:, ::-1]):
+        assert length(closed) == pytest.approx(0.05 * 26 + 2 * slant)
+    wide = tip(reach=1, width=2)
+    for opened in (wide, wide[:, ::-1]):
+        assert length(opened) == pytest.approx(0.05 * 24 + slant)
+    wider, longer = tip(reach=1, width=3), tip(reach=2, width=2)
+    for closed in (wider, wider[:, ::-1]):
+        assert length(closed) == pytest.approx(0.05 * 24 + 2 * slant)
+    for closed in (longer, longer[:, ::-1]):
+        assert length(closed) == pytest.approx(0.05 * 26 + 2 * slant)
+
+
+def tip(reach, width=1):
+    """Free cells, the north first, with a tip to the west where the wall recedes by one cell."""
+    free = np.zeros((14, 14), bool)
+    free[3:7, 6:12] = True
+    free[7 : 7 + width, 5 - reach : 12] = True
+    free[7 + width : 11, 5:12] = True
+    return free
+
+
+def plan_of(free):
+    """Floor plan with walls through cell centres."""
+    occupancy = np.where(free, FREE, OCCUPIED).astype(np.uint8)
+    return FloorPlan(
+        occupancy=occupancy, resolution_m=0.05, origin=(0.0, 0.0, 0.0), name="Tip", wall_line="cell_centre"
+    )
