@@ -6,6 +6,8 @@ Runs before napoleon, which reads the sections (Args, Returns, Raises).
 
 import re
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 
 _SECTION = re.compile(r":returns:|(Args|Returns|Raises|Yields|Attributes|Example|Examples|Note):\s*$")
@@ -13,6 +15,8 @@ _ENTRY = re.compile(r"(\w+(?:, \w+)*): ")
 _CODE = re.compile(r"(``.+?``|`[^`]+`)")
 #: Words on constants and fields, by their names.
 _PLAIN: dict[str, list[str]] = {}
+#: Type of a field that holds a part, as autodoc writes it, with the whole registry.
+_PART = re.compile(r"~?(?:typing\.)?Annotated\[~?(?:typing\.)?Any, .*?_action=None\)\]")
 _LIST = re.compile(r"\s*([-*]|\d+\.) ")
 
 
@@ -21,6 +25,7 @@ def setup(app: Sphinx) -> dict[str, bool]:
     app.connect("autodoc-process-docstring", _process, priority=100)
     app.connect("autodoc-process-docstring", _restore, priority=900)
     app.connect("autodoc-process-signature", _short_types)
+    app.connect("doctree-read", _short_parts)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
 
 
@@ -30,10 +35,18 @@ def _short_types(app, what, name, obj, options, signature, returned):
     def short(text: str | None) -> str | None:
         if text is None:
             return None
+        text = _PART.sub("part", text)
         text = re.sub(r"\b(?:jaxtyping|numpy|np|collections\.abc|pathlib|typing)\.", "", text)
         return re.sub(r"\[ndarray, '([^']*)'\]", lambda m: f"[ndarray, '{m[1].strip()}']", text)
 
     return short(signature), short(returned)
+
+
+def _short_parts(app, doctree):
+    """Fields that hold a part: the rest of the registry that the parser of annotations leaves."""
+    for node in doctree.findall(addnodes.desc_annotation):
+        if "<lambda>" in node.astext():
+            node[:] = [addnodes.desc_sig_punctuation("", ":"), nodes.Text(" part")]
 
 
 def _process(app, what, name, obj, options, lines):

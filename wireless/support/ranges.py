@@ -30,6 +30,9 @@ class Range(NamedTuple):
         bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in self[:2])
         return f"{' to '.join(bounds)} {self.unit}".rstrip()
 
+    def __repr__(self) -> str:
+        return repr(str(self))  # for signatures in the documentation
+
 
 class _Rule(NamedTuple):
     """What the annotation of a field declares."""
