@@ -48,12 +48,12 @@ class RadioOptions:
     def config(
         self, tolerance: float | None, polarisation: Literal["vertical", "horizontal", "both"] = "vertical"
     ) -> "RadioConfig":
-        """The same as the simulator takes it.
+        """The configuration of the simulator's radio.
 
         Args:
             tolerance: Largest shift of walls to save corners [m]; by default walls under staircases
                 are straight, except in published grids; 0 keeps every cell.
-            polarisation: Of all antennas.
+            polarisation: Polarisation of all antennas.
         """
         from robosim.building.building import BuildingConfig
         from robosim.radio.scene import RadioConfig
@@ -65,17 +65,13 @@ class RadioOptions:
             tx_power_dbm=self.tx_power_dbm,
             threshold_dbm=self.threshold_dbm,
             tracer=TracerConfig(
-                max_reflections=self.max_reflections,
-                diffraction=self.diffraction,
-                diffraction_reflections=self.diffraction_reflections,
-                floor_ceiling=self.floor_ceiling,
-                max_transmissions=self.max_transmissions,
-                wall_passage=self.wall_passage,
                 wall_thickness_m=self.wall_thickness,
                 wall_gap_m=self.wall_gap,
-                scattering=self.scattering,
-                max_paths=self.max_paths,
                 polarisation=polarisation,
+                **{
+                    name: getattr(self, name)
+                    for name in vars(self).keys() & TracerConfig.__dataclass_fields__
+                },
             ),
             building=BuildingConfig(
                 tolerance_m=tolerance, wall_material=self.material, furniture_material=self.material
@@ -83,5 +79,5 @@ class RadioOptions:
         )
 
 
-#: As the reference has them.
+#: As in the reference.
 DEFAULT_RADIO = RadioOptions()
