@@ -217,8 +217,8 @@ if TYPE_CHECKING:
     from robosim.building.building import Building as Building
     from robosim.building.building import BuildingConfig as BuildingConfig
     from robosim.building.building import make_building as make_building
-    from robosim.building.export import export_mesh as export_mesh
-    from robosim.building.export import export_mitsuba as export_mitsuba
+    from robosim.building.mesh_export import export_mesh as export_mesh
+    from robosim.building.mesh_export import export_mitsuba as export_mitsuba
     from robosim.building.reach import Reach as Reach
     from robosim.building.reach import reach as reach
     from robosim.camera.depth_noise import DepthNoise as DepthNoise

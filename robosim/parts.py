@@ -10,7 +10,7 @@ to do says its protocol:
     PHYSICS      physics                 robosim.robot.motion.Physics
     ROBOT        robot                   robosim.robot.robots.RobotConfig
     CAMERA       camera                  robosim.camera.model.Camera
-    LIDAR        2D lidar                robosim.lidar.model.Lidar
+    LIDAR        2D lidar                robosim.lidar.lidar.Lidar
     RECOGNISER   recogniser              robosim.camera.recognition.Recogniser
     TERMINAL     antennas of one end     wireless.antennas.codebook.Terminal
     ESTIMATOR    path estimator          wireless.estimation.estimators.PathEstimator

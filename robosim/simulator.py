@@ -19,7 +19,7 @@ from robosim.camera.model import RGBD, Camera, CameraConfig, camera_pose
 from robosim.camera.recognition import Recogniser
 from robosim.camera.rendering.shading import shaded_mesh
 from robosim.camera.target import target_mesh
-from robosim.lidar.model import Lidar, LidarConfig
+from robosim.lidar.lidar import Lidar, LidarConfig
 from robosim.parts import (
     CAMERA,
     LIDAR,

@@ -49,7 +49,7 @@ def plan(
         out: Output folder; by default a new one under runs/.
     """
     from robosim.building.building import BuildingConfig, make_building
-    from robosim.building.export import export_mesh, export_mitsuba, itu_slab
+    from robosim.building.mesh_export import export_mesh, export_mitsuba, itu_slab
     from robosim.building.reach import reach
     from robosim.drawing.plots import plot_plan
     from robosim.plans.files import write_png, write_ros

@@ -12,8 +12,8 @@ import numpy as np
 import trimesh
 from jaxtyping import Float
 
-from robosim.camera.rendering.scenery import merge
-from robosim.lidar.model import LidarConfig, LidarModel
+from robosim.camera.rendering.merged_meshes import merge
+from robosim.lidar.lidar import LidarConfig, LidarModel
 from robosim.support.ray_casting import make_ray_scene
 from slam.sensing.laser import LaserScan
 from wireless.support.compiled import compiled
@@ -40,7 +40,7 @@ class EmbreeLidar:
         self._normal = normal / np.maximum(np.linalg.norm(normal, axis=1), 1e-12)[:, None]
 
     def scan(self, pose: Float[np.ndarray, "3"], rng: np.random.Generator) -> LaserScan:
-        """Measure; see `robosim.lidar.model.Lidar`."""
+        """Measure; see `robosim.lidar.lidar.Lidar`."""
         model, level = self.model, self.config.level
         ranges, slant = self._cast(pose)
         # Drawn for every beam, so that what one of them hits does not change the noise of another.

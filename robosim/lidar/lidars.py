@@ -17,7 +17,7 @@ from functools import partial
 import trimesh
 
 from robosim.lidar.embree_lidar import EmbreeLidar
-from robosim.lidar.model import LidarConfig, LidarModel
+from robosim.lidar.lidar import LidarConfig, LidarModel
 
 RPLIDAR_A1 = LidarModel()
 LDS_01 = LidarModel(

@@ -14,6 +14,8 @@ from itertools import product
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from robosim.support.index_ranges import index_ranges
+
 # Both diagonals cut a square into four quarters, named by the side that they touch.
 EAST, NORTH, WEST, SOUTH = range(4)
 _CENTROIDS = np.array([[0.75, 0.5], [0.5, 0.75], [0.25, 0.5], [0.5, 0.25]])
@@ -59,8 +61,7 @@ def free_quarters(walls: Int[np.ndarray, "n 2 2"], shape: tuple[int, int]) -> Bo
     walls = walls[walls[:, 0, 1] != walls[:, 1, 1]]
     (x0, y0), (x1, y1) = walls[:, 0].T, walls[:, 1].T
     length = np.abs(y1 - y0)
-    wall = np.repeat(np.arange(len(walls)), length)
-    row = np.arange(len(wall)) - np.repeat(np.cumsum(length) - length, length) + np.minimum(y0, y1)[wall]
+    wall, row = index_ranges(np.minimum(y0, y1), length)
     slope = ((x1 - x0) / (y1 - y0))[wall]
     free = np.empty((*shape, 4), bool)
     for quarter, (x, y) in enumerate(_CENTROIDS):

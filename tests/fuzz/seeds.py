@@ -19,7 +19,7 @@ from PIL import Image
 from safetensors.numpy import save
 
 from robosim.building.building import make_building
-from robosim.building.export import export_mesh
+from robosim.building.mesh_export import export_mesh
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
 from robosim.drawing.snapshot import Arrivals, Layer, Snapshot

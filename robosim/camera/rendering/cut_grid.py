@@ -10,6 +10,7 @@ import shapely
 from jaxtyping import Float, Int
 
 from robosim.plans.floorplan import FloorPlan
+from robosim.support.index_ranges import index_ranges
 
 #: Where the first lines pass, in cells of the plan, whose corners have whole or half coordinates.
 _SHIFT = np.array([0.3071, 0.1873])
@@ -121,8 +122,8 @@ def _whole_between(
     """All whole numbers strictly between a and b: for which element, and the number."""
     first = np.floor(np.minimum(a, b)) + 1
     count = np.maximum(np.ceil(np.maximum(a, b)) - first, 0).astype(int)
-    owner = np.repeat(np.arange(len(a)), count)
-    return owner, first[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(count) - count, count)
+    owner, number = index_ranges(np.zeros(len(a), int), count)
+    return owner, first[owner] + number
 
 
 def _chains(

@@ -15,7 +15,7 @@ from embreex.rtcore_scene import EmbreeScene
 from jaxtyping import Float, Float32
 
 from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
-from robosim.camera.rendering.scenery import merge
+from robosim.camera.rendering.merged_meshes import merge
 from robosim.support.ray_casting import make_ray_scene
 
 

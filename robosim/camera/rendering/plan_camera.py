@@ -18,7 +18,7 @@ import trimesh
 from jaxtyping import Bool, Float, Float32, UInt8
 
 from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
-from robosim.camera.rendering.scenery import merge
+from robosim.camera.rendering.merged_meshes import merge
 from robosim.camera.rendering.wall_rays import WallTiles, nearest_wall, wall_tiles
 from wireless.support.compiled import compiled
 

@@ -20,7 +20,7 @@ from robosim.camera.model import RGBD, CameraConfig, ClosingCamera
 from robosim.camera.rendering.flat_pass import FlatPass
 from robosim.camera.rendering.gl_platforms import MAX_DEPTH_CODE, GLPlatform, make_platform
 from robosim.camera.rendering.gl_systems import GLSystem
-from robosim.camera.rendering.scenery import merge
+from robosim.camera.rendering.merged_meshes import merge
 from robosim.camera.rendering.visibility import Parts, Visibility
 
 

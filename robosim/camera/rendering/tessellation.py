@@ -14,6 +14,7 @@ from jaxtyping import Float, Int, UInt8
 
 from robosim.building.building import Building
 from robosim.camera.rendering.cut_grid import CutGrid
+from robosim.support.index_ranges import index_ranges
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,9 +98,7 @@ class _Cuts:
         low, high = np.sort(edges, axis=1).T
         base = len(self.grid.xy)
         known = np.searchsorted(self._edges @ (base, 1), low * base + high)
-        count = self._first[known + 1] - self._first[known]
-        edge = np.repeat(np.arange(len(edges)), count)
-        number = self._first[known][edge] + np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)
+        edge, number = index_ranges(self._first[known], self._first[known + 1] - self._first[known])
         pieces = self._pieces[number]
         back = (edges[:, 0] > edges[:, 1])[edge]
         pieces[back] = pieces[back, ::-1]

@@ -14,7 +14,8 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from robosim.plans.formats.scanline import Work, pairs
+from robosim.plans.formats.scanline import Work
+from robosim.support.index_ranges import index_ranges
 
 #: How far surfaces are moved to their back, and intervals shortened [cells].
 MARGIN = 0.01
@@ -42,7 +43,7 @@ def cells_touched(
         polygons = cut(block[near], low, high)[:, :, :2] - MARGIN * unit_normals(block[near])[:, None, :2]
         first, last = _whole(polygons[:, :, 1].min(axis=1), polygons[:, :, 1].max(axis=1), shape[0])
         for part in work.parts(last - first + 1):
-            polygon, row = pairs(first[part], last[part] - first[part] + 1)
+            polygon, row = index_ranges(first[part], last[part] - first[part] + 1)
             begin, end = _whole(*_x_in_rows(polygons[part][polygon], row), shape[1])
             some = end >= begin
             np.add.at(edges, (row[some], begin[some]), 1)

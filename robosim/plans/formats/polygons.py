@@ -204,7 +204,9 @@ class _PlyBinary:
     ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Values of each property, and how many each item has."""
         # Most files have lists of one length: then all items have the layout of the first.
-        sizes = self._sizes_of_first(properties) if n else [1] * len(properties)
+        sizes = (
+            [len(values) for values in self._item(self._at, properties)[0]] if n else [1] * len(properties)
+        )
         fields: list[Any] = []
         for number, ((_, size, kind), k) in enumerate(zip(properties, sizes, strict=True)):
             fields += [(f"n{number}", self._order + size)] if size else []
@@ -212,46 +214,34 @@ class _PlyBinary:
         layout = np.dtype(fields)
         if n * layout.itemsize <= len(self._body) - self._at:
             items = np.frombuffer(self._body, layout, n, self._at)
-            if all(
-                (items[f"n{number}"] == k).all()
-                for number, ((_, size, _), k) in enumerate(zip(properties, sizes, strict=True))
-                if size
-            ):
+            counts = {name: items[name] for name, *_ in fields if name[0] == "n"}
+            if all((count == sizes[int(name[1:])]).all() for name, count in counts.items()):
                 self._at += n * layout.itemsize
                 return {
                     name: (items[f"v{number}"].ravel(), np.full(n, k))
                     for number, ((name, _, _), k) in enumerate(zip(properties, sizes, strict=True))
                 }
-        return self._one_by_one(n, properties)
+        columns: list[list[np.ndarray]] = [[] for _ in properties]
+        for _ in range(n):
+            item, self._at = self._item(self._at, properties)
+            for column, values in zip(columns, item, strict=True):
+                column.append(values)
+        return {
+            name: (np.concatenate([np.empty(0), *column]), np.array(list(map(len, column)), np.int64))
+            for column, (name, _, _) in zip(columns, properties, strict=True)
+        }
 
-    def _sizes_of_first(self, properties: list[tuple[str, str, str]]) -> list[int]:
-        at, sizes = self._at, []
+    def _item(self, at: int, properties: list[tuple[str, str, str]]) -> tuple[list[np.ndarray], int]:
+        """Values of each property of the item that begins at a byte, and the byte after it."""
+        item = []
         for _, size, kind in properties:
             k = 1
             if size:
                 k = int(self._values(at, size, 1)[0])
                 at += np.dtype(size).itemsize
-            at += k * np.dtype(kind).itemsize
-            sizes.append(k)
-        self._values(at, "u1", 0)
-        return sizes
-
-    def _one_by_one(
-        self, n: int, properties: list[tuple[str, str, str]]
-    ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        values: list[list[np.ndarray]] = [[] for _ in properties]
-        for _ in range(n):
-            for own, (_, size, kind) in zip(values, properties, strict=True):
-                k = 1
-                if size:
-                    k = int(self._values(self._at, size, 1)[0])
-                    self._at += np.dtype(size).itemsize
-                own.append(self._values(self._at, kind, k))
-                self._at += own[-1].nbytes
-        return {
-            name: (np.concatenate([np.empty(0), *own]), np.array(list(map(len, own)), np.int64))
-            for own, (name, _, _) in zip(values, properties, strict=True)
-        }
+            item.append(self._values(at, kind, k))
+            at += item[-1].nbytes
+        return item, at
 
     def _values(self, at: int, kind: str, k: int) -> np.ndarray:
         if not (k >= 0 and at + k * np.dtype(kind).itemsize <= len(self._body)):

@@ -13,6 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 from jaxtyping import Float, Int
 
+from robosim.support.index_ranges import index_ranges
+
 #: Pairs of a shape and a row that are worked on at once, to bound the memory.
 PAIRS_AT_ONCE = 500_000
 #: Most pairs in all (5 s of work), and additional ones for each shape: no building has more.
@@ -56,7 +58,7 @@ class Windings:
         first = np.clip(np.ceil(low[:, 1] - 0.5), 0, height).astype(np.int64)
         stop = np.clip(np.ceil(high[:, 1] - 0.5), 0, height).astype(np.int64)
         for part in self._work.parts(stop - first):
-            edge, row = pairs(first[part], stop[part] - first[part])
+            edge, row = index_ranges(first[part], stop[part] - first[part])
             (x0, y0), (x1, y1) = low[part][edge].T, high[part][edge].T
             x = x0 + (row + 0.5 - y0) / (y1 - y0) * (x1 - x0)
             column = np.clip(np.ceil(x - 0.5), 0, width).astype(np.int64)
@@ -91,12 +93,3 @@ class Work:
             stop = max(start + 1, int(np.searchsorted(sums, done + PAIRS_AT_ONCE, side="right")))
             yield slice(start, stop)
             start, done = stop, int(sums[stop - 1])
-
-
-def pairs(
-    first: Int[np.ndarray, " n"], counts: Int[np.ndarray, " n"]
-) -> tuple[Int[np.ndarray, " m"], Int[np.ndarray, " m"]]:
-    """Each item's index with each of its rows: `counts` rows from `first` on."""
-    item = np.repeat(np.arange(len(counts)), counts)
-    row = np.arange(len(item)) - np.repeat(np.cumsum(counts) - counts, counts) + first[item]
-    return item, row

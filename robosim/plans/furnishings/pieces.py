@@ -12,7 +12,7 @@ from typing import Annotated, Any, Protocol
 import numpy as np
 import trimesh
 
-from robosim.plans.furnishings.boxes import Box, solid_of_boxes
+from robosim.plans.furnishings.box_solids import Box, solid_of_boxes
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.support.checks import Range, check_choice, checked
 

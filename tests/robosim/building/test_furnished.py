@@ -9,15 +9,15 @@ import trimesh
 from scipy.constants import speed_of_light
 
 from robosim.building.building import BuildingConfig, make_building
-from robosim.building.export import export_mesh
 from robosim.building.extrusion import PLACED
 from robosim.building.footprint import filled, footprint
+from robosim.building.mesh_export import export_mesh
 from robosim.building.reach import reach
 from robosim.camera.cameras import make_camera
 from robosim.camera.model import CameraConfig, camera_pose
 from robosim.camera.rendering.shading import shaded_mesh
+from robosim.lidar.lidar import LidarConfig
 from robosim.lidar.lidars import rplidar_a1
-from robosim.lidar.model import LidarConfig
 from robosim.plans.floorplan import MapError
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import Table, make_piece

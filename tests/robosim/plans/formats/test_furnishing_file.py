@@ -11,7 +11,7 @@ from robosim.plans.formats.furnishing_file import (
     write_furnishings,
 )
 from robosim.plans.furnishings.bodies import find_bodies
-from robosim.plans.furnishings.boxes import solid_of_boxes
+from robosim.plans.furnishings.box_solids import solid_of_boxes
 from robosim.plans.furnishings.furnishing import Furnishing
 from robosim.plans.furnishings.pieces import PIECES, Bed, Chair, Shelf, Sofa, Table, make_piece
 from robosim.support.reading import FileError

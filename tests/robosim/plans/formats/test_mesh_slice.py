@@ -8,7 +8,7 @@ import shapely
 import trimesh
 
 from robosim.building.building import BuildingConfig, make_building
-from robosim.building.export import export_mesh
+from robosim.building.mesh_export import export_mesh
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan, MapError
 from robosim.plans.formats.mesh_floors import find_floors
