@@ -67,10 +67,10 @@ def glb(tree: dict) -> bytes:
 def refusal(path, content=None):
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else json.dumps(content).encode())
-    begin = time.perf_counter()
+    begin = time.process_time()
     with pytest.raises(MapError) as error:
         read_plan(path)
-    assert time.perf_counter() - begin < 5
+    assert time.process_time() - begin < 5
     assert str(path) in str(error.value) and "\n" not in str(error.value)
     return str(error.value)
 
@@ -157,9 +157,9 @@ def test_materials_and_groups_of_an_obj_file_change_nothing(tmp_path):
     ]
     many = "\n".join(f"usemtl m{i}\ng group{i}" for i in range(20_000))
     path = tmp_path / "room.obj"
-    begin = time.perf_counter()
+    begin = time.process_time()
     got = load_triangles("\n".join([*lines, *rich, many]).encode(), path)
-    assert time.perf_counter() - begin < 5
+    assert time.process_time() - begin < 5
     np.testing.assert_array_equal(got, load_triangles("\n".join([*lines, *plain]).encode(), path))
     assert len(got) == len(FACES)
 
