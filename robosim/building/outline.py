@@ -177,7 +177,7 @@ def _trace(
 
     Args:
         cells: Free cells; those at the border of the array must not be free.
-        label: Number of the 4-connected component of each free cell, from 1 on; 0 elsewhere.
+        label: Number of the 4-connected component of each free cell, from 1 on; 0 for other cells.
         joined: Which inner corners of cells, row by row, a line may pass twice.
     """
     # Cells north-east, north-west, south-west and south-east of each inner corner: counter-clockwise.
@@ -196,7 +196,7 @@ def _trace(
     left, right = (heading + 1) % 4, (heading + 3) % 4
     goes_left, goes_right = leaves[reached, left], leaves[reached, right]
     # If both are possible, two free cells touch by this corner. The line goes over to the other one if they are
-    # connected elsewhere, which makes a simple ring; else it stays with the cell that it came along.
+    # connected by other cells, which makes a simple ring; else it stays with the cell that it came along.
     here, other = around[reached, (heading + 1) % 4], around[reached, (heading + 3) % 4]
     goes_over = goes_right & (~goes_left | ((here == other) & ~joined[reached]))
     turn = np.where(goes_over, right, np.where(goes_left, left, heading))

@@ -397,9 +397,9 @@ def _reach(
     """
     forth = step[first, axis]
     # Corners of the preimage, in order; an offset is that in the middle of the first edge.
-    kept, new, half = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2))
+    preimage, new, half = np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2)), np.empty((_CORNERS, 2))
     for i in range(4):
-        kept[i, 0], kept[i, 1] = _SQUARE[i, 0], _SQUARE[i, 1]
+        preimage[i, 0], preimage[i, 1] = _SQUARE[i, 0], _SQUARE[i, 1]
     count, end, edges, level, side, stepped = 4, first + sense, 0, 0, 0, False
     for i in range(first + sense, last, sense):
         across = sense * step[i, 1 - axis]
@@ -410,23 +410,23 @@ def _reach(
             continue
         edges += 1
         level += side if stepped else 0
-        some = _clip(kept[:count], edges, 1.0, level - 0.5, half)
+        some = _clip(preimage[:count], edges, 1.0, level - 0.5, half)
         some = _clip(half[:some], edges, -1.0, -level - 0.5, new)
         if some > _CORNERS // 2:
             some = _distinct(new[:some])
         if some < 3:
             break
-        kept, new = new, kept
+        preimage, new = new, preimage
         count, end, stepped = some, i + sense, False
     area, slope, offset = 0.0, 0.0, 0.0
     for i in range(2, count):
-        a0, a1 = kept[i - 1, 0] - kept[0, 0], kept[i - 1, 1] - kept[0, 1]
-        b0, b1 = kept[i, 0] - kept[0, 0], kept[i, 1] - kept[0, 1]
+        a0, a1 = preimage[i - 1, 0] - preimage[0, 0], preimage[i - 1, 1] - preimage[0, 1]
+        b0, b1 = preimage[i, 0] - preimage[0, 0], preimage[i, 1] - preimage[0, 1]
         part = a0 * b1 - a1 * b0
         area += part
         slope += part * (a0 + b0) / 3
         offset += part * (a1 + b1) / 3
-    return end, kept[0, 0] + slope / area, kept[0, 1] + offset / area
+    return end, preimage[0, 0] + slope / area, preimage[0, 1] + offset / area
 
 
 @compiled

@@ -7,7 +7,7 @@ door and no recess.
 import numpy as np
 
 from robosim.generator.building_style import Style
-from robosim.generator.rect import Polygon, Rect, beside, bounding_box
+from robosim.generator.rect import Polygon, Rect, bounding_box, points_along
 
 
 def draw_recesses(
@@ -50,7 +50,7 @@ def _recess(rng: np.random.Generator, floor: Rect, side: int, length: float) -> 
     # Corners as (along the wall, outwards), first on the wall, which they overlap so that nothing is left.
     u = np.array([-width / 2, width / 2, width / 2 - slant + skew, -width / 2 + slant + skew]) + middle
     v = np.array([-0.1, -0.1, depth - tilt, depth + tilt])
-    return beside(floor, side, u, v)
+    return points_along(floor, side, u, v)
 
 
 def draw_wedges(
@@ -71,9 +71,9 @@ def draw_wedges(
         if rng.random() < 0.4:
             legs = np.array([length, rng.uniform(0.05, 0.2) * across])
         # A triangle on the wall: from the side's start along it, and from the start inwards.
-        wedge = beside(floor, side, np.array([-0.05, -0.05, legs[0]]), np.array([0.05, -legs[1], 0.05]))
-        kept_free = [doorway for room, doorway in doorways if room == i]
-        kept_free += [bounding_box(recess) for room, recess in recesses if room == i]
-        if not any(bounding_box(wedge).meets(other) for other in kept_free):
+        wedge = points_along(floor, side, np.array([-0.05, -0.05, legs[0]]), np.array([0.05, -legs[1], 0.05]))
+        obstacles = [doorway for room, doorway in doorways if room == i]
+        obstacles += [bounding_box(recess) for room, recess in recesses if room == i]
+        if not any(bounding_box(wedge).meets(other) for other in obstacles):
             found.append((i, wedge))
     return found

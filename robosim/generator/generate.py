@@ -59,8 +59,8 @@ class GeneratorConfig:
     resolution_m: Annotated[float, Range(0.01, 0.1, "m")] = 0.05
     """Side of a cell [m]."""
     heights: bool = False
-    """Furniture is pieces of true height, which robots see, hear and drive over and under, rather than cells up to the
-    ceiling. Rooms are the same ones as without."""
+    """Furniture is pieces of true height, which sensors, radio and robots pass over and under, rather than cells up to
+    the ceiling. Rooms are the same ones as without."""
     navigable: bool = False
     """Free is where an agent of 0.1 m radius may stand, as in the published grids, rather than all floor."""
 
@@ -81,7 +81,7 @@ class GeneratorConfig:
 
     @property
     def passage_m(self) -> float:
-        """Width that is kept free for the hull, even where an agent's radius is taken off all walls."""
+        """Width that stays free for the hull, even where an agent's radius is taken off all walls."""
         return 2 * (self.hull_radius_m + AGENT_RADIUS_M) + 0.02
 
 
@@ -202,7 +202,7 @@ def _plan(free: np.ndarray, floor: np.ndarray, name: str, config: GeneratorConfi
 
 
 def _distance(mask: np.ndarray) -> np.ndarray:
-    """Distance [cells] from each cell of a mask to the nearest one outside of it, between centres; 0 elsewhere."""
+    """Distance [cells] from each cell of a mask to the nearest one outside of it, between centres; 0 for others."""
     return cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 

@@ -15,7 +15,7 @@ from robosim.generator.building_style import OFFICE, Style
 from robosim.generator.rect import Polygon, Rect
 from robosim.generator.subdivision import SharedWall, cut, largest_connected, leave_out, shared_walls, to_area
 
-#: Wall left standing beside a door, at least [m].
+#: Least length of wall next to a door [m].
 JAMB_M = 0.08
 #: Kinds of room that are often one open space.
 SOCIAL = {"living", "dining", "kitchen", "hall", "open office"}
@@ -48,7 +48,7 @@ class Opening:
         return self.width_m <= 1.1
 
     def threshold(self, depth_m: float) -> Rect:
-        """Floor in front of the opening on both sides, to be kept free."""
+        """Floor in front of the opening on both sides, which stays free."""
         x0, y0, x1, y1 = self.hole
         return (
             Rect(x0, y0 - depth_m, x1, y1 + depth_m)
@@ -95,13 +95,13 @@ def lay_out(
     """
     spare = round(rng.uniform(0, style.left_out) * rooms) if rooms > 2 else 0
     cells, is_hall = cut(rng, area_m2, rooms + spare, style)
-    kept = leave_out(rng, cells, is_hall, spare)
-    cells, is_hall = [cells[i] for i in kept], [is_hall[i] for i in kept]
+    rest = leave_out(rng, cells, is_hall, spare)
+    cells, is_hall = [cells[i] for i in rest], [is_hall[i] for i in rest]
     wall_m = rng.uniform(0.1, 0.2)
     cells = to_area(cells, area_m2, wall_m)
     door_and_jambs_m = door_m[1] + wall_m + 2 * JAMB_M
-    kept = largest_connected(shared_walls(cells, door_and_jambs_m), len(cells))
-    cells, is_hall = [cells[i] for i in kept], [is_hall[i] for i in kept]
+    rest = largest_connected(shared_walls(cells, door_and_jambs_m), len(cells))
+    cells, is_hall = [cells[i] for i in rest], [is_hall[i] for i in rest]
     walls = shared_walls(cells, door_and_jambs_m)
     floors = [cell.grown(-wall_m / 2) for cell in cells]
     kinds = _kinds(rng, floors, is_hall, walls, office=style is OFFICE)
@@ -136,10 +136,12 @@ def _kinds(
     kinds[living] = (
         "open office" if office and floors[living].area > 30 else "meeting" if office else "living"
     )
-    beside = [b if a == living else a for a, b in neighbours if living in (a, b)]
+    neighbours_of_living = [b if a == living else a for a, b in neighbours if living in (a, b)]
     for kind, least, most in [("kitchen", 5, 20), ("dining", 7, 25)]:
         fit = [
-            i for i in beside if not is_hall[i] and kinds[i] not in SOCIAL and least < floors[i].area < most
+            i
+            for i in neighbours_of_living
+            if not is_hall[i] and kinds[i] not in SOCIAL and least < floors[i].area < most
         ]
         if fit and not office and (kind == "kitchen" or len(by_size) > 5):
             kinds[fit[int(rng.integers(len(fit)))]] = kind

@@ -13,7 +13,7 @@ import numpy as np
 from robosim.generator.canvas import Canvas, Window, fits
 from robosim.generator.furniture_cells import Entry, Piece, box, entries, turn
 from robosim.generator.layout import Layout, Opening
-from robosim.generator.rect import Rect, beside
+from robosim.generator.rect import Rect, points_along
 
 #: Places that are tried for a piece before it is left out.
 TRIES = 5
@@ -136,7 +136,7 @@ def _place(space: Space, floor: Rect, entry: Entry, rng: np.random.Generator) ->
         if entry.place == "free":
             angle = rng.integers(4) * np.pi / 2 + (rng.uniform(-0.8, 0.8) if rng.random() < 0.3 else 0.0)
             middle = [rng.uniform(floor.x0, floor.x1), rng.uniform(floor.y0, floor.y1)]
-            moved = [(polygon - (0, extent[1] / 2)) @ turn(angle).T + middle for polygon in piece]
+            placed = [(polygon - (0, extent[1] / 2)) @ turn(angle).T + middle for polygon in piece]
         else:
             side = int(rng.choice(4, p=np.array(floor.size * 2) / (2 * sum(floor.size))))
             length = floor.size[side % 2]
@@ -145,8 +145,10 @@ def _place(space: Space, floor: Rect, entry: Entry, rng: np.random.Generator) ->
             along = rng.uniform(extent[0] / 2, length - extent[0] / 2)
             if entry.place == "corner":
                 along = extent[0] / 2 if rng.random() < 0.5 else length - extent[0] / 2
-            moved = [beside(floor, side, polygon[::-1, 0] + along, -polygon[::-1, 1]) for polygon in piece]
-        if space.put(moved):
+            placed = [
+                points_along(floor, side, polygon[::-1, 0] + along, -polygon[::-1, 1]) for polygon in piece
+            ]
+        if space.put(placed):
             return
 
 

@@ -1,4 +1,4 @@
-"""Rectangles along the axes, polygons, and points beside the walls of a room: all in metres, plain geometry."""
+"""Rectangles along the axes, polygons, and points along the walls of a room: all in metres, plain geometry."""
 
 from typing import NamedTuple
 
@@ -41,7 +41,7 @@ class Rect(NamedTuple):
         return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], float)
 
 
-def beside(floor: Rect, side: int, u: np.ndarray, v: np.ndarray) -> Polygon:
+def points_along(floor: Rect, side: int, u: np.ndarray, v: np.ndarray) -> Polygon:
     """Points given along a side of a room (u, from its start, counter-clockwise) and outwards (v)."""
     start = floor.polygon()[side]
     along = np.array([(1, 0), (0, 1), (-1, 0), (0, -1)][side])

@@ -5,7 +5,7 @@ buildings and solid blocks. Pieces reach to the middle of the walls between them
 
 Reference for rooms by cutting rectangles: Marson and Musse, "Automatic real-time generation of floor plans
 based on squarified treemaps algorithm", Int. J. Computer Games Technology (2010). Here cuts are drawn at
-random rather than packed, since training wants variety, not the best plan.
+random rather than packed, since training needs variety, not the best plan.
 """
 
 from collections.abc import Iterable
@@ -73,18 +73,18 @@ def _halves(rng: np.random.Generator, piece: Rect, narrowest_m: float) -> list[R
 
 def leave_out(rng: np.random.Generator, cells: list[Rect], is_hall: list[bool], n: int) -> list[int]:
     """Drop up to n pieces so that the others stay connected; returns the remaining ones."""
-    kept = list(range(len(cells)))
+    rest = list(range(len(cells)))
     touching = shared_walls(cells, 1.0)
     for i in rng.permutation(len(cells)):
-        rest = [k for k in kept if k != i]
-        links = [pair for pair in touching if set(pair) <= set(rest)]
+        candidate = [k for k in rest if k != i]
+        links = [pair for pair in touching if set(pair) <= set(candidate)]
         if (
-            len(kept) + n > len(cells)
+            len(rest) + n > len(cells)
             and not is_hall[i]
-            and len(largest_connected(links, len(cells))) == len(rest)
+            and len(largest_connected(links, len(cells))) == len(candidate)
         ):
-            kept = rest
-    return kept
+            rest = candidate
+    return rest
 
 
 class SharedWall(NamedTuple):

@@ -1,7 +1,7 @@
 """A lidar by ray casting with Embree, one ray per beam.
 
 Ranges have Gaussian noise that grows with the distance. Beams return nothing if no surface is within range, if they
-graze one, and at random now and then.
+graze one, and at random, rarely.
 Left out: mixed pixels at edges, mirrors and glass, the robot's motion within a turn.
 """
 

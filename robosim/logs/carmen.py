@@ -88,7 +88,7 @@ def read_carmen(path: Path) -> RobotLog:
 def _parse(text: str) -> _Lines:
     lines = _Lines()
     last: Float[np.ndarray, 3] | None = None
-    moved, n_odometry, fresh = np.zeros(3), 0, False
+    step, n_odometry, fresh = np.zeros(3), 0, False
     rows = text.splitlines()
     for number, line in enumerate(rows, 1):
         words = line.split()
@@ -100,7 +100,7 @@ def _parse(text: str) -> _Lines:
             if fresh and np.array_equal(pose, lines.robot[-1]):
                 lines.resets += 1
             elif last is not None and not np.array_equal(pose, last) and not _was_reset(last, pose):
-                moved, n_odometry = compose(moved, between(last, pose)), n_odometry + 1
+                step, n_odometry = compose(step, between(last, pose)), n_odometry + 1
             last, fresh = pose, False
         elif kind in ("FLASER", "ROBOTLASER1"):
             scan = _flaser(words, number) if kind == "FLASER" else _robotlaser(words, number)
@@ -110,9 +110,9 @@ def _parse(text: str) -> _Lines:
                 values.append(value)  # type: ignore[arg-type]
             lines.lines.append(number)
             lines.times.append(scan[4])
-            lines.displacement.append(moved)
+            lines.displacement.append(step)
             lines.n_odometry.append(n_odometry)
-            last, moved, n_odometry, fresh = scan[3], np.zeros(3), 0, True
+            last, step, n_odometry, fresh = scan[3], np.zeros(3), 0, True
     return lines
 
 
@@ -195,18 +195,18 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
     ranges = np.where((ranges >= longest_m) | (ranges <= _NEAREST_M), np.inf, ranges)
     reference: Float[np.ndarray, "n 3"] | None
     if lines.resets > 0.5 * len(laser):
-        moved, known, reference = np.array(lines.displacement), np.array(lines.n_odometry) > 0, laser
+        displacement, known, reference = np.array(lines.displacement), np.array(lines.n_odometry) > 0, laser
     else:
         apart = np.array([between(b, a) for a, b in zip(laser, robot, strict=True)])
         drifts = _spread(apart) > _RIGID
         track = robot if drifts else laser
         steps = [between(a, b) for a, b in pairwise(track)]
-        moved = np.array([np.zeros(3), *steps])
+        displacement = np.array([np.zeros(3), *steps])
         known = np.array([True, *(not _was_reset(a, b) for a, b in pairwise(track))])
-        moved[~known] = 0.0
+        displacement[~known] = 0.0
         # A pose that never changes was not filled in.
         reference = laser if drifts and _spread(laser) > 0 else None
-    moved[0] = 0.0
+    displacement[0] = 0.0
     times = _rising(path, np.array(lines.times))
     name = path.name.removesuffix(".gz").removesuffix(".log").removesuffix(".clf")
     return RobotLog(
@@ -214,7 +214,7 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
         file=path,
         bearing_rad=lines.bearings[0],
         range_m=ranges,
-        displacement=moved,
+        displacement=displacement,
         known=known,
         times=times,
         reference=reference,
@@ -222,21 +222,21 @@ def _log(path: Path, lines: _Lines) -> RobotLog:
 
 
 def _rising(path: Path, times: Float[np.ndarray, " n"]) -> Float[np.ndarray, " n"]:
-    """Rising times: the log's, with those that repeat or go back moved after the one before; else scans' numbers."""
+    """Rising times: the log's, with those that repeat or go back put after the one before; else scans' numbers."""
     late = np.diff(times) <= 0
     if np.isnan(times).all():
         return np.arange(len(times), dtype=float)
-    rising, moved = times.copy(), np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1
-    for k in moved:
+    rising, late_scans = times.copy(), np.flatnonzero(np.maximum.accumulate(times)[:-1] >= times[1:]) + 1
+    for k in late_scans:
         rising[k] = rising[k - 1] + 1e-6
     if late.mean() > _OUT_OF_ORDER or not (np.diff(rising) > 0).all():
         logger.warning(
             "%s: times of scans are missing or do not rise, so that scans are counted instead.", path
         )
         return np.arange(len(times), dtype=float)
-    if len(moved):
+    if len(late_scans):
         logger.warning(
-            "%s: %d times repeat or go back, and are moved after the one before.", path, len(moved)
+            "%s: %d times repeat or go back, and are put after the one before.", path, len(late_scans)
         )
     return rising
 

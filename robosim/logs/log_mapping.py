@@ -66,8 +66,8 @@ class LogConfig:
     sigma_m: Annotated[float, Range(1e-4, 1, "m")] = 0.02
     """Standard deviation of a point from its surface [m]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.02
-    """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]: a real robot's
-    scans lie a metre apart, and are taken as it moves."""
+    """Drift of matched poses, in addition to the errors of matches, per square root of a metre driven [m]: a real
+    robot's scans lie a metre apart, and are taken as it moves."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.3)
     """The same for their turn [rad]."""
 
@@ -110,7 +110,7 @@ def map_log(
         log: The log.
         config: Settings.
         loops: Whether loops are closed by a graph; if not, each scan is matched to those before.
-        watched: What shows how far numbers were gone through: it is given them and what they are of.
+        watched: Progress display: it iterates over numbers, given them and their name.
 
     Raises:
         ValueError: If the poses that odometry gives make a map of too many cells, or lie too far apart.
@@ -128,10 +128,10 @@ def map_log(
         ranges = log.range_m[k]
         scan = points_of_beams(log.bearing_rad, ranges, config.range_m, config.resolution_m, config.sigma_m)
         seen = np.where(ranges < config.range_m, ranges, -_NOTHING_M)
-        moved, covariance = config.odometry.predicted(log.displacement[k], bool(log.known[k]))
+        displacement, covariance = config.odometry.predicted(log.displacement[k], bool(log.known[k]))
         if k == 0:
-            moved, covariance = np.zeros(3), 1e-8 * np.eye(3)
-        tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), moved, covariance)
+            displacement, covariance = np.zeros(3), 1e-8 * np.eye(3)
+        tracker.update(scan, View(bearing_rad=log.bearing_rad, range_m=seen), displacement, covariance)
     tracker.finish(lambda numbers: watched(numbers, "loops"))
     return Mapped(poses=tracker.poses(), loops=tracker.closed, seconds=process_time() - begin)
 

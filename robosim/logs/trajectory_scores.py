@@ -39,9 +39,9 @@ class Scores:
     """Its median [m]."""
     rpe_median_deg: float
     """Its median for the turn [deg]."""
-    way_rpe_m: float
+    path_rpe_m: float
     """Relative pose error over 1 to 5 m of trajectory, mean [m]."""
-    way_rpe_deg: float
+    path_rpe_deg: float
     """The same for the turn [deg]."""
 
     def plain(self) -> dict[str, Any]:
@@ -61,8 +61,8 @@ def compare_trajectories(poses: Float[np.ndarray, "n 3"], reference: Float[np.nd
         rpe_deg=math.degrees(_mean(off_rad)),
         rpe_median_m=_median(off_m),
         rpe_median_deg=math.degrees(_median(off_rad)),
-        way_rpe_m=_mean(along_m),
-        way_rpe_deg=math.degrees(_mean(along_rad)),
+        path_rpe_m=_mean(along_m),
+        path_rpe_deg=math.degrees(_mean(along_rad)),
     )
 
 

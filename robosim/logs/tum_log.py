@@ -1,4 +1,4 @@
-"""Odometry as a TUM file with scans beside it, and reference trajectories."""
+"""Odometry as a TUM file with scans in another file, and reference trajectories."""
 
 from dataclasses import replace
 from itertools import pairwise

@@ -30,7 +30,7 @@ WallLine = Literal["cell_edge", "cell_centre"]
 #: Unknown cells of a ROS map: by common greys, or by the letter of map_server's rule.
 MapReading = Literal["common", "letter"]
 
-#: Larger plans are taken for a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
+#: Larger plans are treated as a mistake of the resolution rather than for a building: 300 m square at 0.05 m.
 MAX_CELLS = 36_000_000
 #: Sides of cells, coordinates and angles beyond these are treated as mistakes of the unit [m, m, rad].
 RESOLUTIONS_M, FARTHEST_M, MOST_YAW = (0.001, 10.0), 1e7, 1e3

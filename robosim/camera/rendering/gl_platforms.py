@@ -39,7 +39,7 @@ _OSMESA_MAJOR_VERSION, _OSMESA_MINOR_VERSION = 0x36, 0x37
 _REMEDY = f"install Mesa's driver ({INSTALL['egl']}) or OSMesa ({INSTALL['osmesa']})"
 
 _UINT, _INT, _POINTER, _BYTE = ctypes.c_uint, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte
-#: Functions that are called for every frame. PyOpenGL converts arguments and asks for errors around every call, which
+#: Functions that are called for every frame. PyOpenGL converts arguments and reads errors around every call, which
 #: takes longer than drawing a small frame; these go straight to the driver.
 _FRAME_FUNCTIONS: dict[str, tuple[type, ...]] = {
     "glClear": (_UINT,),

@@ -166,7 +166,7 @@ def _bound_system() -> GLSystem | None:
     if name not in _PYOPENGL_NAMES:
         system = _installed_system() or "osmesa"
         raise RuntimeError(
-            f"PyOpenGL was imported for a display ({name}) before a camera could ask for {SYSTEM_NAMES[system]}. Make "
+            f"PyOpenGL was imported for a display ({name}) before a camera could choose {SYSTEM_NAMES[system]}. Make "
             f"the camera before importing what draws on a display, or set PYOPENGL_PLATFORM={system} before Python "
             "starts."
         )
@@ -211,7 +211,7 @@ def _egl_of_pyopengl() -> type:
 
 
 def _make_contexts_comparable() -> None:
-    """Let PyOpenGL recognise the current context of OSMesa when it asks for it again.
+    """Let PyOpenGL recognise the current context of OSMesa when it reads it again.
 
     It gets a new pointer object at every call, which cannot be a key (3.1.0) or is another key every time (later
     versions); keys are needed to look up extensions and stored values. The objects stay those of PyOpenGL otherwise,
@@ -240,8 +240,8 @@ def _make_contexts_comparable() -> None:
 def complete_egl() -> None:
     """Add to PyOpenGL 3.1.0 what later versions have of EGL.
 
-    That is the type of EGL's devices, which MuJoCo's renderer asks for, and a prefix of extensions as bytes: without
-    it, asking for an extension that does not exist raises a TypeError.
+    That is the type of EGL's devices, which MuJoCo's renderer needs, and a prefix of extensions as bytes: without
+    it, looking up an extension that does not exist raises a TypeError.
     """
     from OpenGL import EGL
     from OpenGL._opaque import opaque_pointer_cls

@@ -53,8 +53,10 @@ def without_strokes(
             "smaller one (--thinnest-wall), or check the resolution."
         )
     grey = states == UNKNOWN
-    kept = grey & (grown(walls, _SMUDGED) | _opened(grey, cells, beyond="constant")) | dark & grown(walls, 1)
-    dropped = dark & ~kept
+    remains = grey & (grown(walls, _SMUDGED) | _opened(grey, cells, beyond="constant")) | dark & grown(
+        walls, 1
+    )
+    dropped = dark & ~remains
     logger.warning(
         "%s: %.2f of %.2f m2 of dark strokes are thinner than %g m and are not read as walls.",
         path,
@@ -62,7 +64,7 @@ def without_strokes(
         dark.sum() * resolution_m**2,
         thinnest_wall_m,
     )
-    return np.where(kept, states, FREE).astype(np.uint8)
+    return np.where(remains, states, FREE).astype(np.uint8)
 
 
 def _without_blots(

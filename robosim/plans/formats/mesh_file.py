@@ -84,7 +84,7 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
         tree, lengths = _check_gltf(content if suffix == ".gltf" else _json_of_glb(content), len(content))
         if _scale_normalised(tree):
             content = _with_json(content, tree, suffix)
-        resolver = _Beside(path, lengths)
+        resolver = _OtherFiles(path, lengths)
     scene = trimesh.load_scene(
         io.BytesIO(content), file_type=suffix[1:], resolver=resolver, process=False, skip_materials=True
     )
@@ -93,7 +93,7 @@ def _of_scene(content: bytes, path: Path) -> Triangles:
     return np.concatenate([np.empty((0, 3, 3)), *parts]) if len(parts) != 1 else parts[0]
 
 
-class _Beside(Mapping[str, bytes]):
+class _OtherFiles(Mapping[str, bytes]):
     """Files that a glTF file names, in its folder or below, each read when needed."""
 
     def __init__(self, file: Path, lengths: Mapping[str, int]):

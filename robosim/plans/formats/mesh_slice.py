@@ -64,7 +64,7 @@ def read_mesh(path: Path, options: ReadingOptions) -> FloorPlan:
 
     Raises:
         MapError: If the file cannot be read, has no triangles or vertices that are not finite, or no floor is
-            found, or none near the height asked for.
+            found, or none near the given height.
         ValueError: If an option has a senseless value.
     """
     up, unit_m = options.up, options.unit_m
@@ -154,7 +154,7 @@ def plan_from_triangles(
     """Floor plan of a storey of triangles in memory, z upwards [m].
 
     Raises:
-        MapError: If no floor is found, or none near the height asked for, or nothing of it is free.
+        MapError: If no floor is found, or none near the given height, or nothing of it is free.
         ValueError: If the slice is empty or does not lie above the floor.
     """
     low, high = options.slice_m

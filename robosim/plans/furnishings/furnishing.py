@@ -23,8 +23,8 @@ class Furnishing:
     """A mesh at a place in a building."""
 
     mesh: trimesh.Trimesh
-    """Triangles [m] in a frame of its own: z up, the floor at z = 0. Closed bodies may turn their normals either way;
-    a mesh may have several bodies, and sheets of no thickness."""
+    """Triangles [m] in a frame of its own: z up, the floor at z = 0. Normals of closed bodies may point inwards or
+    outwards; a mesh may have several bodies, and sheets of no thickness."""
     at: tuple[float, float]
     """Place of its origin, x, y [m] in `map`."""
     z_m: float = 0.0

@@ -276,8 +276,8 @@ class Plant:
             made = made.subdivide_loop(iterations=self.subdivisions)
         low, high = made.bounds
         size = np.array([self.width_m, self.width_m, self.height_m])
-        moved = (made.vertices - [*(low + high)[:2] / 2, low[2]]) * (size / (high - low))
-        return trimesh.Trimesh(moved, made.faces, process=False)
+        vertices = (made.vertices - [*(low + high)[:2] / 2, low[2]]) * (size / (high - low))
+        return trimesh.Trimesh(vertices, made.faces, process=False)
 
 
 #: Pieces by name.

@@ -118,7 +118,7 @@ def test_the_other_system_is_named_where_that_is_installed(bare_machine):
     with pytest.raises(OSError, match="or set PYOPENGL_PLATFORM=egl, which is installed"):
         default_system()
     bare_machine.setitem(sys.modules, "OpenGL.platform", SimpleNamespace(PLATFORM=object()))
-    with pytest.raises(RuntimeError, match=r"could ask for EGL.* PYOPENGL_PLATFORM=egl before Python starts"):
+    with pytest.raises(RuntimeError, match=r"could choose EGL.* PYOPENGL_PLATFORM=egl before Python starts"):
         bind_opengl()
 
 
