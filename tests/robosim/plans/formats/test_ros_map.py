@@ -173,7 +173,7 @@ BAD_HEADERS = [
     ({"negate": "perhaps"}, ["negate", "perhaps"]),
     ({"image": ""}, ["image", "name of an image"]),
     ({"image": "mpa.png"}, ["image", "mpa.png", "Did you mean 'map.png'"]),
-    ({"image": "/nowhere/map.png"}, ["/nowhere/map.png", "Did you mean 'map.png'", "beside"]),
+    ({"image": "/nowhere/map.png"}, ["/nowhere/map.png", "Did you mean 'map.png'", "folder of the YAML"]),
     ({"image": "."}, ["folder"]),
     ({"wall_line": "middle"}, ["wall_line", "middle", "cell_centre"]),
     ({"eroded_m": -1}, ["eroded_m", "-1"]),
