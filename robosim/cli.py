@@ -1,4 +1,4 @@
-"""The `robosim` command: parses what is asked for, calls what does it, prints what came out.
+"""The `robosim` command: parses the command line, runs the command, prints its result.
 
 Bad input ends in one sentence on standard error and exit status 2, never in a traceback; `--debug` shows that too.
 `--allow-code`, `--debug`, `--quiet`, `--json` and `--version` may stand anywhere on the command line.
@@ -36,24 +36,24 @@ from robosim.support.parts import code_allowed, place_in_part
 from robosim.support.processes import processes_kept
 from robosim.support.reading import is_ours
 
-#: Options that every command has, wherever they stand.
+#: Options of every command, in any place.
 _EVERYWHERE = ("--debug", "--quiet", "--json", "--version", "--allow-code")
 _EVERYWHERE_HELP = (
     "Everywhere: --quiet prints errors only, --json prints the result as one JSON object and nothing else, --debug "
     "prints where an error comes from, --version prints the version, --allow-code runs code that a suite or a "
     "configuration names as module:Name. Each command also takes --figures pdf or svg."
 )
-#: What a shell's completion is asked for by.
+#: Options of the completion in shells.
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
-#: Errors of a disk that is full, or of a limit on what may be written.
+#: Errors of full disks and of quotas.
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Entry point of the `robosim` command.
 
-    Ends with status 2 where what was asked for cannot be done, 1 where work failed, 130 after Ctrl-C, 143 after
-    SIGTERM, 141 where nobody reads on.
+    Ends with status 2 for bad input, 1 for failed work, 130 after Ctrl-C, 143 after SIGTERM, 141 after the reader of
+    its output has closed the pipe.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     everywhere = {word for word in words if word in _EVERYWHERE}
@@ -75,7 +75,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     except KeyboardInterrupt:
         sys.exit(SIGNALLED + signal.SIGINT)
     except BrokenPipeError:
-        # Whoever read what is printed has seen enough. What Python still wants to print goes nowhere.
+        # The reader has closed the pipe: what Python still flushes goes to the null device.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(SIGNALLED + signal.SIGPIPE)
     except Exception as error:
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         status, line = _explained(error)
         if "--debug" in everywhere:
             traceback.print_exception(error)
-        # Names of files and other words from outside are text, whatever they look like.
+        # Names of files and other words from outside are no markup.
         Console(stderr=True).print(Text(f"robosim: {line}", "red"), soft_wrap=True)
         sys.exit(status)
 
@@ -112,7 +112,7 @@ def _run(words: list[str]) -> None:
     group = words[0] if words and words[0] in GROUPS else ""
     description = GROUPS.get(
         group,
-        "Robots that see and hear in buildings made from floor plans. Each command has its own --help. "
+        "Robots with camera and radio in buildings made from floor plans. Each command has its own --help. "
         + _EVERYWHERE_HELP,
     )
     commands, rest = command_list(group), words[1:] if group else words
@@ -143,7 +143,7 @@ def _explained(error: Exception) -> tuple[int, str]:
         if error.errno in _FULL:
             where = f" ({error.filename})" if error.filename else ""
             return 1, (
-                f"cannot write{where}: {error.strerror}. What was finished is kept. Make room, or choose another "
+                f"cannot write{where}: {error.strerror}. Finished parts are saved. Make room, or choose another "
                 "--out, and give the same command again."
             )
         return 2, text
@@ -153,7 +153,7 @@ def _explained(error: Exception) -> tuple[int, str]:
 
 
 def _union(group: str) -> Any:
-    """The commands of a group as one type, for tyro to complete words from."""
+    """The commands of a group as one type, for completion."""
     return Union[  # noqa: UP007
         tuple(
             Annotated[

@@ -42,7 +42,7 @@ def test_other_settings_are_not_mixed_in(tmp_path):
 
 
 def test_frames_are_what_the_true_poses_see():
-    """Without noise: depth is what another camera sees at the pose kept, odometry chains poses, truth is the patch."""
+    """Without noise: depth is that of another camera at the stored pose, odometry chains poses, truth is the patch."""
     still = CollectConfig(homes=1, steps=12, depth_noise=DepthNoise(), noise=NoiseModel(level=0.0))
     building = home_building(still, 0)
     frames = collect_home(building, still, seed=0)
@@ -62,14 +62,14 @@ def test_frames_are_what_the_true_poses_see():
 
 
 def test_beliefs_resemble_the_truth():
-    """The classical map ahead: in seen cells, what it takes for an obstacle is one or beside one (bound 90 %, is 95).
+    """The classical map ahead: in seen cells, its obstacles are true ones or next to one (bound 90 %, is 95).
 
-    Walls lie on the borders of cells here, so noise puts them into either cell. A patch turned the wrong way, or at a
-    wrong pose, has its walls anywhere. The target's post is no obstacle, and in the picture for a while.
+    Walls lie on the borders of cells here, so noise puts them into either cell. A patch with a wrong
+    turn, or at a wrong pose, has its walls anywhere. The target's post is no obstacle, and in the picture for a while.
     """
     frames = collect_home(make_building(two_rooms(0.8)), CollectConfig(steps=30), seed=1)
     truth = np.unpackbits(frames["truth"], axis=-1).astype(bool)
-    told = (frames["belief"] > 127) & truth[:, 1]
-    assert told.sum() > 100
+    obstacle = (frames["belief"] > 127) & truth[:, 1]
+    assert obstacle.sum() > 100
     near = maximum_filter(truth[:, 0], size=(1, 3, 3))
-    assert (near & told).sum() > 0.9 * told.sum()
+    assert (near & obstacle).sum() > 0.9 * obstacle.sum()

@@ -71,18 +71,18 @@ def test_an_interrupted_run_goes_on_to_the_same_bytes(links, rx, tmp_path):
         folder = tmp_path / str(stop_at)
         with pytest.raises(KeyboardInterrupt):
             links.trace(folder, workers=1, report=stop)
-        told = []
-        path = links.trace(folder, workers=1, report=lambda *done, told=told: told.append(done))
-        assert told[0][0] >= stop_at
-        assert told[-1] == (3 * len(rx), 3 * len(rx))
+        reports = []
+        path = links.trace(folder, workers=1, report=lambda *done, reports=reports: reports.append(done))
+        assert reports[0][0] >= stop_at
+        assert reports[-1] == (3 * len(rx), 3 * len(rx))
         assert path.read_bytes() == whole
 
 
 def test_a_finished_folder_is_not_traced_again(links, rx, tmp_path):
     path = links.trace(tmp_path, workers=1)
-    whole, told = path.read_bytes(), []
-    links.trace(tmp_path, workers=1, report=lambda *done: told.append(done))
-    assert told == [(3 * len(rx), 3 * len(rx))]
+    whole, reports = path.read_bytes(), []
+    links.trace(tmp_path, workers=1, report=lambda *done: reports.append(done))
+    assert reports == [(3 * len(rx), 3 * len(rx))]
     assert path.read_bytes() == whole
 
 

@@ -82,19 +82,19 @@ def test_frames_are_those_of_the_files(shards):
     for i in (0, 4, 5, 9, -1):
         frame = data[i]
         home, row = divmod(i % 10, 5)
-        with open(shards[home], "rb") as file, np.load(file) as kept:
-            np.testing.assert_allclose(frame["depth"][0], kept["depth"][row] / 1000, rtol=1e-6)
-            np.testing.assert_array_equal(frame["rgb"].permute(1, 2, 0), kept["rgb"][row])
-            assert int(frame["action"]) == kept["action"][row] and int(frame["home"]) == home
-            np.testing.assert_array_equal(frame["pose"], kept["pose"][row])
-            np.testing.assert_allclose(frame["belief"][0], kept["belief"][row] / 255, rtol=1e-6)
-            np.testing.assert_array_equal(np.packbits(frame["truth"].numpy(), axis=-1), kept["truth"][row])
+        with open(shards[home], "rb") as file, np.load(file) as stored:
+            np.testing.assert_allclose(frame["depth"][0], stored["depth"][row] / 1000, rtol=1e-6)
+            np.testing.assert_array_equal(frame["rgb"].permute(1, 2, 0), stored["rgb"][row])
+            assert int(frame["action"]) == stored["action"][row] and int(frame["home"]) == home
+            np.testing.assert_array_equal(frame["pose"], stored["pose"][row])
+            np.testing.assert_allclose(frame["belief"][0], stored["belief"][row] / 255, rtol=1e-6)
+            np.testing.assert_array_equal(np.packbits(frame["truth"].numpy(), axis=-1), stored["truth"][row])
     with pytest.raises(IndexError, match="frame 10 of 10"):
         data[10]
 
 
 def test_a_loader_gives_frames_the_same_each_time(shards):
-    """In order without shuffling; with one seed in one order; however few homes are kept in memory."""
+    """In order without shuffling; with one seed in one order; however few homes are cached."""
     few, all_of_them = FrameDataset(shards, cached_homes=1), FrameDataset(shards, keys=("depth", "action"))
     (batch,) = DataLoader(all_of_them, batch_size=10)
     assert set(batch) == {"depth", "action", "home"}
@@ -107,7 +107,7 @@ def test_a_loader_gives_frames_the_same_each_time(shards):
     assert torch.equal(*seen) and not torch.equal(seen[0], batch["depth"])
 
 
-def test_frames_that_are_not_there_are_told(tmp_path, shards):
+def test_missing_frames_are_reported(tmp_path, shards):
     """An empty folder, a damaged file and an unknown key: one line with the name."""
     with pytest.raises(ValueError, match=r"no home-\*\.npz\. Collect some"):
         FrameDataset(tmp_path)

@@ -42,7 +42,7 @@ def test_minari_reads_what_the_environment_said(config, tmp_path):
     env.close()
 
 
-def test_it_goes_on_and_refuses_another_kind(config, tmp_path):
+def test_a_run_is_resumed_and_another_configuration_rejected(config, tmp_path):
     """Three searches, then two more: the same as five at once."""
     from dataclasses import replace
 
@@ -58,7 +58,7 @@ def test_it_goes_on_and_refuses_another_kind(config, tmp_path):
         collect_searches(replace(config, seed=9), tmp_path / "run", quiet)
 
 
-def test_the_way_is_followed_through_a_door(config):
+def test_the_route_is_followed_through_a_door(config):
     """From one room to the other without noise of choice: arrival within twice the steps of the shortest drive."""
     env = gymnasium.make("robosim/TargetSearch-v1", plan=two_rooms(0.8), observe=("pose",)).unwrapped
     _, info = env.reset(seed=0, options={"start": [0.7, 0.6, np.pi], "target": [5.4, 2.4]})

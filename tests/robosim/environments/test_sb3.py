@@ -75,7 +75,7 @@ def test_one_thread_unless_something_else_is_asked_for(threads, after):
         ({"max_episode_steps": 0}, "max_episode_steps is 0"),
     ],
 )
-def test_senseless_settings_are_refused(options, message):
+def test_senseless_settings_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         sb3_vec_env(**{**OPTIONS, **options})
 

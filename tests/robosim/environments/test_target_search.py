@@ -57,7 +57,7 @@ def rollout(env, seed: int, steps: int = 25) -> list:
 
 
 def test_same_seed_same_rollout():
-    """Bit for bit, in a new environment too; another seed begins elsewhere."""
+    """Bit-identical, in a new environment too; another seed starts in another place."""
     env, other = made(observe=ALL), made(observe=ALL)
     first, again, second = rollout(env, 5), rollout(env, 5), rollout(other, 5)
     for twin in (again, second):
@@ -73,7 +73,7 @@ def test_same_seed_same_rollout():
 def test_radio_is_observed_in_the_robots_frame():
     """2 m from the target in an open room the strongest path comes from there, turned by the robot's heading.
 
-    Bound 1 degree: errors of reading are 0.05 degrees for a path alone, 1 for one beside others.
+    Bound 1 degree: errors of reading are 0.05 degrees for a path alone, 1 for one next to others.
     """
     env = made(observe=("radio",))
     observation, _ = env.reset(seed=0, options={"start": [0.7, 1.5, 0.6], "target": [2.3, 1.9]})
@@ -192,7 +192,7 @@ def test_coming_into_sight_is_rewarded():
         ({"observe": ("lidar",), "config": SimulatorConfig()}, "the simulator's lidar is 'none'"),
     ],
 )
-def test_senseless_settings_are_refused(options, message, monkeypatch):
+def test_senseless_settings_are_rejected(options, message, monkeypatch):
     monkeypatch.setattr(jaxtyping.config, "jaxtyping_disable", True)  # it would be first to complain
     with pytest.raises(ValueError, match=message):
         TargetSearch(PLAN, **options)
@@ -202,7 +202,7 @@ def test_senseless_settings_are_refused(options, message, monkeypatch):
     ("options", "message"),
     [({"goal": 1}, "goal"), ({"plan": 3}, "plan is 3, expected a number of 0 to 0")],
 )
-def test_senseless_options_of_a_reset_are_refused(options, message):
+def test_senseless_options_of_a_reset_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         made(observe=("pose",)).reset(options=options)
 

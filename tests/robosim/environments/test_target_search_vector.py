@@ -29,9 +29,9 @@ def assert_same(first, second, what: str = "") -> None:
 
 @pytest.mark.parametrize("mode", ["sync", "async"])
 def test_it_does_step_for_step_what_lone_environments_do(mode):
-    """Observations, rewards, ends and infos, over searches that end and begin anew after 12 steps."""
+    """Observations, rewards, ends and infos, over searches that end and start again after 12 steps."""
     ours = gymnasium.make_vec(ID, 3, vectorization_mode="vector_entry_point", max_episode_steps=12, **OPTIONS)
-    # A spec of its own: `make_vec` has no other way to end searches of lone environments early.
+    # A spec of its own: `make_vec` cannot otherwise end searches of lone environments early.
     spec = gymnasium.spec(ID)
     before, spec.max_episode_steps = spec.max_episode_steps, 12
     # Processes of their own begin afresh: a fork would copy locks of threads that are not there any more.
@@ -59,18 +59,18 @@ def test_it_does_step_for_step_what_lone_environments_do(mode):
 
 def test_a_robot_does_not_depend_on_how_many_there_are():
     """The first of one, two and four does the same, bit for bit."""
-    ways = []
+    runs = []
     for count in (1, 2, 4):
         env = TargetSearchVector(count, **OPTIONS)
         seen = [env.reset(seed=9)[0]]
         seen += [env.step(np.full(count, action))[0] for action in (0, 1, 0, 2, 0, 0)]
-        ways.append(np.concatenate([np.ravel(one[key][0]) for one in seen for key in sorted(one)]))
+        runs.append(np.concatenate([np.ravel(one[key][0]) for one in seen for key in sorted(one)]))
         env.close()
-    assert np.array_equal(ways[0], ways[1])
-    assert np.array_equal(ways[0], ways[2])
+    assert np.array_equal(runs[0], runs[1])
+    assert np.array_equal(runs[0], runs[2])
 
 
-def test_few_buildings_with_a_radio_are_kept(monkeypatch):
+def test_few_buildings_with_a_radio_are_cached(monkeypatch):
     """Their tables take much memory; those without one stay."""
     monkeypatch.setattr("robosim.environments.places._WITH_RADIO", 2)
     config = SimulatorConfig(physics="kinematic", camera="none", lidar="ring-64")
@@ -95,8 +95,8 @@ def test_robots_share_a_building_and_not_their_poses():
     assert first.world.pose[0] == pytest.approx(1.25, abs=2e-3)
 
 
-def test_some_may_start_anew():
-    """`reset_mask` leaves the others' observations as they were; senseless masks are refused."""
+def test_some_may_start_again():
+    """`reset_mask` does not change the others' observations; senseless masks are rejected."""
     env = TargetSearchVector(3, plan=PLAN, observe=("pose", "lidar"))
     env.reset(seed=0)
     before = env.step(np.zeros(3, int))[0]

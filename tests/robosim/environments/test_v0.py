@@ -88,7 +88,7 @@ def test_driving_onto_the_target_ends_with_the_reward_of_arrival():
     assert sum(rewards) == pytest.approx(10 + 1.0 - 0.04, abs=0.03)
 
 
-def test_unknown_options_are_refused():
+def test_unknown_options_are_rejected():
     env = gymnasium.make("robosim/TargetSearch-v0", plan=two_rooms(0.8), config=FAST)
     with pytest.raises(ValueError, match=r"Known: start, target"):
         env.reset(options={"goal": [1, 1]})

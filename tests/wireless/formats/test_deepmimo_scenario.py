@@ -1,6 +1,6 @@
 """Scenarios for DeepMIMO: what a reader of the published format gets, and what the package itself does.
 
-The package is not among the test requirements, since it wants a NumPy older than the newest; the test that
+The package is not among the test requirements, since it needs a NumPy older than the newest; the test that
 needs it is skipped where it is missing (`pip install deepmimo`).
 """
 
@@ -85,7 +85,7 @@ def test_channels_made_from_the_matrices_are_the_sum_of_gains(scenarios, paths):
         assert np.abs(channel - exact).max() < 2e-6 * np.abs(mine.gain).max()
 
 
-def test_interactions_are_digits_in_the_order_of_the_way(scenarios, paths):
+def test_interactions_are_digits_in_the_order_of_the_path(scenarios, paths):
     """0 for line of sight; else digit i is the kind at position i, from the transmitter on."""
     inter, at = matrix(scenarios, "inter", 0), matrix(scenarios, "inter_pos", 0)
     kinds = set()
@@ -133,12 +133,12 @@ def test_links_without_any_path_leave_one_empty_column(paths, tmp_path):
     ("name", "expected"), [("Colebrook", "colebrook"), ("My Plan: 2", "my_plan_2"), ("…", "scenario")]
 )
 def test_names_are_such_as_the_package_takes(name, expected):
-    """It looks for folders in lower case, and refuses slashes, colons, quotes and the like."""
+    """It looks for folders in lower case, and rejects slashes, colons, quotes and the like."""
     assert scenario_name(name) == expected
 
 
 def test_the_package_itself_reads_what_was_traced(scenarios, paths, mesh, monkeypatch):
-    """`deepmimo.load`: link by link the same powers, angles, ways and sight, and the building of the same size."""
+    """`deepmimo.load`: the same powers, angles, lengths and sight of each link, and the building of the same size."""
     deepmimo = pytest.importorskip("deepmimo", reason="needs the deepmimo package, which is not installed")
     monkeypatch.chdir(scenarios.parent)
     loaded = deepmimo.load("box")

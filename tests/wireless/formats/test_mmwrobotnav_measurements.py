@@ -110,10 +110,10 @@ def test_a_wall_between_keeps_line_of_sight_and_raises_the_rest(extruded):
             [9.0, 3.5, 1.5],
         ]
     )
-    way = shapely.linestrings([[tx[0, :2], point[:2]] for point in rx])
+    segments = shapely.linestrings([[tx[0, :2], point[:2]] for point in rx])
     walls = shapely.MultiLineString(screen + sheet)
-    crossed = shapely.get_num_geometries(shapely.intersection(way, walls)) * ~shapely.is_empty(
-        shapely.intersection(way, walls)
+    crossed = shapely.get_num_geometries(shapely.intersection(segments, walls)) * ~shapely.is_empty(
+        shapely.intersection(segments, walls)
     )
     state = link_states(tracer.trace(tx, rx))[0]
     np.testing.assert_array_equal(crossed, [0, 1, 1, 1, 1, 2])
