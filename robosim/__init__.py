@@ -57,11 +57,11 @@ Episodes:
     record_episode   the same, with a video and files to look at
     EpisodeConfig    how an episode is run
     EpisodeLog       everything that happened in it
-    Decision         what an onlooker may see of one decision
-    read_decisions   the log of decisions of a recorded episode
+    Step             one step: what was sensed, estimated, decided, and is true
+    read_episode     reads a recorded episode
     GoalPolicy       what a goal policy does: derive yours from it
     PolicyContext    what it is made from
-    Situation        what a robot knows when it is asked for a goal
+    Estimates        what a robot makes of what it senses
     Measurement      what it makes of what its radio measured
 
 Evaluation:
@@ -152,9 +152,9 @@ _MODULES = {
     "run_episode": "episode",
     "record_episode": "run",
     "EpisodeConfig": "episode",
-    "EpisodeLog": "task.record",
-    "Decision": "episode",
-    "read_decisions": "recording.decision_log",
+    "EpisodeLog": "episode_log",
+    "Step": "step",
+    "read_episode": "recording.episode_file",
     "evaluate": "evaluation.evaluate",
     "Suite": "evaluation.suite",
     "find_suite": "evaluation.evaluate",
@@ -173,7 +173,7 @@ _MODULES = {
     "with_anchors": "task.tasks",
     "GoalPolicy": "policies.goals",
     "PolicyContext": "policies.goals",
-    "Situation": "policies.situation",
+    "Estimates": "policies.estimates",
     "Measurement": "radio.measurement",
 }
 #: What `from robosim import *` brings: data sets for PyTorch only where that is installed.
@@ -235,9 +235,9 @@ if TYPE_CHECKING:
     from robosim.environments.sources import GeneratedHomes as GeneratedHomes
     from robosim.environments.target_search import TargetSearch as TargetSearch
     from robosim.environments.target_search_vector import TargetSearchVector as TargetSearchVector
-    from robosim.episode import Decision as Decision
     from robosim.episode import EpisodeConfig as EpisodeConfig
     from robosim.episode import run_episode as run_episode
+    from robosim.episode_log import EpisodeLog as EpisodeLog
     from robosim.evaluation.evaluate import evaluate as evaluate
     from robosim.evaluation.evaluate import find_suite as find_suite
     from robosim.evaluation.suite import Suite as Suite
@@ -255,14 +255,14 @@ if TYPE_CHECKING:
     from robosim.plans.formats.ros_map import write_ros as write_ros
     from robosim.plans.furnishings.furnishing import Furnishing as Furnishing
     from robosim.plans.furnishings.pieces import make_piece as make_piece
+    from robosim.policies.estimates import Estimates as Estimates
     from robosim.policies.goals import GoalPolicy as GoalPolicy
     from robosim.policies.goals import PolicyContext as PolicyContext
-    from robosim.policies.situation import Situation as Situation
     from robosim.radio.measurement import Measurement as Measurement
     from robosim.radio.receivers import receiver_grid as receiver_grid
     from robosim.radio.scene import RadioConfig as RadioConfig
     from robosim.radio.scene import RadioScene as RadioScene
-    from robosim.recording.decision_log import read_decisions as read_decisions
+    from robosim.recording.episode_file import read_episode as read_episode
     from robosim.robot.mjcf import export_mjcf as export_mjcf
     from robosim.robot.odometry import NoiseModel as NoiseModel
     from robosim.robot.robots import RobotConfig as RobotConfig
@@ -270,7 +270,7 @@ if TYPE_CHECKING:
     from robosim.simulator import Observation as Observation
     from robosim.simulator import Simulator as Simulator
     from robosim.simulator import SimulatorConfig as SimulatorConfig
-    from robosim.task.record import EpisodeLog as EpisodeLog
+    from robosim.step import Step as Step
     from robosim.task.tasks import Anchor as Anchor
     from robosim.task.tasks import Task as Task
     from robosim.task.tasks import make_task as make_task

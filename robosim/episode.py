@@ -1,8 +1,9 @@
-"""One episode: a robot searches a target in a building it does not know.
+"""One episode: a robot searches for a target in a building that it does not know.
 
-This is the whole system on one page. Read `drive`: each turn of its loop is one decision, each line of the loop one
-part of the system. `run_episode` looks on and judges; whoever collects frames or teaches looks on in other ways. The
-mapper never sees the true pose, and only the oracle sees the target; `shortest`, the physical limit, is told all.
+This is the whole system on one page. Read `drive`: each turn of its loop is one step, each line of the loop one part of
+the system. `run_episode` judges a search and keeps its log; data collection and training call `drive` with other
+functions. The mapper never sees the true pose. Of the policies only the oracle is given the target, and `shortest`, the
+physical limit, the building too.
 """
 
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from jaxtyping import Float
 
 from robosim.building.building import Building, BuildingConfig
 from robosim.building.reach import Reach
+from robosim.episode_log import EpisodeLog
 from robosim.navigation import Navigator, control_of, make_navigator
 from robosim.parts import (
     ClassifierPart,
@@ -25,29 +27,25 @@ from robosim.parts import (
     GoalPart,
     MapperPart,
 )
-from robosim.policies.belief import TargetBelief
+from robosim.policies.estimates import Estimates
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
-from robosim.policies.reason import KEPT, UNTOLD, GoalKind, Reason
+from robosim.policies.reason import KEPT, UNTOLD, GoalKind
 from robosim.policies.shortest import Shortest, TrueMapper
-from robosim.policies.situation import Situation
 from robosim.radio.bearings import bearings_of
 from robosim.radio.measurement import Interpreter, check_classifier
-from robosim.robot.motion import Motion
 from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.step import Decision, Step, Truth
 from robosim.support.checks import SEED, STEPS, checked
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.stopwatch import Stopwatch
 from robosim.task.coverage import Coverage
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.grid import MapEstimate
 from slam.mapping.classical import Listener
 from slam.planning.cost_map import CostConfig
-from slam.planning.planner import Plan
 from slam.planning.rounds import Remedy, Rounds
-from wireless.paths import Paths
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +54,13 @@ class EpisodeConfig:
     """How an episode is run."""
 
     goal: Annotated[GoalPart, tyro.conf.Suppress] = "fused"
-    """Who chooses the goals."""
+    """Goal policy."""
     explorer: ExplorerPart = "learned"
-    """Who chooses among frontiers when the goal is to explore."""
+    """Explorer: chooses among frontiers when the goal is to explore."""
     controller: ControllerPart = "planned"
-    """Who chooses actions: a search over turns and runs, or a network that has watched it."""
+    """Controller: planned, a search over turns and runs, or a network that has learned from it."""
     mapper: MapperPart = "neural"
-    """Who makes the map: classical, neural, a .safetensors file of a trained network, or learned-pose."""
+    """Mapper: classical, neural, learned-pose, or a .safetensors file of a trained network."""
     seed: Annotated[int, SEED, tyro.conf.Suppress] = 0
     """Seed of everything random in the episode."""
     max_steps: Annotated[int, STEPS] = 1000
@@ -72,7 +70,7 @@ class EpisodeConfig:
     simulator: Annotated[SimulatorConfig, tyro.conf.arg(name="")] = field(default_factory=SimulatorConfig)
     """What is simulated."""
     link_states: ClassifierPart = "generated"
-    """Who tells link states: a shipped classifier by name, a .safetensors file, or "true" for the truth."""
+    """Link-state classifier: a shipped one by name, a .safetensors file, or "true" for the true states."""
     fused: FusedConfig = field(default_factory=FusedConfig)
     """How the goal policy `fused` weighs what it knows."""
 
@@ -89,54 +87,20 @@ class EpisodeConfig:
                 )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Turn:
-    """What was sensed in one turn of the loop, and what was made of it; with the truth beside it, for onlookers."""
-
-    pose: Float[np.ndarray, "3"]
-    """True pose: x [m], y [m], yaw [rad] in `map`."""
-    before: Action | None
-    """The action that led here; None at the first."""
-    motion: Motion | None
-    """What it truly did; None at the first."""
-    view: Observation
-    """What the robot sensed."""
-    estimate: MapEstimate
-    """Map and pose as the robot has them."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Decision(Turn):
-    """A turn with what was decided in it."""
-
-    situation: Situation
-    """What the robot makes of what it sensed."""
-    paths: Paths | None
-    """True radio paths; None without a radio."""
-    belief: TargetBelief | None
-    """Where its policy takes the target to be; None if it keeps no such belief."""
-    goal: Float[np.ndarray, "2"]
-    """Where to go, in `map` [m]."""
-    reason: Reason
-    """Why to go there."""
-    plan: Plan
-    """How to get there."""
-    action: Action
-    """What is done next."""
-
-
-#: Is told of each decision, after the action is chosen and before it is done. It may give another action, which is done
-#: instead: so a person drives.
-Onlooker = Callable[[EpisodeLog, Decision], Action | None]
+#: Decides whether the robot goes on, from what it sensed, what it made of it, and the truth.
+Judge = Callable[[Observation, Estimates, Truth], bool]
+#: Called at each step after the action is chosen and before it is done. If it returns an action, that one is done
+#: instead: this is how a person drives.
+Observer = Callable[[EpisodeLog, Step], Action | None]
 
 
 def check_weights(config: EpisodeConfig) -> None:
-    """Read the weights that an episode asks for, so that a bad file is found before the work begins.
+    """Read the weights that an episode needs, so that a bad file is found before the work begins.
 
-    Without a radio nobody tells link states, and their weights are not read.
+    Without a radio no link state is classified, and the classifier's weights are not read.
 
     Raises:
-        ValueError: If a file is missing, damaged or of something else, or tells link states by what is not measured.
+        ValueError: If a file is missing, damaged or of something else, or classifies by inputs that are not measured.
     """
     navigator = make_navigator(config.simulator, config.explorer, config.mapper, config.controller)
     if _policy(config, navigator, np.zeros(2)).uses_radio:
@@ -144,20 +108,15 @@ def check_weights(config: EpisodeConfig) -> None:
 
 
 def _policy(config: EpisodeConfig, navigator: Navigator, target: Float[np.ndarray, "2"]) -> GoalPolicy:
-    """Who chooses the goals; without a camera nothing was seen to be empty."""
+    """The goal policy; without a camera none of the floor counts as seen to be empty."""
     looks = config.simulator.camera != "none"
     control, fused, cost = control_of(config.simulator), config.fused, config.fused.cost
-    # One that was set on purpose counts; else it is the robot's own.
+    # A radius that differs from the default is deliberate; else the robot's own is used.
     if cost.radius_m == CostConfig.radius_m:
         cost = replace(cost, radius_m=control.radius_m)
     fused = replace(fused, cost=cost, uses_camera=fused.uses_camera and looks)
     context = PolicyContext(explorer=navigator.explorer, fused=fused, control=control, target=target)
     return make_policy(config.goal, context)
-
-
-def without_radio(view: Observation, estimate: MapEstimate) -> Situation:
-    """What a robot without a radio makes of what it sensed."""
-    return Situation(estimate, target=view.target, view=view)
 
 
 def drive(
@@ -166,72 +125,63 @@ def drive(
     policy: GoalPolicy,
     task: Task,
     rng: np.random.Generator,
-    judge: Callable[[Turn], bool],
-    on_decision: Callable[[Decision], Action | None] = lambda decision: None,
+    judge: Judge,
+    on_step: Callable[[Step], Action | None] = lambda step: None,
     *,
-    interpret: Callable[[Observation, MapEstimate], Situation] = without_radio,
+    interpret: Callable[[Observation, MapEstimate], Estimates] = lambda sensed, map_: Estimates(map_),
     watch: Stopwatch | None = None,
-) -> tuple[Turn, bool]:
-    """Let a robot drive, one decision after another.
+) -> tuple[MapEstimate, bool]:
+    """Let a robot drive, one step after another.
 
     Args:
         simulator: The robot in its building.
-        navigator: Who maps, plans and steers.
-        policy: Who chooses the goals.
+        navigator: Mapper, planner and controller.
+        policy: Chooses the goals.
         task: Where the robot starts, and where the target stands.
         rng: Source of all noise.
-        judge: Whether the robot goes on; asked in each turn before anything is decided.
-        on_decision: Is told of each decision before it is done; another action that it gives is done instead.
-        interpret: What the robot makes of what it sensed.
+        judge: Whether the robot goes on; called at each step before anything is decided.
+        on_step: Called at each step before its action is done. If it returns an action, that one is done instead.
+        interpret: Adds to the map what the robot makes of its radio measurements.
         watch: Collects the time by stage.
 
     Returns:
-        The last turn, and whether it was the policy that had no goal any more, rather than the judge who ended it.
+        The map in the end, and whether the policy ended the drive by having no goal, rather than the judge.
     """
     watch = watch or Stopwatch()
     mapper, planner, controller, _ = navigator
     rounds = Rounds()
-    view, motion, action = simulator.reset(task, rng), None, None
+    sensed, motion, action, number = simulator.reset(task, rng), None, None, 0
     mapper.reset(task.start)
     while True:
         with watch.stage("mapper"):
-            estimate = mapper.update(view.depth, action, view.odometry, **view.beside)
-        turn = Turn(pose=simulator.pose, before=action, motion=motion, view=view, estimate=estimate)
+            map_ = mapper.update(sensed.depth, action, sensed.odometry, **sensed.mapper_inputs)
+        true = Truth(pose=simulator.pose, action=action, motion=motion)
         with watch.stage("judging"):
-            if not judge(turn):
-                return turn, False
+            if not judge(sensed, Estimates(map_), true):
+                return map_, False
         with watch.stage("link state"):
-            situation = interpret(view, estimate)
+            estimated = interpret(sensed, map_)
         with watch.stage("goal"):
-            goal = policy.goal(situation)
-        if goal is None:
-            return turn, True
+            wanted = policy.goal(sensed, estimated)
+        if wanted is None:
+            return map_, True
         with watch.stage("planner"):
-            asked, goal = goal, rounds.goal(goal, estimate.pose)
-            # A policy that somebody has written may not say.
-            reason = KEPT if goal is not asked else getattr(policy, "reason", None) or UNTOLD
-            # Floor is seen from before a niche; a target that is searched may stand in it.
+            goal = rounds.goal(wanted, map_.pose)
+            # A policy of a user need not give reasons.
+            reason = KEPT if goal is not wanted else getattr(policy, "reason", None) or UNTOLD
+            # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not policy.seeks_target
-            plan = planner.plan(estimate, goal, look=look)
-            if rounds.watch(estimate.pose, goal, plan) is Remedy.PLAN_CLOSELY:
+            plan = planner.plan(map_, goal, look=look)
+            if rounds.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
-            own = policy.action() if isinstance(policy, Driver) else None
-            action = controller.act(estimate.pose, plan) if own is None else own
-        paths = simulator.radio.paths if simulator.radio else None
-        other = on_decision(
-            Decision(
-                **vars(turn),
-                situation=situation,
-                paths=paths,
-                belief=policy.belief,
-                goal=goal,
-                reason=reason,
-                plan=plan,
-                action=action,
-            )
-        )
-        action = action if other is None else other
-        view, motion = simulator.step(action)
+            action = policy.action() if isinstance(policy, Driver) else None
+            action = controller.act(map_.pose, plan) if action is None else action
+        decided = Decision(goal=goal, reason=reason, path=plan.path, action=action, belief=policy.belief)
+        step = Step(number=number, sensed=sensed, estimated=estimated, decided=decided, true=true)
+        replacement = on_step(step)
+        action = action if replacement is None else replacement
+        sensed, motion = simulator.step(action)
+        number += 1
 
 
 def run_episode(
@@ -239,23 +189,23 @@ def run_episode(
     reach: Reach,
     task: Task,
     config: EpisodeConfig,
-    on_decision: Onlooker = lambda log, decision: None,
+    on_step: Observer = lambda log, step: None,
     watch: Stopwatch | None = None,
 ) -> tuple[EpisodeLog, MapEstimate]:
     """Drive one robot until it arrives, has explored everything, or is out of steps.
 
-    Ctrl-C or SIGTERM ends the episode after the step that is under way; what was done until then is returned.
+    Ctrl-C or SIGTERM ends the episode after the current step; what was done until then is returned.
 
     Args:
         building: Where.
         reach: What the robot's hull can reach there; coverage is counted over it.
         task: From where to where.
         config: How.
-        on_decision: Called once a decision, after the action is chosen, to draw or report; or to drive by hand.
+        on_step: Called at each step, after the action is chosen, to draw or report; or to drive by hand.
         watch: Collects the time by stage.
 
     Returns:
-        The log, and the map as built in the end.
+        The log, and the map in the end.
     """
     watch = watch or Stopwatch()
     log = EpisodeLog(task, seconds=watch.seconds)
@@ -275,40 +225,43 @@ def run_episode(
     rng = np.random.default_rng([config.seed, 1])
     known_places = {anchor.name: anchor.place for anchor in task.anchors if anchor.known}
 
-    def judge(turn: Turn) -> bool:
-        coverage.update(turn.pose, simulator.true_depth, simulator.true_laser)
-        log.add_pose(turn.motion, turn.pose, turn.estimate.pose, coverage.fraction)
+    def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
+        coverage.update(true.pose, simulator.true_depth, simulator.true_laser)
+        log.add_pose(true.motion, true.pose, estimated.pose, coverage.fraction)
         log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
         return log.ended == "running"
 
-    def interpret(view: Observation, estimate: MapEstimate) -> Situation:
+    def interpret(sensed: Observation, map_: MapEstimate) -> Estimates:
         if radio is None or interpreter is None:
-            return without_radio(view, estimate)
-        measurement = interpreter.interpret(view.paths, estimate.pose)
+            return Estimates(map_)
+        measurement = interpreter.interpret(sensed.paths, map_.pose)
         log.add_link(measurement, radio)
         anchors = {}
         for name, link in simulator.anchors.items():
-            anchors[name] = interpreter.interpret(view.anchors[name], estimate.pose, link)
+            anchors[name] = interpreter.interpret(sensed.anchors[name], map_.pose, link)
             log.add_link(anchors[name], link, name)
-        situation = Situation(estimate, measurement, anchors, known_places, view.target, view)
+        estimated = Estimates(map_, measurement, anchors, known_places)
         if isinstance(navigator.mapper, Listener):
-            heard = {"target": measurement, **anchors}
-            navigator.mapper.listen(bearings_of(heard, radio.config, known_places))
-            situation = replace(situation, located=navigator.mapper.transmitters)
-        return situation
+            measured = {"target": measurement, **anchors}
+            navigator.mapper.listen(bearings_of(measured, radio.config, known_places))
+            estimated = replace(estimated, locate_transmitters=navigator.mapper.transmitters)
+        return estimated
 
-    def look(decision: Decision) -> Action | None:
-        return on_decision(log, decision)
+    def observe(step: Step) -> Action | None:
+        true = replace(step.true, coverage=coverage.fraction)
+        if radio is not None:
+            true = replace(true, link_state=radio.state, aoa_rad=radio.bearing, paths=radio.paths)
+        return on_step(log, replace(step, true=true))
 
     with closing(simulator), noted_interrupt("this step", (SIGINT, SIGTERM)) as interrupt:
-        last, explored = drive(
-            simulator, navigator, policy, task, rng, judge, look, interpret=interpret, watch=watch
+        map_, explored = drive(
+            simulator, navigator, policy, task, rng, judge, observe, interpret=interpret, watch=watch
         )
     if explored:
         log.ended = "explored"
     if isinstance(navigator.mapper, Listener):
         log.transmitters = navigator.mapper.transmitters()
-    return log, last.estimate
+    return log, map_
 
 
 def _verdict(log: EpisodeLog, policy: GoalPolicy, config: EpisodeConfig) -> str:

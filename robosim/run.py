@@ -1,6 +1,5 @@
-"""One episode with everything a person wants of it: progress while it runs, and files to look at afterwards."""
+"""One episode with a progress display and output files."""
 
-import math
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -14,26 +13,26 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress
 from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.compiling import compiled_beside
-from robosim.drawing.picture import Picture, building_rings
-from robosim.drawing.snapshot import Snapshot, arrivals, belief_layer, built_layer, whole_mm
-from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
+from robosim.drawing.picture import Picture, status_line
+from robosim.drawing.plan_view import building_rings
+from robosim.episode import EpisodeConfig, check_weights, run_episode
+from robosim.episode_log import EpisodeLog
 from robosim.plans.files import write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, UNKNOWN, FloorPlan
-from robosim.policies.reason import decisions_along
-from robosim.recording.decision_log import DECISIONS, DecisionWriter
+from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.recording.rerun_recording import RECORDING, RerunRecording, rerun_sdk
-from robosim.support.files import write_json
+from robosim.step import Step
+from robosim.support.files import plain, write_json, write_whole
 from robosim.support.installation import package_version
 from robosim.support.interrupt import noted_interrupt
 from robosim.support.parts import described, told
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from slam.grid import MapEstimate
 
-#: What an episode leaves, in the order in which it is told.
+#: Files of an episode, in the order in which they are listed.
 FILES = (
     "result.json",
     "map.png",
@@ -41,12 +40,10 @@ FILES = (
     "map.pgm",
     "trajectory.tum",
     "estimate.tum",
-    DECISIONS,
+    EPISODE,
     "episode.mp4",
 )
-
-
-#: Mappers that guess nothing where they have not looked.
+#: Mappers that do not anticipate what they have not seen.
 _OBSERVERS = ("classical", "learned-pose")
 
 
@@ -65,7 +62,7 @@ def record_episode(
     """Run an episode and write its files into a folder.
 
     The files: `result.json`, `trajectory.tum` and `estimate.tum`, the built map as `map.yaml` and `map.pgm`,
-    `map.png`, `decisions.npz` (the log that `robosim replay` draws from), and `episode.mp4`. An interrupted episode
+    `map.png`, `episode.npz` (all steps, from which `robosim replay` draws), and `episode.mp4`. An interrupted episode
     leaves the same files, of what was done until then.
 
     Args:
@@ -91,8 +88,8 @@ def record_episode(
         rerun_sdk()
     check_weights(config)
     with run_folder(out, "episode") as folder:
-        # Files of an earlier episode must not stand beside this one's.
-        for name in (*FILES, "replay.mp4", "sheet.png", RECORDING):
+        # Files of an earlier episode, or version, must not be taken for this one's.
+        for name in (*FILES, "replay.mp4", "sheet.png", "decisions.npz", RECORDING):
             (folder / name).unlink(missing_ok=True)
         with compiled_beside(config):
             return _record(
@@ -120,8 +117,9 @@ def _record(
         task = with_anchors(task, places, anchors)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
-    picture = Picture(rings, task.target, anticipates=config.mapper not in _OBSERVERS)
-    decisions = DecisionWriter(rings, task.target)
+    title = f"{plan.name}  {told(config.goal)}"
+    picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
+    steps = EpisodeWriter(rings)
     with ExitStack() as files, _progress(console) as progress:
         writer = None
         if video:
@@ -134,32 +132,31 @@ def _record(
             files.callback(_timed, recording.close, watch, "rerun")
         bar = progress.add_task(plan.name, total=config.max_steps, note="")
 
-        def look(log: EpisodeLog, decision: Decision) -> None:
-            picture.seeks_target = decisions.seeks_target = log.seeks_target
-            text = status_line(log, decision)
+        def record(log: EpisodeLog, step: Step) -> None:
+            picture.target = task.target if log.seeks_target else None
+            text = status_line(step, picture.target)
             progress.update(bar, completed=log.steps, note=text)
             with watch.stage("log"):
-                snapshot = snapshot_of(
-                    log, decision, f"{plan.name}  {told(config.goal)}  step {log.steps}  {text}"
-                )
-                decisions.add(snapshot)
+                steps.add(step)
             if writer is not None:
                 with watch.stage("video"):
-                    writer.add(picture.draw(snapshot))
+                    writer.add(picture.draw(step))
             if recording is not None:
                 with watch.stage("rerun"):
-                    recording.add(log, decision)
+                    recording.add(step)
 
-        log, estimate = run_episode(building, places, task, config, look, watch)
+        log, estimate = run_episode(building, places, task, config, record, watch)
     from robosim.drawing.plots import plot_episode  # brings matplotlib, which takes a second
 
-    # The result last: where it is, all is. An impatient second Ctrl-C shall not cost it.
+    # The result last: it shows that all files are there. A second Ctrl-C must not cost it.
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)
-        decisions.save(out / DECISIONS)
+        result = plain(_result(plan, building, config, log, watch))
+        row = {"plan": plan.name, "policy": told(config.goal), "seed": config.seed, **plain(log.result())}
+        head = Head(row=row, seeks_target=log.seeks_target, timing=result["timing"]["seconds"])
+        write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate))
         write_ros(built_plan(estimate, plan.name), out / "map.yaml")
         plot_episode(out / "map.png", building, log, estimate)
-        result = _result(plan, building, config, log, watch)
         write_json(out / "result.json", result)
     return result
 
@@ -186,40 +183,6 @@ def built_plan(estimate: MapEstimate, name: str) -> FloorPlan:
 def _recording(out: Path, building: Building, task: Task, config: EpisodeConfig) -> RerunRecording:
     c = config.simulator
     return RerunRecording(out / RECORDING, building, task, c.image, c.radio.height_m)
-
-
-def snapshot_of(log: EpisodeLog, decision: Decision, text: str) -> Snapshot:
-    """What is drawn and kept of a decision."""
-    path = decision.plan.path
-    return Snapshot(
-        rgb=decision.view.rgb,
-        depth_mm=whole_mm(decision.view.depth),
-        pose=decision.pose,
-        estimate=decision.estimate.pose,
-        built=built_layer(decision.estimate),
-        goal=decision.goal,
-        path=path,
-        arrivals=None if decision.situation.measurement is None else arrivals(decision.situation.measurement),
-        belief=None if decision.belief is None else belief_layer(decision.belief),
-        text=text,
-        reason=decision.reason,
-        decisions=decisions_along(path, float(decision.estimate.pose[2])) if len(path) else math.nan,
-        coverage=log.coverage[-1],
-        true_state=log.links[-1].state if log.links else None,
-    )
-
-
-def status_line(log: EpisodeLog, decision: Decision) -> str:
-    """How far a search is, in words."""
-    gap = np.hypot(*(log.poses[-1][:2] - log.task.target))
-    error = np.hypot(*(log.poses[-1] - log.estimates[-1])[:2])
-    text = f"{100 * log.coverage[-1]:.0f} % seen, pose error {100 * error:.0f} cm"
-    if not log.seeks_target:
-        return text
-    text = f"{gap:.1f} m to target, {text}"
-    if decision.situation.measurement is None:
-        return text
-    return f"{text}, {decision.situation.measurement.state.name.lower().replace('_', ' ')}"
 
 
 def _progress(console: Console) -> Progress:

@@ -96,8 +96,8 @@ class Observation:
     """What the lidar measured; None without one."""
 
     @property
-    def beside(self) -> dict[str, LaserScan]:
-        """What a mapper is given beside depth and odometry, by the names of its arguments."""
+    def mapper_inputs(self) -> dict[str, LaserScan]:
+        """What a mapper is given in addition to depth and odometry, by the names of its arguments."""
         return {} if self.laser is None else {"laser": self.laser}
 
 
@@ -147,8 +147,8 @@ class Simulator:
         self._rng = self._radio_rng = self._depth_rng = self._lidar_rng = np.random.default_rng()
         self._depth = np.zeros((0, 0), np.float32)
 
-    def another(self) -> "Simulator":
-        """Another robot in the same building, alone as this one is: what is built for a building is shared."""
+    def clone(self) -> "Simulator":
+        """A second robot, alone in the same building; both share what is built for the building."""
         other = copy(self)
         again = getattr(self.world, "another", None)
         other.world = (

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from robosim.drawing.picture import Picture
-from robosim.recording.decision_log import read_decisions
+from robosim.recording.episode_file import read_episode
+from robosim.recording.replay import picture_of
 
 
 def main() -> None:
@@ -20,10 +20,9 @@ def main() -> None:
     parser.add_argument("--step", type=int, default=160, help="decision to draw")
     parser.add_argument("--out", type=Path, default=Path("assets/episode.png"))
     options = parser.parse_args()
-    log = read_decisions(options.episode)
-    picture = Picture(log.rings, log.target, anticipates=log.anticipates)
-    picture.seeks_target = log.seeks_target
-    frames = (picture.draw(snapshot) for snapshot in log.snapshots())
+    episode = read_episode(options.episode)
+    picture = picture_of(episode)
+    frames = (picture.draw(step) for step in episode.steps())
     *_, last = islice(frames, options.step + 1)
     Image.fromarray(last).save(options.out, optimize=True)
 

@@ -20,12 +20,12 @@ config = robosim.EpisodeConfig(goal="fused", mapper="classical", seed=2, simulat
 snapshots = []
 
 
-def record(log, decision):
-    """Called once per decision."""
-    estimate, belief, measurement = decision.estimate, decision.belief, decision.situation.measured()
+def record(log, step):
+    """Called at each step."""
+    estimate, belief, measurement = step.estimated.map, step.decided.belief, step.estimated.measurement
     seen = np.where(estimate.obstacle, 0.0, np.where(estimate.explored, 1.0, 0.8))
     snapshots.append(
-        (estimate.frame, seen, belief.frame, belief.probability().copy(), decision.goal, measurement)
+        (estimate.frame, seen, belief.frame, belief.probability().copy(), step.decided.goal, measurement)
     )
 
 

@@ -49,7 +49,7 @@ def episode(
 ) -> None:
     """Drive a robot through a building, and record the episode.
 
-    Writes result.json, trajectory.tum (true) and estimate.tum, the map (map.yaml, map.pgm), map.png, decisions.npz,
+    Writes result.json, trajectory.tum (true) and estimate.tum, the map (map.yaml, map.pgm), map.png, episode.npz,
     which `robosim replay` draws from, and episode.mp4. Ctrl-C or SIGTERM ends the episode; the same files are written
     of the steps until then. One seed gives one result.
 

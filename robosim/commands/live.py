@@ -58,7 +58,7 @@ def live(
     from robosim.episode import EpisodeConfig
     from robosim.live.link_model import LinkSettings
     from robosim.live.page import Page
-    from robosim.live.results import check_results
+    from robosim.live.recorded import check_results
     from robosim.plans.storey_plans import StoreysPlan
 
     if folder is not None:
@@ -84,7 +84,7 @@ def live(
 def _export(folder: Path, file: Path) -> None:
     """Write the episode of a folder as a page."""
     from robosim.live.export import export
-    from robosim.live.results import check_results, is_episode, read_recording
+    from robosim.live.recorded import check_results, is_episode, read_recording
 
     check_results(folder)
     if not is_episode(folder):

@@ -29,12 +29,14 @@ from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import TruePatches
-from robosim.episode import Turn, drive
+from robosim.episode import drive
 from robosim.generator.generate import GeneratorConfig, generate_plan
 from robosim.navigation import make_navigator
+from robosim.policies.estimates import Estimates
 from robosim.policies.goals import Explore
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Simulator, SimulatorConfig
+from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.step import Truth
 from robosim.support.arrays_in import FAR, Array
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
@@ -159,8 +161,8 @@ def _walk(
     navigator = make_navigator(simulator.config)
     task = make_task(places, rng, min_path_m=1.0)
 
-    def judge(turn: Turn) -> bool:
-        frames.add(turn)
+    def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
+        frames.add(sensed, estimated, true)
         return len(frames.rows) < steps
 
     drive(simulator, navigator, Explore(navigator.explorer), task, rng, judge)
@@ -173,19 +175,18 @@ class _Frames:
         self._truth = truth
         self.rows: list[dict[str, Any]] = []
 
-    def add(self, turn: Turn) -> None:
+    def add(self, sensed: Observation, estimated: Estimates, true: Truth) -> None:
         """Add a row with sensor data, estimates and ground truth."""
-        view, estimate = turn.view, turn.estimate
         self.rows.append(
             {
-                "depth": np.minimum(np.rint(view.depth * 1000), 65535).astype(np.uint16),
-                "rgb": view.rgb.copy(),
-                "action": np.int8(-1 if turn.before is None else turn.before),
-                "odometry": view.odometry.astype(np.float32),
-                "pose": turn.pose,
-                "estimate": estimate.pose,
-                "belief": np.rint(255 * belief_ahead(estimate)).astype(np.uint8),
-                "truth": np.packbits(self._truth.at(turn.pose), axis=-1),
+                "depth": np.minimum(np.rint(sensed.depth * 1000), 65535).astype(np.uint16),
+                "rgb": sensed.rgb.copy(),
+                "action": np.int8(-1 if true.action is None else true.action),
+                "odometry": sensed.odometry.astype(np.float32),
+                "pose": true.pose,
+                "estimate": estimated.pose,
+                "belief": np.rint(255 * belief_ahead(estimated.map)).astype(np.uint8),
+                "truth": np.packbits(self._truth.at(true.pose), axis=-1),
             }
         )
 

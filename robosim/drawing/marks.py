@@ -16,6 +16,8 @@ LINE_PX = 20
 SCALE_PX = 34
 _INK = (20, 20, 20)
 _SMALL = 0.4
+#: Size of titles, relative to OpenCV's font.
+TITLE_SIZE = 0.45
 
 
 class Entry(NamedTuple):

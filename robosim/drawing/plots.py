@@ -12,8 +12,8 @@ from matplotlib.patches import Patch
 from robosim.building.building import Building
 from robosim.building.reach import Reach
 from robosim.drawing.plan_marks import explain, map_keys, wall_keys
+from robosim.episode_log import EpisodeLog
 from robosim.support.figures import save_figure
-from robosim.task.record import EpisodeLog
 from slam.grid import MapEstimate
 from wireless.support.axes import axes_in_metres
 from wireless.support.counting import counted

@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from robosim.building.building import make_building
 from robosim.building.reach import Reach, reach
-from robosim.drawing.picture import building_rings
+from robosim.drawing.plan_view import building_rings
 from robosim.parts import CLASSIFIER
 from robosim.plans.floorplan import FloorPlan
 from robosim.radio.classifier import Classifier
@@ -53,7 +53,7 @@ class Place:
 
     def simulator(self) -> Simulator:
         """A simulator for another robot."""
-        return self._simulator.another()
+        return self._simulator.clone()
 
     def classifier(self, part: Part) -> Classifier:
         """The link-state classifier, one for all robots: its results for tables are cached with it."""

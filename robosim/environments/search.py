@@ -11,8 +11,7 @@ import trimesh
 from gymnasium import spaces
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import Picture
-from robosim.drawing.snapshot import Snapshot, whole_mm
+from robosim.drawing.plan_view import BriefPicture
 from robosim.environments import senses
 from robosim.environments.config import SearchConfig, check_senses
 from robosim.environments.curriculum import Curriculum, longest_drive_m
@@ -91,7 +90,7 @@ class Search:
         self._travel = place.travel_m(self._task.target)
         self._view = self._simulator.reset(self._task, rng)
         pose = self._simulator.pose
-        self._picture: Picture | None = None
+        self._picture: BriefPicture | None = None
         self._steps, self._ended = 0, False
         self._distance = place.reach.remaining_m(self._travel, pose[:2])
         self._coverage: Coverage | None = None
@@ -139,14 +138,9 @@ class Search:
     def picture(self) -> UInt8[np.ndarray, "height width 3"]:
         """The camera's view next to the plan with the robot's trajectory."""
         if self._picture is None:
-            self._picture = Picture(self.place.rings, self._task.target, brief=True)
-        moment = Snapshot(
-            rgb=self._view.rgb,
-            depth_mm=whole_mm(self._view.depth),
-            pose=self._simulator.pose,
-            text=f"{self.place.plan.name}, step {self._steps}: {self._distance:.2f} m to go",
-        )
-        return self._picture.draw(moment)
+            self._picture = BriefPicture(self.place.rings, self._task.target)
+        text = f"{self.place.plan.name}, step {self._steps}: {self._distance:.2f} m to go"
+        return self._picture.draw(self._view.rgb, self._view.depth, self._simulator.pose, text)
 
     def text(self) -> str:
         """The plan as text, with robot and target."""

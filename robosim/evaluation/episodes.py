@@ -1,7 +1,7 @@
 """One episode of an evaluation: what it needs to run in any process.
 
-What is kept of it is one file (`robosim.evaluation.episode_file`). A process keeps the building of the last plan, since
-jobs come ordered by plan.
+Its result is one file (`robosim.recording.episode_file`, without pictures). A process caches the building of the last
+plan, since jobs come ordered by plan.
 """
 
 from dataclasses import dataclass, replace
@@ -15,17 +15,18 @@ import shapely
 
 from robosim.building.building import Building, BuildingConfig, make_building
 from robosim.building.reach import Reach, reach
-from robosim.drawing.picture import building_rings
-from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.drawing.plan_view import building_rings
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode_log import EpisodeLog
 from robosim.evaluation.ablations import configured
-from robosim.evaluation.episode_file import Decided, Head, to_bytes
 from robosim.evaluation.rows import name_of
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import MapError
+from robosim.recording.episode_file import EpisodeWriter, Head
+from robosim.step import Step
 from robosim.support.files import plain
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task, make_task
 
 #: Steps at which the part of the floor that was seen is told.
@@ -104,19 +105,20 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
     begin = perf_counter()
     building, places = job.scene()
     task = task_of(places, job.task)
-    decided = Decided()
+    steps = EpisodeWriter(building_rings(building), pictures=False)
 
-    def look(log: EpisodeLog, decision: Decision) -> None:
-        decided.add(decision)
+    def record(log: EpisodeLog, step: Step) -> None:
+        steps.add(step)
 
-    log, estimate = run_episode(building, places, task, job.config, look, watch)
+    log, estimate = run_episode(building, places, task, job.config, record, watch)
     if log.ended in ("interrupted", "terminated"):
         raise KeyboardInterrupt
     seconds = perf_counter() - begin
     loop_s = sum(log.seconds.get(stage, 0.0) for stage in LOOP_STAGES)
     timing = {**log.seconds, "wall": seconds, "decisions_per_s": log.steps / loop_s if loop_s else 0.0}
     row = _row(job, log, building)
-    return to_bytes(Head(row, timing, job.made_by), log, decided, building_rings(building), estimate)
+    head = Head(row=row, seeks_target=log.seeks_target, timing=timing, made_by=job.made_by)
+    return steps.content(head, log.poses[-1], log.coverage[-1], estimate)
 
 
 def draw_plan(

@@ -14,11 +14,11 @@ from rich.text import Text
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
-from robosim.evaluation.episode_file import read_head
 from robosim.evaluation.episodes import draw_plan, make_jobs
 from robosim.evaluation.manifest import code_digest, settings_of
 from robosim.evaluation.report import summary_rows
 from robosim.evaluation.results import Evaluation, write_results
+from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
 from robosim.evaluation.sweep import sweep
@@ -134,7 +134,7 @@ def evaluate(
     with run_folder(out, "evaluate", settings_of(suite, config), grows=("plans", "tasks")):
         write_suite(suite, out / "suite.yaml")
         errors = sweep(jobs, out, workers=workers, console=console, cluster=cluster)
-        kept = [(job, read_head(job.file(out))) for job in jobs if job.file(out).is_file()]
+        kept = [(job, read_job_head(job.file(out))) for job in jobs if job.file(out).is_file()]
         judged = {(job.task.plan, job.task.number) for job, _ in kept if job.policy == "oracle"}
         kept = [(job, head) for job, head in kept if (job.task.plan, job.task.number) in judged]
         rows = score([head.row for _, head in kept])

@@ -23,9 +23,9 @@ from rich.console import Console
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.charts import arrival_chart, spl_chart, time_chart
 from robosim.evaluation.comparison import Compared, compared, subject_of
-from robosim.evaluation.episode_file import read_episode
 from robosim.evaluation.episodes import Job
 from robosim.evaluation.report import Page, TaskEpisode, TaskPage, write_report
+from robosim.evaluation.rows import read_job_episode
 from robosim.evaluation.scores import Summary
 from robosim.evaluation.sweep import Failure
 from robosim.evaluation.ways import ways_figure
@@ -192,7 +192,7 @@ def _draw_tasks(
 
 def _draw(files: list[list[Path]]) -> list[bytes]:
     """Pictures of some tasks, each from the files of its one or two episodes."""
-    return [_small(ways_figure([read_episode(file) for file in some])) for some in files]
+    return [_small(ways_figure([read_job_episode(file) for file in some])) for some in files]
 
 
 def _task_page(result: Evaluation, task: Compared, options: str, picture: Path | None, out: Path) -> TaskPage:
@@ -241,7 +241,7 @@ def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _goals(file: Path) -> str:
     """What the goals of an episode were, the most frequent first."""
-    counts = Counter(reason.kind.value for reason in read_episode(file).reasons)
+    counts = Counter(reason.kind.value for reason in read_job_episode(file).reasons)
     return ", ".join(f"{kind} {count}" for kind, count in counts.most_common()) or "no decision"
 
 

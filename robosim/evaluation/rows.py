@@ -1,7 +1,10 @@
-"""The row of an episode in the table of all: what stands in it, and whether one that was read back is such a row."""
+"""Episodes of an evaluation as read from their files, with checks of the row that each adds to the table."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
+
+from robosim.recording.episode_file import Head, RecordedEpisode, read_episode, read_head
 
 #: Columns that are looked at by name. All others are numbers, or null where there is none.
 _TEXT, _WHOLE = ("plan", "policy", "ended"), ("task", "repeat", "seed", "steps", "collisions")
@@ -21,6 +24,30 @@ def name_of(row: Mapping[str, Any]) -> str:
     """
     policy = str(row["policy"]).replace("/", "_").replace("\\", "_")
     return f"{row['plan']}/{row['task']:03d}-{policy}-{row['repeat']}"
+
+
+def read_job_head(path: Path) -> Head:
+    """Read the result of an episode of an evaluation.
+
+    Raises:
+        FileError: If the file is no episode, damaged, or another than its name says.
+    """
+    return read_head(path, lambda head: _check(head, path))
+
+
+def read_job_episode(path: Path) -> RecordedEpisode:
+    """Read an episode of an evaluation.
+
+    Raises:
+        FileError: As `read_job_head` does.
+    """
+    return read_episode(path, lambda head: _check(head, path))
+
+
+def _check(head: Head, path: Path) -> None:
+    check_row(head.row)
+    if name_of(head.row) != f"{path.parent.name}/{path.stem}":
+        raise ValueError(f"it is the episode {name_of(head.row)[:80]}, not that of its name")
 
 
 def check_row(row: Mapping[str, Any]) -> None:

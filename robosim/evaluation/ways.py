@@ -17,8 +17,9 @@ from matplotlib.patches import Circle, Patch, PathPatch
 from matplotlib.path import Path
 
 from robosim.drawing.plan_marks import explain, heading, wall_keys
-from robosim.evaluation.episode_file import Episode
 from robosim.policies.reason import GoalKind
+from robosim.recording.episode_file import RecordedEpisode
+from robosim.recording.step_codec import NO_RADIO
 from robosim.support.colours import STATE_COLOURS, STATE_NAMES, TARGET, WALL, css
 from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
@@ -40,7 +41,7 @@ GOAL_COLOURS = {
 }
 
 
-def ways_figure(episodes: Sequence[Episode]) -> Figure:
+def ways_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
     """One or two episodes of a task on one map, each with its link states and kinds of goals below.
 
     Args:
@@ -64,7 +65,7 @@ def ways_figure(episodes: Sequence[Episode]) -> Figure:
     plan.plot(*row["start"][:2], "o", color="k", ms=6, label="start")
     plan.plot(*row["target"], "*", color=TARGET, ms=14, mec="k", mew=0.5, label="target")
     plan.add_patch(Circle(tuple(row["target"]), ARRIVAL_M, fill=False, color=TARGET, lw=0.8))
-    keys = wall_keys(furnished=False) if any(one.rings for one in episodes) else []
+    keys = [*wall_keys(furnished=False)]
     keys.append(Line2D([], [], marker=".", ls="", color="0.25", label=f"every {_EVERY} decisions"))
     states, kinds = _draw_ribbons(below, episodes)
     after = [heading("link state as told:")] if states else []
@@ -77,7 +78,7 @@ def ways_figure(episodes: Sequence[Episode]) -> Figure:
 _BELOW_INCHES = 1.3
 
 
-def _extent(episodes: Sequence[Episode]) -> tuple[tuple[float, float], np.ndarray]:
+def _extent(episodes: Sequence[RecordedEpisode]) -> tuple[tuple[float, float], np.ndarray]:
     """Size of the figure [inches], and what is shown: low and high corner [m]."""
     parts = [ring for one in episodes for ring in one.rings] + [one.poses[:, :2] for one in episodes]
     parts.append(np.array([episodes[0].head.row["target"]], float))
@@ -89,24 +90,16 @@ def _extent(episodes: Sequence[Episode]) -> tuple[tuple[float, float], np.ndarra
     return (max(width, 4.0) + 2.2, height + _BELOW_INCHES + 0.9), np.stack([low, high])
 
 
-def _draw_building(axes: Axes, episodes: Sequence[Episode]) -> None:
-    """Floor and walls; of a log of version 0.1, which has none, the map that its robot had in the end."""
-    rings = next((one.rings for one in episodes if one.rings), [])
-    if rings:
-        closed = [np.vstack([ring, ring[:1]]) for ring in rings]
-        codes = [[Path.MOVETO, *[Path.LINETO] * (len(ring) - 2), Path.CLOSEPOLY] for ring in closed]
-        floor = Path(np.concatenate(closed), np.concatenate(codes))
-        axes.add_patch(PathPatch(floor, facecolor="white", lw=0, zorder=0))
-        axes.add_collection(LineCollection(closed, colors=WALL, linewidths=0.9, zorder=2))
-        return
-    built, (x, y, cell_m) = episodes[0].built, episodes[0].built_frame
-    if built.size:
-        shade = np.array([0.85, 1.0, 0.35])[built]
-        extent = (x, x + built.shape[1] * cell_m, y, y + built.shape[0] * cell_m)
-        axes.imshow(shade, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=0)
+def _draw_building(axes: Axes, episodes: Sequence[RecordedEpisode]) -> None:
+    """Floor and walls."""
+    closed = [np.vstack([ring, ring[:1]]) for ring in episodes[0].rings]
+    codes = [[Path.MOVETO, *[Path.LINETO] * (len(ring) - 2), Path.CLOSEPOLY] for ring in closed]
+    floor = Path(np.concatenate(closed), np.concatenate(codes))
+    axes.add_patch(PathPatch(floor, facecolor="white", lw=0, zorder=0))
+    axes.add_collection(LineCollection(closed, colors=WALL, linewidths=0.9, zorder=2))
 
 
-def _draw_way(axes: Axes, episode: Episode, style: tuple[str, str, float]) -> None:
+def _draw_way(axes: Axes, episode: RecordedEpisode, style: tuple[str, str, float]) -> None:
     row, (colour, dashes, width) = episode.head.row, style
     way = episode.poses[:, :2]
     end = f"arrives at {row['arrived_at_step']}" if row["arrived"] else f"{row['ended']} at {row['steps']}"
@@ -119,14 +112,14 @@ def _draw_way(axes: Axes, episode: Episode, style: tuple[str, str, float]) -> No
         )
 
 
-def _draw_ribbons(axes: Axes, episodes: Sequence[Episode]) -> tuple[list[LinkState], list[GoalKind]]:
+def _draw_ribbons(axes: Axes, episodes: Sequence[RecordedEpisode]) -> tuple[list[LinkState], list[GoalKind]]:
     """Told link state and kind of goal over the decisions, and which of them there are."""
     states: set[LinkState] = set()
     kinds: set[GoalKind] = set()
     longest, names = max(len(one.goals) for one in episodes), []
     for k, episode in enumerate(episodes):
         policy = episode.head.row["policy"]
-        told = [LinkState(int(state)) for state in episode.links[:, 1]]
+        told = [LinkState(state) for state in episode.link_states.tolist() if state != NO_RADIO]
         goals = [reason.kind for reason in episode.reasons]
         states |= set(told)
         kinds |= set(goals)

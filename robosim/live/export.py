@@ -13,7 +13,7 @@ import numpy as np
 
 from robosim.live.client import before_client
 from robosim.live.lean import SCRIPT as LEAN
-from robosim.live.moments import Recording
+from robosim.live.recording import Recording
 from robosim.live.scenery import FIELD_DEG, light, view_from_above
 from robosim.live.search_view import SearchView
 from robosim.live.server import HOST, close_server, open_server
@@ -102,18 +102,18 @@ def _recorded(server: "viser.ViserServer", recordings: Sequence[Recording], most
     serializer = server.get_scene_serializer()
     for i in chosen.tolist():
         for view, picture in zip(views, pictures, strict=True):
-            moment = view.show(i)
-            if moment is not None and picture is not None:
-                picture.image = moment.snapshot.rgb
+            step = view.show(i)
+            if step is not None and picture is not None:
+                picture.image = step.sensed.rgb
         serializer.insert_sleep(1 / per_s)
     return before_client(serializer.as_html(), LEAN, _NARROW)
 
 
 def _frame(server: "viser.ViserServer", root: str, view: SearchView, wide: float) -> Any:
     """The camera's picture, which lies beside the plan; none if none was recorded."""
-    if not view.recording[0].has_picture:
+    first = view.recording[0].sensed.rgb
+    if not first.size:
         return None
-    first = view.recording[0].snapshot.rgb
     deep = wide * first.shape[0] / first.shape[1]
     x, y = view.scenery.high[0] + 0.65 * wide, view.scenery.high[1] - deep / 2
     picture = server.scene.add_image(

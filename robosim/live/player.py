@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.snapshot import Snapshot
 from robosim.live.export import exported
-from robosim.live.moments import Moment, Recording
+from robosim.live.recording import Recording
 from robosim.live.scenery import Scenery
 from robosim.live.search_view import WALLS_M, SearchView
 from robosim.live.tables import block, lines, picture, search_legend, sentence
+from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS, STATE_NAMES, css
 from wireless.paths import LinkState
 
@@ -276,26 +276,26 @@ class Player:
             stamp = sum(len(view.recording) + bool(view.recording.ended) for view in self._views)
             if not self._visible or (i == self._shown and stamp == self._stamp):
                 return
-            moments = [view.show(i, rays=self._rays.value) for view in self._views]
+            steps = [view.show(i, rays=self._rays.value) for view in self._views]
             self._shown, self._stamp = i, stamp
             recordings = [view.recording for view in self._views]
         self._times.append(perf_counter())
-        self._tell(i, last, recordings, moments)
+        self._describe(i, last, recordings, steps)
 
-    def _tell(self, i: int, last: int, recordings: list[Recording], moments: list[Moment | None]) -> None:
+    def _describe(self, i: int, last: int, recordings: list[Recording], steps: list[Step | None]) -> None:
         if int(self._slider.max) != max(last, 1):
             self._slider.max = max(last, 1)
         if int(self._slider.value) != i:
             self._slider.value = i
-        pictures = [_both(moment) for moment in moments if moment is not None and moment.has_picture]
+        pictures = [_camera(step) for step in steps if step is not None and step.sensed.rgb.size]
         if not pictures:
             self._camera.content = ""
         elif len({one.shape for one in pictures}) == 1:
             self._camera.content = picture(np.vstack(pictures), "camera, and depth (dark: far, black: none)")
         self._numbers.content = "".join(
-            _numbers(recording, moment, i, stroke if len(recordings) > 1 else "")
-            for recording, moment, stroke in zip(recordings, moments, _STROKES, strict=False)
-            if moment is not None
+            _numbers(recording, step, i, stroke if len(recordings) > 1 else "")
+            for recording, step, stroke in zip(recordings, steps, _STROKES, strict=False)
+            if step is not None
         )
         self._charts.show(recordings, i)
 
@@ -348,35 +348,35 @@ class Charts:
         )
 
 
-def _numbers(recording: Recording, moment: Moment, i: int, stroke: str) -> str:
-    """What is known of a moment, below the camera."""
-    believed, true = moment.believed_state, moment.true_state
-    pairs = [("link state, believed", STATE_NAMES[believed] if believed is not None else "no radio")]
-    if true is not None:
-        pairs.append(("link state, true", STATE_NAMES[true]))
-    if not math.isnan(moment.snr_db):
-        pairs.append(("SNR of the strongest path", f"{moment.snr_db:.1f} dB"))
-    if moment.seeks_target:
-        gap = float(np.hypot(*(moment.snapshot.pose[:2] - recording.target)))
-        pairs.append(("distance to the target", f"{gap:.1f} m"))
-    pairs.append(("pose error", f"{100 * moment.position_error_m:.0f} cm, {moment.heading_error_deg:.1f}°"))
-    if moment.coverage is not None:
-        pairs.append(("floor seen", f"{100 * moment.coverage:.0f} %"))
+def _numbers(recording: Recording, step: Step, i: int, stroke: str) -> str:
+    """Facts of a step, below the camera."""
+    measured, true = step.estimated.measurement, step.true
+    pairs = [("link state, estimated", "no radio" if measured is None else STATE_NAMES[measured.state])]
+    if true.link_state is not None:
+        pairs.append(("link state, true", STATE_NAMES[true.link_state]))
+    if not math.isnan(step.snr_db):
+        pairs.append(("SNR of the strongest path", f"{step.snr_db:.1f} dB"))
+    if recording.target is not None:
+        gap_m = float(np.hypot(*(true.pose[:2] - recording.target)))
+        pairs.append(("distance to the target", f"{gap_m:.1f} m"))
+    heading_deg = math.degrees(step.heading_error_rad)
+    pairs.append(("pose error", f"{100 * step.position_error_m:.0f} cm, {heading_deg:.1f}°"))
+    pairs.append(("floor seen", f"{100 * true.coverage:.0f} %"))
     if recording.ended and i >= len(recording) - 1:
         pairs.append(("ended", recording.ended))
-    bars = "" if moment.probability is None else _probabilities(moment.probability)
+    bars = "" if measured is None else _probabilities(measured.probability)
     key = f'<span class="key" style="background:{stroke}"></span>' if stroke else ""
-    return block(f"{key}<b>{escape(recording.title)}</b>{bars}") + lines(pairs) + _why(moment.snapshot)
+    return block(f"{key}<b>{escape(recording.title)}</b>{bars}") + lines(pairs) + _why(step)
 
 
-def _why(snapshot: Snapshot) -> str:
-    """What the goal is, and what was weighed when it was taken."""
-    reason = snapshot.reason
-    if reason is None or not reason.because:
+def _why(step: Step) -> str:
+    """What the goal is, and why it was chosen."""
+    reason, far = step.decided.reason, step.actions_to_goal
+    if not reason.because:
         return ""
-    far = "" if math.isnan(snapshot.decisions) else f", {snapshot.decisions:.0f} decisions away"
+    away = "" if math.isnan(far) else f", {far:.0f} decisions away"
     sure = "" if math.isnan(reason.mass) else f" Belief within 0.5 m of its peak: {100 * reason.mass:.0f} %."
-    return block(f"<b>Goal</b>: {escape(reason.kind.value)}{far}.<br>Why: {escape(reason.because)}.{sure}")
+    return block(f"<b>Goal</b>: {escape(reason.kind.value)}{away}.<br>Why: {escape(reason.because)}.{sure}")
 
 
 def _probabilities(probability: Float[np.ndarray, "4"]) -> str:
@@ -389,8 +389,8 @@ def _probabilities(probability: Float[np.ndarray, "4"]) -> str:
     return f'<div style="width:100%;white-space:nowrap;font-size:0.9em">{parts}</div>'
 
 
-def _both(moment: Moment) -> UInt8[np.ndarray, "h w 3"]:
-    """What the camera sees, beside its depth."""
-    depth_m = moment.snapshot.depth_mm / 1000.0
-    grey = np.where(depth_m > 0, np.clip(255 * (1 - depth_m / _FAR_M), 0, 255), 0).astype(np.uint8)
-    return np.hstack([moment.snapshot.rgb, np.repeat(grey[..., None], 3, axis=2)])
+def _camera(step: Step) -> UInt8[np.ndarray, "h w 3"]:
+    """The camera's picture, next to its depth."""
+    depth = step.sensed.depth
+    grey = np.where(depth > 0, np.clip(255 * (1 - depth / _FAR_M), 0, 255), 0).astype(np.uint8)
+    return np.hstack([step.sensed.rgb, np.repeat(grey[..., None], 3, axis=2)])

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
-from robosim.drawing.picture import building_rings
+from robosim.drawing.plan_view import building_rings
 from robosim.live.field import FieldKind, fields
 from robosim.live.latest import Latest, close_all
 from robosim.live.link_model import WALL_MATERIALS, LinkModel, LinkSettings

@@ -10,13 +10,7 @@ import numpy as np
 from robosim.live.client import LIST, OPTION
 from robosim.live.latest import Latest, close_all
 from robosim.live.player import Player
-from robosim.live.results import (
-    Searched,
-    is_episode,
-    read_recording,
-    read_searches,
-    recording_of,
-)
+from robosim.live.recorded import Searched, is_episode, read_recording, read_searches
 from robosim.live.tables import block
 from wireless.support.counting import counted
 
@@ -81,7 +75,7 @@ class ResultsPanel:
             control.on_update(lambda event: self.choose(first.value, other.value))
 
     def _open(self, names: tuple[str, str]) -> None:
-        chosen = [recording_of(self._searches[name]) for name in names if name != NOBODY]
+        chosen = [self._searches[name].read() for name in names if name != NOBODY]
         self.player.say("")
         self.player.load(chosen, playing=False, following=False)
         self._on_view()

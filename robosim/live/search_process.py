@@ -1,6 +1,6 @@
-"""A search in a process of its own, which is told when to go on.
+"""A search in a process of its own, which the page lets go on, step or wait.
 
-Neither does the page wait for it, nor it for the page: what it decides comes by a pipe, and it goes on when it is let.
+The page does not wait for it: its steps come through a pipe.
 """
 
 import logging
@@ -10,7 +10,7 @@ import signal
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from time import monotonic, sleep
 from typing import Any
@@ -20,26 +20,29 @@ from jaxtyping import Float
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.drawing.picture import building_rings
-from robosim.episode import Decision, EpisodeConfig, check_weights, run_episode
-from robosim.live.moments import Moment, Recording
+from robosim.drawing.plan_view import building_rings
+from robosim.episode import EpisodeConfig, check_weights, run_episode
+from robosim.episode_log import EpisodeLog
+from robosim.live.recording import Recording
 from robosim.plans.floorplan import FloorPlan
-from robosim.run import snapshot_of, status_line
+from robosim.recording.step_codec import encode_step
+from robosim.step import Step
 from robosim.support.processes import end_with_parent
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import Action
 from wireless.support.counting import counted
 
-#: How often a search that waits looks whether it may go on [s].
-_LOOK_S = 0.02
-#: What a search is let do.
+#: How often a waiting search checks whether it may go on [s].
+_POLL_S = 0.02
+#: Modes of a search: wait, go on, or do the actions of a person.
 WAIT, GO, BY_HAND = 0, 1, 2
+#: True radio paths that are shown of a step, the strongest ones.
+MOST_RAYS = 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SearchJob:
-    """What is searched, and how."""
+    """Where and how to search."""
 
     plan: FloorPlan
     """Where."""
@@ -52,21 +55,21 @@ class SearchJob:
 
 
 class SearchProcess:
-    """A search that runs, waits, or goes step by step."""
+    """A search that runs, waits, or makes one step after another."""
 
     def __init__(
-        self, title: str, job: SearchJob, told: Callable[["SearchProcess"], None], mode: int = GO
+        self, title: str, job: SearchJob, on_change: Callable[["SearchProcess"], None], mode: int = GO
     ) -> None:
         """Start it.
 
         Args:
             title: Of its recording.
-            job: What is searched.
-            told: Called from another thread when the search has begun, has decided something, or has ended.
+            job: Where and how to search.
+            on_change: Called from another thread when the search has begun, has made a step, or has ended.
             mode: WAIT, GO or BY_HAND.
         """
         context = multiprocessing.get_context("spawn")
-        self.title, self._told = title, told
+        self.title, self._on_change = title, on_change
         self.recording: Recording | None = None
         self.trouble = ""
         self._mode = context.Value("i", mode)
@@ -83,23 +86,23 @@ class SearchProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it may decide more."""
+        """Whether more steps may come."""
         return self._reader.is_alive()
 
     def set_mode(self, mode: int) -> None:
-        """Let it go on, wait, or obey."""
+        """Let it go on, wait, or do what a person wants."""
         self._mode.value = mode
 
     def set_pause(self, pause_s: float) -> None:
-        """Have it take at least so long for a decision [s]."""
+        """Set the least time of a step [s]."""
         self._pause_s.value = pause_s
 
     def step(self) -> None:
-        """Let it do one action more while it waits."""
+        """Let it do one action while it waits."""
         self._steps.release()
 
     def press(self, action: Action) -> None:
-        """Have it do an action of one's own in place of its own next one; the last one pressed counts."""
+        """Replace its next action; the last one pressed counts."""
         self._keys.value = int(action)
 
     def close(self) -> None:
@@ -115,7 +118,7 @@ class SearchProcess:
                 if kind == "begun":
                     rings, target, height_m = content
                     self.recording = Recording(self.title, rings, target, height_m)
-                elif kind == "moment":
+                elif kind == "step":
                     assert self.recording is not None  # it has begun
                     self.recording.add(content)
                 elif kind == "ended":
@@ -123,17 +126,17 @@ class SearchProcess:
                     self.recording.ended = content
                 else:
                     self.trouble = content
-                self._told(self)
+                self._on_change(self)
         if not self.trouble and (self.recording is None or not self.recording.ended):
             self.trouble = "the search was ended from outside"
             if self.recording is not None:
                 self.recording.ended = "ended from outside"
-        self._told(self)
+        self._on_change(self)
 
 
 @dataclass(eq=False)
 class Gate:
-    """Where a search waits for leave to go on."""
+    """Where a search waits until it may go on."""
 
     mode: Any
     pause_s: Any
@@ -141,10 +144,10 @@ class Gate:
     keys: Any
 
     def wait(self, since: float) -> Action | None:
-        """Wait for leave; returns what is to be done instead, when a person drives.
+        """Wait until the search may go on; returns the action of a person who drives.
 
         Args:
-            since: When the decision before was let go [s, monotonic].
+            since: When the step before was let go [s, monotonic].
         """
         while True:
             if self.mode.value == BY_HAND:
@@ -156,7 +159,7 @@ class Gate:
                 due = self.mode.value == GO and monotonic() - since >= self.pause_s.value
                 if due or self.steps.acquire(block=False):
                     return None
-            sleep(_LOOK_S if self.mode.value != GO else min(_LOOK_S, max(self.pause_s.value / 4, 0.001)))
+            sleep(_POLL_S if self.mode.value != GO else min(_POLL_S, max(self.pause_s.value / 4, 0.001)))
 
 
 def _search(job: SearchJob, gate: Gate, pipe: Connection, parent: int) -> None:
@@ -181,30 +184,24 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
     places = reach(building, *config.simulator.robot.hull_m)
     rng = np.random.default_rng([config.seed, 0])
     task = make_task(places, rng, start=job.start, target=job.target)
-    rings = building_rings(building)
-    pipe.send(("begun", (rings, task.target, building.height_m)))
     since = monotonic()
 
-    def look(log: EpisodeLog, decision: Decision) -> Action | None:
+    def begin(log: EpisodeLog) -> None:
+        target = task.target if log.seeks_target else None
+        pipe.send(("begun", (building_rings(building), target, building.height_m)))
+
+    def send(log: EpisodeLog, step: Step) -> Action | None:
         nonlocal since
-        pipe.send(("moment", moment_of(log, decision)))
-        asked = gate.wait(since)
+        if not step.number:
+            begin(log)
+        paths = step.true.paths
+        pipe.send(("step", {**encode_step(step), "paths": paths and paths.strongest(MOST_RAYS)}))
+        action = gate.wait(since)
         since = monotonic()
-        return asked
+        return action
 
-    log, _ = run_episode(building, places, task, config, look)
-    score = log.result()
-    told = f"{log.ended} after {counted(log.steps, 'step')} and {score['path_length_m']:.1f} m"
-    pipe.send(("ended", told))
-
-
-def moment_of(log: EpisodeLog, decision: Decision) -> Moment:
-    """What is shown of a decision."""
-    measurement = decision.situation.measurement
-    snapshot = snapshot_of(log, decision, status_line(log, decision))
-    return Moment.of(
-        replace(snapshot, text=f"step {log.steps}: {snapshot.text}"),
-        paths=decision.paths,
-        probability=None if measurement is None else measurement.probability,
-        seeks_target=log.seeks_target,
-    )
+    log, _ = run_episode(building, places, task, config, send)
+    if not log.steps:
+        begin(log)
+    length_m = log.result()["path_length_m"]
+    pipe.send(("ended", f"{log.ended} after {counted(log.steps, 'step')} and {length_m:.1f} m"))

@@ -1,4 +1,4 @@
-"""A moment of a search in a page's space: the map as it grows, ways, belief, arrivals, rays and the robot itself."""
+"""A step of a search in a page's scene: map, trajectories, belief, arrivals, rays and the robot."""
 
 import math
 from typing import TYPE_CHECKING, Any
@@ -6,29 +6,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.drawing.picture import (
+from robosim.drawing.picture import ANTICIPATED, status_line
+from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
     FREE_WHITE,
     OBSTACLE_BLACK,
     PATH_PURPLE,
     TARGET_RED,
     TRUE_GREEN,
-    UNKNOWN_GREY,
 )
-from robosim.drawing.snapshot import (
-    BLOCKED,
-    FREE,
-    GUESS,
-    GUESS_LEVELS,
-    OBSTACLE,
-    TOP_LEVEL,
-    Arrivals,
-    Layer,
-)
-from robosim.live.moments import Moment, Recording
+from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
 from robosim.live.nodes import Nodes, of_each_end
 from robosim.live.radio_view import arrival_fan, ray_segments
+from robosim.live.recording import Recording
 from robosim.live.scenery import STEP_M, Scenery
+from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from slam.grid import GridFrame
 
@@ -41,8 +33,6 @@ WALLS_M = 0.3
 AROUND_M = 0.5
 #: Height of the robot's radio, and of what it has mapped, as they are drawn [m].
 _RADIO_M, _OBSTACLE_M = 0.6, 0.25
-#: Where the map may hold something [RGB].
-ANTICIPATED_FLOOR, ANTICIPATED_OBSTACLE = (255, 243, 176), (110, 115, 140)
 
 
 def _map_palette() -> UInt8[np.ndarray, "256 4"]:
@@ -52,7 +42,7 @@ def _map_palette() -> UInt8[np.ndarray, "256 4"]:
         palette[kind] = *colour, 255
     level = np.arange(GUESS_LEVELS) / (GUESS_LEVELS - 1)
     for channel in range(3):
-        ends = ANTICIPATED_FLOOR[channel], UNKNOWN_GREY[channel], ANTICIPATED_OBSTACLE[channel]
+        ends = [colour[channel] for colour in ANTICIPATED]
         palette[GUESS : GUESS + GUESS_LEVELS, channel] = np.interp(level, [0, 0.5, 1], ends)
     palette[GUESS : GUESS + GUESS_LEVELS, 3] = 255 * np.abs(2 * level - 1) ** 0.5
     return palette
@@ -62,7 +52,7 @@ _PALETTE = _map_palette()
 
 
 class SearchView:
-    """Draws moments of one recording below a frame."""
+    """Draws steps of one recording below a frame."""
 
     def __init__(
         self,
@@ -72,33 +62,40 @@ class SearchView:
         offset: tuple[float, float] = (0.0, 0.0),
         brief: bool = False,
     ) -> None:
-        """Draw what stays as it is.
+        """Draw what does not change.
 
         Args:
             server: Whose space.
             root: Name of the frame.
             recording: What is shown.
             offset: Where the frame stands [m].
-            brief: Whether its title is short, as beside another.
+            brief: Whether its title is short, as for two searches side by side.
         """
         self._brief = brief
         self._server, self._scene, self._root, self.recording = server, server.scene, root, recording
         self.scenery = Scenery(
-            server.scene, root, recording.rings, recording.height_m, offset, [recording.target]
+            server.scene,
+            root,
+            recording.rings,
+            recording.height_m,
+            offset,
+            [] if recording.target is None else [recording.target],
         )
         self.scenery.cut_walls(WALLS_M)
         self._nodes = Nodes(server.scene, root)
-        x, y = recording.target
-        self._target = self._scene.add_icosphere(
-            f"{root}/target", radius=0.2, color=TARGET_RED, position=(x, y, _RADIO_M), cast_shadow=False
-        )
-        self._scene.add_label(f"{root}/target/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
+        if recording.target is not None:
+            self._draw_target(*recording.target)
         title = (self.scenery.low[0], self.scenery.high[1] + 0.03 * self.scenery.size.max(), 0.0)
         self._title = self._scene.add_label(
             f"{root}/title", recording.title, position=title, anchor="bottom-left"
         )
         self._robots = {name: self._robot(name, colour) for name, colour in _ROBOTS.items()}
         self._shown: tuple[Layer | None, Layer | None] = None, None
+
+    def _draw_target(self, x: float, y: float) -> None:
+        name, at = f"{self._root}/target", (float(x), float(y), _RADIO_M)
+        self._scene.add_icosphere(name, radius=0.2, color=TARGET_RED, position=at, cast_shadow=False)
+        self._scene.add_label(f"{name}/name", "target", position=(0, 0, 0.25), anchor="bottom-center")
 
     def _robot(self, name: str, colour: tuple[int, int, int]) -> Any:
         body = self._scene.add_cylinder(
@@ -111,8 +108,8 @@ class SearchView:
         )
         return body
 
-    def show(self, i: int, *, rays: bool = True) -> Moment | None:
-        """Draw a decision, or the last one if there are fewer; returns it, or None if there is none yet.
+    def show(self, i: int, *, rays: bool = True) -> Step | None:
+        """Draw a step, or the last one if there are fewer; returns it, or None if there is none yet.
 
         Args:
             i: Its number, from 0.
@@ -122,30 +119,25 @@ class SearchView:
         if not count:
             return None
         i = min(max(i, 0), count - 1)
-        moment = self.recording[i]
-        snapshot = moment.snapshot
+        step = self.recording[i]
         with self._server.atomic():
-            # A log's text begins with plan and policy, which the title says.
-            told = f"step {i}" if self._brief else snapshot.text[snapshot.text.find("step ") :]
-            self._title.text = f"{self.recording.title}: {told}"
-            self._place("true", snapshot.pose)
-            self._place("estimated", snapshot.estimate)
-            self._show_maps(snapshot.built, snapshot.belief)
-            self._show_ways(i + 1, snapshot.path, snapshot.goal)
-            self._show_radio(moment, rays)
-            if self._target.visible != moment.seeks_target:
-                self._target.visible = moment.seeks_target
-        return moment
+            status = "" if self._brief else f": {status_line(step, self.recording.target)}"
+            self._title.text = f"{self.recording.title}: step {i}{status}"
+            self._place("true", step.true.pose)
+            self._place("estimated", step.estimated.pose)
+            self._show_maps(step.map_layer, step.belief_layer)
+            self._show_motion(step)
+            self._show_radio(step, rays)
+        return step
 
-    def _place(self, name: str, pose: Float[np.ndarray, "3"] | None) -> None:
+    def _place(self, name: str, pose: Float[np.ndarray, "3"]) -> None:
         node = self._robots[name]
-        node.visible = pose is not None
-        if pose is not None:
-            node.position = (float(pose[0]), float(pose[1]), 0.1)
-            node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
+        node.visible = True
+        node.position = (float(pose[0]), float(pose[1]), 0.1)
+        node.wxyz = (math.cos(pose[2] / 2), 0.0, 0.0, math.sin(pose[2] / 2))
 
-    def _show_maps(self, built: Layer | None, belief: Layer | None) -> None:
-        if built is not None and not _same(built, self._shown[0]):
+    def _show_maps(self, built: Layer, belief: Layer | None) -> None:
+        if not _same(built, self._shown[0]):
             self._nodes.image("built", *self._cut(built.frame, _PALETTE[built.values]), STEP_M)
             cells = np.argwhere(built.values == OBSTACLE)[:, ::-1] + 0.5
             places = cells * built.frame.resolution_m + np.array(built.frame.origin_xy)
@@ -178,30 +170,25 @@ class SearchView:
         shape = int(count[1]), int(count[0])
         return GridFrame(origin_xy=(float(x), float(y)), resolution_m=cell, shape=shape), part
 
-    def _show_ways(
-        self, count: int, path: Float[np.ndarray, "n 2"] | None, goal: Float[np.ndarray, "2"] | None
-    ) -> None:
-        true, estimated = self.recording.ways(count)
-        self._nodes.way("true_way", true, 6 * STEP_M, TRUE_GREEN, 4.0)
-        self._nodes.way("estimated_way", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
-        self._nodes.way("path", np.zeros((0, 2)) if path is None else path, 8 * STEP_M, PATH_PURPLE, 2.5)
-        cross = np.zeros((0, 2, 3))
-        if goal is not None:
-            arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
-            cross = arms + np.array([*goal, 8 * STEP_M])
-        self._nodes.lines("goal", cross, PATH_PURPLE, 5.0)
+    def _show_motion(self, step: Step) -> None:
+        """Trajectories so far, planned path and goal."""
+        true, estimated = self.recording.trajectories(step.number + 1)
+        self._nodes.way("true_trajectory", true, 6 * STEP_M, TRUE_GREEN, 4.0)
+        self._nodes.way("estimated_trajectory", estimated, 7 * STEP_M, ESTIMATE_ORANGE, 2.0)
+        self._nodes.way("path", step.decided.path, 8 * STEP_M, PATH_PURPLE, 2.5)
+        arms = 0.18 * np.array([[[-1, -1, 0], [1, 1, 0]], [[-1, 1, 0], [1, -1, 0]]])
+        self._nodes.lines("goal", arms + np.array([*step.decided.goal, 8 * STEP_M]), PATH_PURPLE, 5.0)
 
-    def _show_radio(self, moment: Moment, rays: bool) -> None:
-        snapshot = moment.snapshot
-        arrivals: Arrivals | None = snapshot.arrivals
+    def _show_radio(self, step: Step, rays: bool) -> None:
+        measured = step.estimated.measurement
         fan, colour = np.zeros((0, 2, 3)), TARGET_RED
-        if arrivals is not None and snapshot.estimate is not None:
-            at = np.array([*snapshot.pose[:2], _RADIO_M])
-            fan, colour = arrival_fan(at, arrivals.aoa_rad, arrivals.snr_db), STATE_COLOURS[arrivals.state]
+        if measured is not None:
+            at = np.array([*step.true.pose[:2], _RADIO_M])
+            fan, colour = arrival_fan(at, measured.aoa_rad, measured.snr_db), STATE_COLOURS[measured.state]
         self._nodes.lines("arrivals", fan, of_each_end(colour, len(fan)), 5.0)
         legs, colours = np.zeros((0, 2, 3)), np.zeros((0, 2, 3), np.uint8)
-        if rays and moment.paths is not None:
-            legs, colours, _ = ray_segments(moment.paths.strongest(8), "kind", 0.0)
+        if rays and step.true.paths is not None:
+            legs, colours, _ = ray_segments(step.true.paths, "kind", 0.0)
         self._nodes.lines("rays", legs, colours, 1.5)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.building.building import BuildingConfig
-from robosim.drawing.picture import building_rings
+from robosim.drawing.plan_view import building_rings
 from robosim.live.latest import Latest, close_all
 from robosim.live.link_model import LinkSettings
 from robosim.live.radio_view import RadioView, Who

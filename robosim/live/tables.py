@@ -175,7 +175,7 @@ def field_legend(what: str) -> str:
 
 def search_legend() -> str:
     """What is what while a search is watched."""
-    from robosim.drawing.picture import ESTIMATE_ORANGE, OBSTACLE_BLACK, PATH_PURPLE, TARGET_RED, TRUE_GREEN
+    from robosim.drawing.plan_view import ESTIMATE_ORANGE, OBSTACLE_BLACK, PATH_PURPLE, TARGET_RED, TRUE_GREEN
 
     items = [
         _item(_line(TRUE_GREEN), "true way"),

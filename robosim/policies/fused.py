@@ -18,10 +18,11 @@ from jaxtyping import Float
 
 from robosim.policies.arrival import Dwelling, FollowArrival, FollowConfig
 from robosim.policies.belief import BeliefConfig, TargetBelief
+from robosim.policies.estimates import Estimates
 from robosim.policies.prospects import prospects
 from robosim.policies.reason import GoalKind, Reason
 from robosim.policies.sightlines import in_sight
-from robosim.policies.situation import Situation
+from robosim.simulator import Observation
 from robosim.support.checks import Range, checked
 from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
@@ -105,25 +106,25 @@ class Fused:
         self._given_up: list[np.ndarray] = []
         self._seen: np.ndarray | None = None
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """Where the target is, or is believed to be, or where most is learnt about it."""
-        estimate, here = situation.estimate, situation.estimate.pose[:2]
+        estimate, here = estimated.map, estimated.pose[:2]
         if self.belief is None:
             self.belief = TargetBelief(here, self._believing)
-        self.belief.add(situation.measured(), estimate)
-        if situation.target is not None:
-            self._seen = to_map(estimate.pose, situation.target)
+        self.belief.add(estimated.require_measurement(), estimate)
+        if sensed.target is not None:
+            self._seen = to_map(estimate.pose, sensed.target)
         if self._seen is not None:
             self._tell(GoalKind.SEEN, "the camera has seen the target")
             return self._seen
-        straight = self._in_sight.goal(situation.measured(), estimate.pose)
+        straight = self._in_sight.goal(estimated.require_measurement(), estimate.pose)
         if straight is not None:
             self._tell(GoalKind.ARRIVAL, "the strongest path comes in line of sight")
             self._goal = None
             return straight
         self._decisions += 1
         if self._decisions <= self.config.at_first and self.belief.peak()[1] < self.config.sure:
-            onward = self._at_first.goal(situation.measured(), estimate.pose)
+            onward = self._at_first.goal(estimated.require_measurement(), estimate.pose)
             if onward is not None:
                 self._tell(GoalKind.ARRIVAL, "a strong path of first order, and the belief is not sure yet")
                 self._goal = None
@@ -133,7 +134,10 @@ class Fused:
             self._give_up()
         reached = self._goal is not None and math.hypot(*(self._goal - here)) < 0.2
         if self._goal is None or reached or self._age >= self.config.every:
-            if self.config.uses_graph and (found := situation.located().get("target")) is not None:
+            if (
+                self.config.uses_graph
+                and (found := estimated.locate_transmitters().get("target")) is not None
+            ):
                 self.belief.locate(found)
             self._before = "the last goal is reached; " if reached else self._before
             self._goal, self._age = self._choose(estimate, self.belief), 0

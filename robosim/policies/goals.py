@@ -1,7 +1,7 @@
 """Goal policies: where the robot wants to be, given what it knows.
 
-A policy is handed a `Situation`: the map and pose that the robot has estimated, what its radio measured, where its
-camera saw the target; never the truth. Two are exceptions by name, and the bars that the others' arrival times are
+A policy is given what the robot has sensed (`Observation`) and what it has estimated from it (`Estimates`): map, pose,
+link state; never the truth. Two are exceptions by name, and the bars that the others' arrival times are
 measured against: the oracle is handed the target; `shortest` is told the building and its pose too. All policies are
 asked once a decision, and all arrive by one rule.
 
@@ -29,9 +29,10 @@ from jaxtyping import Float
 from robosim.parts import GOAL
 from robosim.policies.arrival import FollowArrival
 from robosim.policies.belief import TargetBelief
+from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.reason import ARRIVAL, EXPLORE, KNOWN, SEEN, Reason
-from robosim.policies.situation import Situation
+from robosim.simulator import Observation
 from robosim.support.parts import Part
 from slam.actions import Action
 from slam.control.controller import ControlConfig
@@ -59,7 +60,7 @@ class GoalPolicy(Protocol):
     #: Where it takes the target to be; None if it keeps no such belief.
     belief: TargetBelief | None = None
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point of `map` to go to, or None when there is nothing left to do."""
         ...
 
@@ -83,7 +84,7 @@ class Oracle:
     def __init__(self, target: Float[np.ndarray, "2"]) -> None:
         self._target = target
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """The target."""
         return self._target
 
@@ -98,9 +99,9 @@ class Explore:
     def __init__(self, explorer: Explorer) -> None:
         self._explorer = explorer
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A frontier, or None when all that can be reached is explored."""
-        return self._explorer.goal(situation.estimate)
+        return self._explorer.goal(estimated.map)
 
 
 class Visual:
@@ -114,12 +115,12 @@ class Visual:
         self._explorer = explorer
         self._seen: np.ndarray | None = None
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """The target if it was ever seen, else a frontier."""
-        if situation.target is not None:
-            self._seen = to_map(situation.estimate.pose, situation.target)
+        if sensed.target is not None:
+            self._seen = to_map(estimated.pose, sensed.target)
             self.reason = SEEN
-        return self._explorer.goal(situation.estimate) if self._seen is None else self._seen
+        return self._explorer.goal(estimated.map) if self._seen is None else self._seen
 
 
 class Wireless:
@@ -133,11 +134,11 @@ class Wireless:
         self._explorer = explorer
         self._follow = FollowArrival(trusted)
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point along the strongest path, or a frontier."""
-        ahead = self._follow.goal(situation.measured(), situation.estimate.pose)
+        ahead = self._follow.goal(estimated.require_measurement(), estimated.pose)
         self.reason = EXPLORE if ahead is None else ARRIVAL
-        return self._explorer.goal(situation.estimate) if ahead is None else ahead
+        return self._explorer.goal(estimated.map) if ahead is None else ahead
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

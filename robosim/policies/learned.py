@@ -16,12 +16,13 @@ from jaxtyping import Float
 
 from robosim.policies.arrival import Dwelling
 from robosim.policies.belief import TargetBelief
+from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.policies.reason import Reason
 from robosim.policies.search_network import SearchNetwork, drawn_actions, load_search, no_memory
 from robosim.policies.search_senses import SearchSenses
-from robosim.policies.situation import Situation
+from robosim.simulator import Observation
 from robosim.support.assets import shipped_network
 from slam.actions import TURN_RAD, Action
 from slam.control.guard import Guard
@@ -68,33 +69,33 @@ class Learned:
         """Why the last goal was chosen, once `fused` has taken over."""
         return self._fused.reason
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"] | None:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"] | None:
         """A point in the direction of the action that it chooses now, for the log; the goal of `fused` later on.
 
         Raises:
             ValueError: If the robot has no radio or no camera.
         """
-        pose = situation.estimate.pose
-        self._taken_over |= self._gets_no_further(situation.estimate)
+        pose = estimated.pose
+        self._taken_over |= self._gets_no_further(estimated.map)
         if self._taken_over:
             self._action = None
-            return self._fused.goal(situation)
-        heard, view = situation.measured(), situation.view
-        if view is None or not view.depth.size:
+            return self._fused.goal(sensed, estimated)
+        measured = estimated.require_measurement()
+        if not sensed.depth.size:
             raise ValueError(
                 "The learned search needs the depth that a camera measures, but the robot has none."
             )
         told = self._senses.told(
-            view.depth,
-            view.odometry,
+            sensed.depth,
+            sensed.odometry,
             # In the robot's frame again, so without the map's error of heading.
-            heard.aoa_rad - heard.pose[2],
-            heard.snr_db,
-            heard.delay_s,
-            heard.probability,
+            measured.aoa_rad - measured.pose[2],
+            measured.snr_db,
+            measured.delay_s,
+            measured.probability,
         )
         scores, _, self._memory = self._network(told, self._memory)
-        bumps = self._guard.bumps(situation.estimate)
+        bumps = self._guard.bumps(estimated.map)
         if not bumps.all():
             scores[bumps] = -np.inf
         self._action = Action(int(drawn_actions(_POWER * scores[None], self._rng)[0]))

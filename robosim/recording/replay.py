@@ -1,4 +1,4 @@
-"""Drawing an episode again from its log: the video, and a sheet of some of its frames."""
+"""Replay of a recorded episode: its video, and a sheet of some of its frames."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from jaxtyping import UInt8
 
 from robosim.drawing.picture import LEGEND, Picture
 from robosim.drawing.video import VideoWriter
-from robosim.recording.decision_log import read_decisions
+from robosim.recording.episode_file import RecordedEpisode, read_episode
 from robosim.support.files import write_whole
 
-#: Width that a sheet has at most, if two frames fit into it [pixels], and frames beside each other.
+#: Width of a sheet that two frames or more fit into, and frames side by side [pixels].
 _WIDEST, _COLUMNS = 2400, 3
 
 
@@ -27,33 +27,46 @@ def replay(folder: Path, out: Path, frames: int = 12) -> list[Path]:
         The files.
 
     Raises:
-        ValueError: If the folder holds no log, or a log without decisions.
+        ValueError: If the folder holds no episode, or one without decisions.
     """
-    log = read_decisions(folder)
-    if not len(log):
+    episode = read_episode(folder)
+    if not len(episode):
         raise ValueError(f"{folder}: the episode ended where it began, without a decision to draw.")
-    log.check_pictures()
-    shown = set(np.linspace(0, len(log) - 1, min(frames, len(log))).round().astype(int).tolist())
-    picture = Picture(log.rings, log.target, anticipates=log.anticipates)
-    picture.seeks_target = log.seeks_target
+    picture = picture_of(episode)
+    chosen = set(np.linspace(0, len(episode) - 1, min(frames, len(episode))).round().astype(int).tolist())
     video, sheet = Path(out) / "replay.mp4", Path(out) / "sheet.png"
     writer = VideoWriter(video, picture.size)
-    kept = []
+    on_sheet = []
     try:
-        for i, snapshot in enumerate(log.snapshots()):
-            frame = picture.draw(snapshot)
+        for step in episode.steps():
+            frame = picture.draw(step)
             writer.add(frame)
-            if i in shown:
-                kept.append(frame)
+            if step.number in chosen:
+                on_sheet.append(frame)
     finally:
         writer.close()
     # One legend for all.
-    tiled = _tiled([frame[:, :-LEGEND] for frame in kept])
-    beside = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
-    beside[: len(kept[0])] = kept[0][:, -LEGEND:]
-    _, content = cv2.imencode(".png", cv2.cvtColor(np.hstack([tiled, beside]), cv2.COLOR_RGB2BGR))
+    tiled = _tiled([frame[:, :-LEGEND] for frame in on_sheet])
+    legend = np.full((len(tiled), LEGEND, 3), 255, np.uint8)
+    legend[: len(on_sheet[0])] = on_sheet[0][:, -LEGEND:]
+    _, content = cv2.imencode(".png", cv2.cvtColor(np.hstack([tiled, legend]), cv2.COLOR_RGB2BGR))
     write_whole(sheet, content.tobytes())
     return [video, sheet]
+
+
+def picture_of(episode: RecordedEpisode) -> Picture:
+    """What draws the steps of a recorded episode; all of it is unpacked first, so that damage is found before.
+
+    Raises:
+        FileError: If a step is damaged.
+    """
+    row = episode.head.row
+    return Picture(
+        episode.rings,
+        episode.target if episode.head.seeks_target else None,
+        title=f"{row['plan']}  {row['policy']}",
+        anticipates=episode.anticipates(),
+    )
 
 
 def _tiled(frames: list[UInt8[np.ndarray, "h w 3"]]) -> UInt8[np.ndarray, "H W 3"]:

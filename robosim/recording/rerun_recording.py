@@ -1,47 +1,47 @@
-"""An episode for the Rerun viewer: everything of every decision, on one time line, in 3D.
+"""An episode for the Rerun viewer: everything of every step, on one time line, in 3D.
 
     world/walls, world/target        once
     world/camera                     RGB and depth where the camera truly is
-    world/true, world/estimated      the robot, as it is and as it believes to be
-    world/built, anticipated, belief the map, what the mapper guesses beyond it, where the target may be
+    world/true, world/estimated      the robot, at its true and at its estimated pose
+    world/built, anticipated, belief the map, what the mapper anticipates beyond it, where the target may be
     world/goal, world/path           where the robot wants to go, and how
     world/rays                       true radio paths, by kind
     world/arrivals                   estimated angles of arrival
     link/..., belief/..., pose/...   time lines of link state, SNR, belief and pose error
 
-Needs the extra `viz`. The file is there under its name once closed.
+Needs the extra `viz`. The file takes its name when it is closed.
 """
 
+import math
 import os
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import cv2
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from robosim.building.building import Building
 from robosim.camera.model import CameraConfig, camera_pose
-from robosim.drawing.picture import (
+from robosim.drawing.picture import arrow_length_m
+from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
     PALETTE,
     PATH_PURPLE,
     TARGET_RED,
     TRUE_GREEN,
     WALL_BLUE,
-    arrow_m,
     building_rings,
 )
-from robosim.drawing.snapshot import TOP_LEVEL, Layer, arrivals, belief_layer, built_layer
-from robosim.episode import Decision
+from robosim.layers import TOP_LEVEL, Belief, Layer
 from robosim.radio.measurement import Measurement
+from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from robosim.support.files import partial_path
 from robosim.support.installation import install_command
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate
-from slam.poses import wrap
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 
 RECORDING = "episode.rrd"
@@ -62,7 +62,7 @@ class RerunRecording:
     def __init__(
         self, path: Path, building: Building, task: Task, camera: CameraConfig, radio_height_m: float
     ) -> None:
-        """Open the file and record what stays as it is.
+        """Open the file and record what does not change.
 
         Args:
             path: Where the recording will be.
@@ -88,23 +88,22 @@ class RerunRecording:
         lens = rr.Pinhole(image_from_camera=camera.K, resolution=[camera.width, camera.height])
         self._log("world/camera", lens, static=True)
 
-    def add(self, log: EpisodeLog, decision: Decision) -> None:
-        """Record a decision."""
-        self._to.set_time("decision", sequence=log.steps)
-        self._add_robot(decision)
-        self._add_maps(decision.estimate)
-        self._add_way(decision)
-        if decision.paths is not None:
-            self._add_rays(decision.paths)
-        if decision.situation.measurement is not None:
-            self._add_measurement(decision.situation.measurement, log.links[-1].state)
-        if decision.belief is not None:
-            layer = belief_layer(decision.belief)
-            self._grid("world/belief", layer.frame, _tinted(layer), 3.0)
-            self._log("belief/mass_at_peak", self._rr.Scalars(decision.belief.peak()[1]))
+    def add(self, step: Step) -> None:
+        """Record a step."""
+        self._to.set_time("decision", sequence=step.number)
+        self._add_robot(step)
+        self._add_maps(step.estimated.map, step.map_layer)
+        self._add_plan(step)
+        if step.true.paths is not None:
+            self._add_rays(step.true.paths)
+        if step.estimated.measurement is not None and step.true.link_state is not None:
+            self._add_measurement(step.estimated.measurement, step.true.link_state)
+        if step.decided.belief is not None and step.belief_layer is not None:
+            self._grid("world/belief", step.belief_layer.frame, _tinted(step.belief_layer), 3.0)
+            self._log("belief/mass_at_peak", self._rr.Scalars(_mass_at_peak(step.decided.belief)))
 
     def close(self) -> None:
-        """Finish the file and give it its name."""
+        """Finish the file, and give it its name."""
         self._to.flush()
         self._to.disconnect()
         os.replace(self._partial, self.path)
@@ -112,22 +111,20 @@ class RerunRecording:
     def _log(self, entity: str, what: Any, **options: Any) -> None:
         self._to.log(entity, what, **options)
 
-    def _add_robot(self, decision: Decision) -> None:
-        rr, pose, estimate = self._rr, decision.pose, decision.estimate.pose
+    def _add_robot(self, step: Step) -> None:
+        rr, pose, estimate = self._rr, step.true.pose, step.estimated.pose
         place = camera_pose(pose, self._camera)
         self._log("world/camera", rr.Transform3D(translation=place[:3, 3], mat3x3=place[:3, :3]))
-        self._log("world/camera/rgb", rr.Image(decision.view.rgb))
-        self._log("world/camera/depth", rr.DepthImage(decision.view.depth, meter=1.0))
+        self._log("world/camera/rgb", rr.Image(step.sensed.rgb))
+        self._log("world/camera/depth", rr.DepthImage(step.sensed.depth, meter=1.0))
         for name, at, colour in (("true", pose, TRUE_GREEN), ("estimated", estimate, ESTIMATE_ORANGE)):
             ahead = [[0.3 * np.cos(at[2]), 0.3 * np.sin(at[2]), 0.0]]
             arrow = rr.Arrows3D(vectors=ahead, origins=[[*at[:2], 0.1]], colors=[colour], radii=0.04)
             self._log(f"world/{name}", arrow)
-        error = estimate - pose
-        self._log("pose/position_error_m", rr.Scalars(float(np.hypot(*error[:2]))))
-        self._log("pose/heading_error_deg", rr.Scalars(float(np.degrees(wrap(float(error[2]))))))
+        self._log("pose/position_error_m", rr.Scalars(step.position_error_m))
+        self._log("pose/heading_error_deg", rr.Scalars(math.degrees(step.heading_error_rad)))
 
-    def _add_maps(self, estimate: MapEstimate) -> None:
-        built = built_layer(estimate)
+    def _add_maps(self, estimate: MapEstimate, built: Layer) -> None:
         opaque = np.full((*built.values.shape, 1), 255, np.uint8)
         self._grid(
             "world/built", built.frame, np.concatenate([PALETTE[built.values, 0], opaque], axis=-1), 1.0
@@ -137,11 +134,11 @@ class RerunRecording:
             dark = np.zeros((*guess.shape, 3), np.uint8)
             self._grid("world/anticipated", estimate.frame, np.dstack([dark, guess // 2]), 2.0)
 
-    def _add_way(self, decision: Decision) -> None:
+    def _add_plan(self, step: Step) -> None:
         rr = self._rr
-        goal = [[*decision.goal, 0.05]]
+        goal = [[*step.decided.goal, 0.05]]
         self._log("world/goal", rr.Points3D(goal, radii=0.08, colors=[PATH_PURPLE]))
-        strip = rr.LineStrips3D([_raised(decision.plan.path, 0.05)], colors=[PATH_PURPLE], radii=0.02)
+        strip = rr.LineStrips3D([_raised(step.decided.path, 0.05)], colors=[PATH_PURPLE], radii=0.02)
         self._log("world/path", strip)
 
     def _add_rays(self, paths: Paths) -> None:
@@ -153,10 +150,10 @@ class RerunRecording:
         )
 
     def _add_measurement(self, measurement: Measurement, true_state: LinkState) -> None:
-        rr, found = self._rr, arrivals(measurement)
+        rr = self._rr
         vectors = [
-            [arrow_m(found, i) * np.cos(angle), arrow_m(found, i) * np.sin(angle), 0.0]
-            for i, angle in enumerate(found.aoa_rad)
+            arrow_length_m(measurement, i) * np.array([np.cos(angle), np.sin(angle), 0.0])
+            for i, angle in enumerate(measurement.aoa_rad)
         ]
         origins = np.tile([*measurement.pose[:2], self._radio_m], (len(vectors), 1))
         colours = np.tile(STATE_COLOURS[measurement.state], (len(vectors), 1))
@@ -230,6 +227,13 @@ def _words(state: LinkState) -> str:
 
 def _raised(points: Float[np.ndarray, "n 2"], height_m: float) -> Float[np.ndarray, "n 3"]:
     return np.column_stack([points, np.full(len(points), height_m)])
+
+
+def _mass_at_peak(belief: Belief, radius_m: float = 0.5) -> float:
+    """Largest probability within a square of half a side around a cell."""
+    n = 2 * round(radius_m / belief.frame.resolution_m) + 1
+    mass = cv2.boxFilter(belief.probability(), -1, (n, n), normalize=False, borderType=cv2.BORDER_CONSTANT)
+    return float(mass.max())
 
 
 def _tinted(belief: Layer) -> UInt8[np.ndarray, "ny nx 4"]:

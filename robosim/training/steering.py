@@ -22,11 +22,14 @@ from safetensors.numpy import save
 
 from robosim.building.reach import reach
 from robosim.datasets.collect import CollectConfig, home_building
-from robosim.episode import Turn, drive
+from robosim.episode import drive
+from robosim.episode_log import EpisodeLog
 from robosim.navigation import make_navigator
+from robosim.policies.estimates import Estimates
 from robosim.policies.goals import Oracle
 from robosim.robot.odometry import NoiseModel
-from robosim.simulator import Simulator, SimulatorConfig
+from robosim.simulator import Observation, Simulator, SimulatorConfig
+from robosim.step import Truth
 from robosim.support.arrays_in import FAR, Array, read_npz
 from robosim.support.checks import SEED, STEPS, Range, checked
 from robosim.support.files import npz_bytes, write_json, write_whole
@@ -34,7 +37,6 @@ from robosim.support.progress import tracked
 from robosim.support.reading import reading
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import PUBLISHED, Action
 from slam.control.controller import ControlConfig, Controller
@@ -110,8 +112,8 @@ def drive_home(home: int, recipe: SteeringRecipe, controller: Controller) -> dic
     navigator = make_navigator(config)._replace(controller=controller)
     log = EpisodeLog(task)
 
-    def judge(turn: Turn) -> bool:
-        log.add_pose(turn.motion, turn.pose, turn.estimate.pose, 0.0)
+    def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
+        log.add_pose(true.motion, true.pose, estimated.pose, 0.0)
         # One that starts beside its target has something to show all the same.
         return log.steps < recipe.max_steps and not (log.arrived and log.steps)
 

@@ -22,12 +22,13 @@ import numpy as np
 from jaxtyping import Float, Int
 from tyro.conf import OmitArgPrefixes, Positional
 
-from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode_log import EpisodeLog
 from robosim.evaluation.episodes import Job, make_jobs, task_of
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.scores import bootstrap
 from robosim.policies.belief import BeliefConfig, TargetBelief
-from robosim.task.record import EpisodeLog
+from robosim.step import Step
 from tests.benchmarks.harness import DEFAULT, Options, console, figure_of, run_units
 from tests.benchmarks.results import Results
 from wireless.paths import LinkState
@@ -96,8 +97,8 @@ def search(job: Job) -> list[Float[np.ndarray, "n 9"]]:
     beliefs: list[TargetBelief] = []
     noted: list[list[list[float]]] = [[] for _ in kinds]
 
-    def look(log: EpisodeLog, decision: Decision) -> None:
-        estimate, measured = decision.estimate, decision.situation.measured()
+    def look(log: EpisodeLog, step: Step) -> None:
+        estimate, measured = step.estimated.map, step.estimated.require_measurement()
         if not beliefs:
             beliefs.extend(TargetBelief(estimate.pose[:2], kind) for kind in kinds)
         for belief, lines in zip(beliefs, noted, strict=True):

@@ -16,12 +16,13 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import make_building
 from robosim.building.reach import reach
-from robosim.episode import Turn, drive
+from robosim.episode import drive
 from robosim.navigation import make_navigator
 from robosim.plans.floorplan import FloorPlan
 from robosim.policies.belief import TargetBelief
-from robosim.policies.situation import Situation
-from robosim.simulator import Simulator
+from robosim.policies.estimates import Estimates
+from robosim.simulator import Observation, Simulator
+from robosim.step import Truth
 from robosim.support.progress import tracked
 from robosim.support.stopwatch import Stopwatch
 from slam.exploration.explorer import Explorer
@@ -66,14 +67,14 @@ def run(plan: FloorPlan, settings: Settings, seed: int) -> Results:
         next(remaining)
         errors_m, bad, collisions, decisions, before_s = [], 0, 0, 0, 0.0
 
-        def look(turn: Turn) -> bool:
+        def look(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
             nonlocal bad, collisions, decisions, before_s
-            errors_m.append(float(np.hypot(*(turn.estimate.pose - turn.pose)[:2])))
-            bad += not _is_finite(turn.estimate)
-            if turn.motion is not None:
-                collisions += turn.motion.collided
+            errors_m.append(float(np.hypot(*(estimated.pose - true.pose)[:2])))
+            bad += not _is_finite(estimated.map)
+            if true.motion is not None:
+                collisions += true.motion.collided
                 decisions += 1
-            if decisions and decisions % turns == 0 and turn.motion is not None:
+            if decisions and decisions % turns == 0 and true.motion is not None:
                 seconds = sum(watch.seconds[stage] for stage in ("mapper", "goal", "planner"))
                 values = {
                     "not finite": (bad, "", 0),
@@ -81,7 +82,7 @@ def run(plan: FloorPlan, settings: Settings, seed: int) -> Results:
                     "largest": (100 * np.max(errors_m), "cm", 1),
                     "collisions": (collisions, "", 0),
                     "a decision": (1000 * (seconds - before_s) / turns, "ms", 1),
-                    "cells of the map": (int(np.prod(turn.estimate.frame.shape)), "", 0),
+                    "cells of the map": (int(np.prod(estimated.map.frame.shape)), "", 0),
                     "navigator": (len(pickle.dumps(tuple(navigator))) / 1e6, "MB", 1),
                     "process, peak": (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3, "MB", 0),
                 }
@@ -109,11 +110,11 @@ class Wanderer:
         self._place: Float[np.ndarray, 2] | None = None
         self._left = 0
 
-    def goal(self, situation: Situation) -> Float[np.ndarray, "2"]:
+    def goal(self, sensed: Observation, estimated: Estimates) -> Float[np.ndarray, "2"]:
         """A frontier, or a place."""
-        goal = self._explorer.goal(situation.estimate) if self._place is None else None
+        goal = self._explorer.goal(estimated.map) if self._place is None else None
         if goal is None:
-            goal = self._place = self._wander(situation.estimate)
+            goal = self._place = self._wander(estimated.map)
         return goal
 
     def _wander(self, estimate: MapEstimate) -> Float[np.ndarray, "2"]:

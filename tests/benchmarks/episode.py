@@ -18,9 +18,9 @@ from tyro.conf import OmitArgPrefixes, Positional
 
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episode_file import read_head
 from robosim.evaluation.episodes import Job, make_jobs, run_job
 from robosim.evaluation.evaluate import find_suite
+from robosim.evaluation.rows import read_job_head
 from robosim.evaluation.scores import bootstrap
 from robosim.radio.link import RadioLinkConfig
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
@@ -93,7 +93,7 @@ def search(job: Job) -> dict[str, Any]:
         path = job.file(Path(folder))
         path.parent.mkdir(parents=True)
         path.write_bytes(run_job(job, Stopwatch(process_time)))
-        head = read_head(path)
+        head = read_job_head(path)
     decisions = max(head.row["steps"], 1)
     stages = {
         name: 1000 * sum(head.timing.get(stage, 0.0) for stage in parts) / decisions

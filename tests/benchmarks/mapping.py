@@ -20,7 +20,8 @@ from robosim.building.building import Building, make_building
 from robosim.building.reach import Reach, reach
 from robosim.camera.depth_noise import DepthNoise
 from robosim.datasets.true_patch import MATTERS, OBSTACLE, SEEN, TruePatches
-from robosim.episode import Decision, EpisodeConfig, run_episode
+from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode_log import EpisodeLog
 from robosim.navigation import make_navigator
 from robosim.parts import MapperPart
 from robosim.plans.files import find_plans, read_plan
@@ -29,8 +30,8 @@ from robosim.policies.goals import Explore, PolicyContext
 from robosim.radio.bearings import bearings_of
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import SimulatorConfig
+from robosim.step import Step
 from robosim.support.stopwatch import LOOP_STAGES
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Anchor, Task, make_task, with_anchors
 from slam.grid import MapEstimate
 from slam.mapping.classical import ClassicalMapper, MapperConfig
@@ -266,21 +267,21 @@ class _Observer:
             name = f"with radio of {count}"
             self._tracks[name] = MapperTrack(ClassicalMapper(whole), task.start, settings.sources[:count])
 
-    def look(self, log: EpisodeLog, decision: Decision) -> None:
-        """Take in one decision."""
-        view, situation = decision.view, decision.situation
-        estimate = self._learned.update(view.depth, decision.before, view.odometry)
-        measured = situation.measurement
-        received = {} if measured is None else {"target": measured, **situation.anchors}
+    def look(self, log: EpisodeLog, step: Step) -> None:
+        """Take in one step."""
+        view, estimated = step.sensed, step.estimated
+        estimate = self._learned.update(view.depth, step.true.action, view.odometry)
+        measured = estimated.measurement
+        received = {} if measured is None else {"target": measured, **estimated.anchors}
         bearings = bearings_of(received, self._radio, {})
         for track in self._tracks.values():
-            track.update(view, decision.before)
+            track.update(view, step.true.action)
             if isinstance(track, MapperTrack):
                 track.listen(bearings)
-        self._true.append(np.array(decision.pose))
-        self._matched.append(np.array(decision.estimate.pose))
+        self._true.append(np.array(step.true.pose))
+        self._matched.append(np.array(step.estimated.pose))
         if self.frames % EVERY == 0:
-            patch = self._truth.at(decision.pose)
+            patch = self._truth.at(step.true.pose)
             for method, predicted in predicted_ahead(self._learned, estimate, view.depth).items():
                 score = self.scores.setdefault(method, PatchScores())
                 score.add(predicted, patch[OBSTACLE], patch[SEEN], patch[MATTERS])

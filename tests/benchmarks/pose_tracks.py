@@ -126,7 +126,7 @@ class MapperTrack:
 
     def update(self, view: Observation, action: Action | None) -> None:
         """Take in a frame and the action that led to it; None at the first."""
-        self.poses.append(self._mapper.update(view.depth, action, view.odometry, **view.beside).pose)
+        self.poses.append(self._mapper.update(view.depth, action, view.odometry, **view.mapper_inputs).pose)
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where transmitters appear."""

@@ -21,12 +21,13 @@ from tyro.conf import OmitArgPrefixes, Positional
 from robosim.building.building import BuildingConfig
 from robosim.evaluation.ablations import place_of
 from robosim.evaluation.charts import arrival_chart, time_chart
-from robosim.evaluation.episode_file import Episode, read_episode, read_head
 from robosim.evaluation.episodes import scene
+from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.scores import CLASSES, bootstrap, score, steps_of, summarise
 from robosim.evaluation.suite import Suite, read_suite
 from robosim.policies.arrival import FollowConfig
 from robosim.policies.goals import SEEKERS
+from robosim.recording.episode_file import RecordedEpisode
 from robosim.robot.robots import RobotConfig
 from robosim.support.from_dict import from_dict
 from robosim.support.reading import FileError, shown
@@ -94,7 +95,7 @@ def rows_of(evaluation: Path) -> list[dict[str, Any]]:
     Raises:
         FileError: If there is no episode of the oracle.
     """
-    rows = [read_head(file).row for file in sorted((evaluation / "episodes").glob("*/*.npz"))]
+    rows = [read_job_head(file).row for file in sorted((evaluation / "episodes").glob("*/*.npz"))]
     judged = {(row["plan"], row["task"]) for row in rows if row["policy"] == "oracle"}
     if not judged:
         raise FileError(
@@ -153,7 +154,7 @@ def progress(
     gained: dict[str, list[float]] = defaultdict(list)
     for row in sorted((r for r in rows if r["policy"] in FOLLOWERS), key=lambda r: (r["plan"], r["task"])):
         name = f"{row['plan']}/{row['task']:03d}-{row['policy']}-{row['repeat']}.npz"
-        episode = read_episode(evaluation / "episodes" / name)
+        episode = read_job_episode(evaluation / "episodes" / name)
         _, places = scene(suite.plans[row["plan"]], suite.reader, building, hull_m)
         travel = places.travel_m(np.array(row["target"]))
         left = np.array([places.remaining_m(travel, pose[:2]) for pose in episode.poses])
@@ -167,13 +168,15 @@ def _words(state: LinkState) -> str:
     return "line of sight" if state == LinkState.LOS else state.name.lower().replace("_", " ")
 
 
-def _gains(episode: Episode, left: Float[np.ndarray, " n"], *, explores: bool) -> list[tuple[str, float]]:
+def _gains(
+    episode: RecordedEpisode, left: Float[np.ndarray, " n"], *, explores: bool
+) -> list[tuple[str, float]]:
     """How much shorter the rest of the route is later, with what the robot followed at the time."""
     follow, found = FollowConfig(), []
-    for i, (_, believed, snr_db, _) in enumerate(episode.links):
-        state = LinkState(int(believed))
-        if snr_db < follow.min_snr_db or i >= len(episode.goals):
+    for i, (estimated, snr_db) in enumerate(zip(episode.link_states.tolist(), episode.snr_db, strict=True)):
+        if snr_db < follow.min_snr_db:
             continue
+        state = LinkState(estimated)
         same_goal = i > 0 and np.array_equal(episode.goals[i], episode.goals[i - 1])
         ahead_m = float(np.hypot(*(episode.goals[i] - episode.estimates[i, :2])))
         follows = abs(ahead_m - follow.ahead_m) < SLACK_M

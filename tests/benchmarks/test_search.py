@@ -1,7 +1,5 @@
 """Whether arrivals lead on: counted right in episodes made by hand."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from robosim.plans.files import write_ros
 from tests import kept
 from tests.benchmarks.search import EXPLORED, progress
 from tests.plans import room
+from tests.steps import write_episode
 from wireless.paths import LinkState
 
 #: Decisions of each episode, and metres driven in each.
@@ -27,15 +26,11 @@ def counted(tmp_path):
     def add(policy, state, *, toward, ahead_m, snr_db=30.0):
         """Along y = 2 m, to the target at x = 7 m or away from it; a new goal every fifth decision."""
         x = 4.0 + toward * STRIDE_M * np.arange(STEPS + 1)
-        poses = np.column_stack([x, np.full(STEPS + 1, 2.0), np.zeros(STEPS + 1)]).astype(np.float32)
-        goals = np.repeat(poses[:STEPS:5, :2] + np.float32([ahead_m, 0.0]), 5, axis=0)
-        links = np.tile(np.float32([state, state, snr_db, 0.0]), (STEPS, 1))
+        poses = np.column_stack([x, np.full(STEPS + 1, 2.0), np.zeros(STEPS + 1)])
+        goals = np.repeat(poses[:STEPS:5, :2] + (ahead_m, 0.0), 5, axis=0)
         row = kept.row("hall", len(rows), policy, (7.0, 2.0), steps=STEPS)
         path = tmp_path / "episodes" / "hall" / f"{len(rows):03d}-{policy}-0.npz"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        head = json.dumps({"row": row, "timing": {}, "made_by": ""})
-        np.savez(path, head=np.array(head), poses=poses, estimates=poses, goals=goals, links=links,
-                 coverage=np.ones(STEPS + 1), built=np.zeros((0, 0), np.uint8), built_frame=np.zeros(3))  # fmt: skip
+        write_episode(path, row, poses, goals=goals, state=state, snr_db=snr_db)
         rows.append(row)
 
     def count():

@@ -74,7 +74,7 @@ def test_a_port_in_use_is_refused_before_any_work(plan_file, fails):
 
 
 def test_a_folder_of_nothing_is_refused(tmp_path, fails):
-    assert "neither an episode (decisions.npz) nor an evaluation" in fails("live", tmp_path, "--port", 0)
+    assert "neither an episode (episode.npz) nor an evaluation" in fails("live", tmp_path, "--port", 0)
 
 
 def test_a_plan_that_cannot_be_read_is_refused(tmp_path, fails):

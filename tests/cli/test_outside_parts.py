@@ -46,12 +46,12 @@ class Straight(GoalPolicy):
     def __init__(self, context):
         self.explorer = context.explorer
 
-    def goal(self, situation):
-        measurement = situation.measurement
+    def goal(self, sensed, estimated):
+        measurement = estimated.measurement
         if len(measurement.aoa_rad) == 0:
-            return self.explorer.goal(situation.estimate)
+            return self.explorer.goal(estimated.map)
         angle = measurement.aoa_rad[0]
-        return situation.estimate.pose[:2] + 2.0 * np.array([np.cos(angle), np.sin(angle)])
+        return estimated.pose[:2] + 2.0 * np.array([np.cos(angle), np.sin(angle)])
 
 
 class Mapper(ClassicalMapper):

@@ -88,7 +88,7 @@ def test_units_of_links() -> None:
 @pytest.mark.parametrize(
     ("table", "file"),
     [
-        ("decisions.npz", "episode/decisions.npz"),
+        ("episode.npz", "episode/episode.npz"),
         ("episode.npz", "evaluation/episodes/flat/000-los-0.npz"),
         ("frames.npz", "collect/home-00000.npz"),
     ],

@@ -39,7 +39,7 @@ COMMANDS = {
     "episode": Command(
         f"episode {{plan}} --goal explore --seed 1 {_QUICK}",
         goes_on=False,
-        keeps=("result.json", "trajectory.tum", "map.yaml", "decisions.npz"),
+        keeps=("result.json", "trajectory.tum", "map.yaml", "episode.npz"),
     ),
     "replay": Command("replay {episode}", goes_on=False, needs=(EPISODE,)),
     "plan": Command("plan {plan}", goes_on=False),

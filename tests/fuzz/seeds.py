@@ -22,11 +22,10 @@ from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mesh
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
-from robosim.drawing.snapshot import Arrivals, Layer, Snapshot
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episode_file import Decided, Head, to_bytes
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
+from robosim.layers import Layer
 from robosim.plans.files import write_png, write_ros
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.plans.formats.pgm import encode_pgm
@@ -35,15 +34,13 @@ from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
 from robosim.published.measured_paths import COLUMNS as MEASURED
-from robosim.recording.decision_log import DECISIONS, DecisionWriter
+from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
 from robosim.robot.robots import TURTLEBOT, write_robot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import plain, write_files, write_json, write_whole
 from robosim.support.run_folder import SETTINGS
-from robosim.task.record import EpisodeLog, Link
-from robosim.task.tasks import Task
 from robosim.training.explorer import ExplorerRecipe
 from robosim.training.search import SearchRecipe
 from robosim.training.search import Training as SearchTraining
@@ -59,6 +56,7 @@ from slam.networks.map_network import NetworkConfig
 from tests import kept
 from tests.plans import two_rooms
 from tests.robot_logs import WAY, Drive
+from tests.steps import measurement, step
 from wireless.estimates import PathEstimates
 from wireless.formats.link_records import link_table, write_links
 from wireless.formats.mmwrobotnav_csv import estimated_csv
@@ -74,7 +72,7 @@ TARGET, POLICIES = (5.0, 2.0), ("oracle", "snr", "los-or-first")
 def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
-        ros_maps, storeys, images, plans, meshes, weights, decisions, evaluation, shards, links, measurements,
+        ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
         checkpoints, arrays, logs, robots,
         furnishings,
     ):  # fmt: skip
@@ -194,51 +192,48 @@ def _estimate(shape=(12, 16)) -> MapEstimate:
     )
 
 
-def decisions(folder: Path) -> None:
-    """The log of an episode of five decisions, whose map grows, with radio and belief."""
-    rng = np.random.default_rng(1)
-    writer = DecisionWriter(
-        [np.array([[0.0, 0], [6, 0], [6, 3], [0, 3]]), np.array([[2.0, 1], [3, 1], [3, 2]])], np.array(TARGET)
-    )
+RINGS = [np.array([[0.0, 0], [6, 0], [6, 3], [0, 3]]), np.array([[2.0, 1], [3, 1], [3, 2]])]
+
+
+def episode(folder: Path) -> None:
+    """A recorded episode of five steps, whose map grows, with radio and belief."""
+    rng, writer = np.random.default_rng(1), EpisodeWriter(RINGS)
     for i in range(5):
         frame = GridFrame(origin_xy=(-0.05 * i, 0.0), shape=(20, 20 + 2 * i))
-        belief = Layer(
-            GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.2, shape=(7, 9)),
-            rng.integers(0, 64, (7, 9), np.uint8),
-        )
+        around = GridFrame(origin_xy=(0.0, 0.0), resolution_m=0.2, shape=(7, 9))
+        pose = (1.0 + 0.1 * i, 1.0, 0.1)
         writer.add(
-            Snapshot(
-                rgb=rng.integers(0, 256, (16, 16, 3), np.uint8),
-                depth_mm=rng.integers(0, 9000, (16, 16), np.uint16),
-                pose=np.array([1.0 + 0.1 * i, 1.0, 0.1]),
-                estimate=np.array([1.0 + 0.1 * i, 1.01, 0.1]),
-                built=Layer(frame, rng.integers(0, 4, frame.shape, np.uint8)),
-                goal=np.array(TARGET),
-                path=rng.uniform(0, 3, (i, 2)),
-                arrivals=None
+            step(
+                i,
+                pose=pose,
+                map=Layer(frame, rng.integers(0, 20, frame.shape, np.uint8)),
+                belief=None if i < 2 else Layer(around, rng.integers(0, 64, (7, 9), np.uint8)),
+                measured=None
                 if i == 2
-                else Arrivals(rng.uniform(-3, 3, 2), np.array([30.0, 10.0]), LinkState.LOS),
-                belief=None if i < 2 else belief,
-                text=f"small step {i}",
-                reason=None if i == 3 else ARRIVAL,
-                coverage=0.1 * i,
-                true_state=LinkState.OUTAGE,
+                else measurement(pose, LinkState.LOS, rng.uniform(-3, 3, 2), (30, 10)),
+                rgb=rng.integers(0, 256, (16, 16, 3), np.uint8),
+                depth=rng.integers(0, 9000, (16, 16)).astype(np.float32) / np.float32(1000),
+                goal=TARGET,
+                path=rng.uniform(0, 3, (i, 2)),
+                reason=ARRIVAL,
+                state=LinkState.OUTAGE,
             )
         )
-    writer.save(_into(folder, "decisions") / DECISIONS)
+    row = kept.row("pair", 0, "fused", TARGET, steps=5)
+    content = writer.content(Head(row=row, seeks_target=True), np.ones(3), 0.5, _estimate())
+    write_whole(_into(folder, "episode") / EPISODE, content)
 
 
 def _episode(task: int, policy: str, steps: int) -> bytes:
-    log = EpisodeLog(Task(np.array([1.0, 0.6, 0.0]), np.array(TARGET), 3.0))
-    for at in np.linspace([1.0, 0.6], TARGET, steps + 1):
-        log.add_pose(None, np.array([*at, 0.5]), np.array([*at, 0.51]), 0.5)
-    if policy != "oracle":
-        log.links = [Link(LinkState.HIGHER_ORDER, LinkState.FIRST_ORDER, 20.0, 0.1)] * steps
+    writer = EpisodeWriter(RINGS, pictures=False)
+    for i, at in enumerate(np.linspace([1.0, 0.6], TARGET, steps)):
+        link = measurement((*at, 0.5), LinkState.FIRST_ORDER, [0.1], [20.0]) if policy != "oracle" else None
+        state = None if policy == "oracle" else LinkState.HIGHER_ORDER
+        writer.add(step(i, pose=(*at, 0.5), goal=at + 0.6, measured=link, state=state, reason=ARRIVAL))
     row = kept.row("pair", task, policy, TARGET, steps=steps)
-    goals = list(np.array(log.poses)[:-1, :2] + (0.6, 0.0))
-    decided = Decided(goals, [ARRIVAL] * steps, [2.4] * steps)
-    head = Head(row, {"wall": 1.0, "decisions_per_s": 9.0}, "0123")
-    return to_bytes(head, log, decided, [np.array([[0.0, 0], [6, 0], [6, 3], [0, 3]])], _estimate())
+    timing = {"wall": 1.0, "decisions_per_s": 9.0}
+    head = Head(row=row, seeks_target=True, timing=timing, made_by="0123")
+    return writer.content(head, np.array([*TARGET, 0.5]), 0.5, _estimate())
 
 
 def evaluation(folder: Path) -> None:

@@ -16,12 +16,12 @@ from robosim.building.multi_storey import make_storeys
 from robosim.cli import main
 from robosim.datasets.collect import collect
 from robosim.episode import EpisodeConfig
-from robosim.evaluation.episode_file import read_episode, read_head
 from robosim.evaluation.manifest import settings_of
+from robosim.evaluation.rows import read_job_episode, read_job_head
 from robosim.evaluation.scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.own_plan import MOST_BYTES, plan_of
-from robosim.live.results import read_recording, read_searches, recording_of
+from robosim.live.recorded import read_recording, read_searches
 from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
@@ -30,7 +30,7 @@ from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
-from robosim.recording.decision_log import read_decisions
+from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
 from robosim.robot.robots import read_robot
 from robosim.support.checkpoint import Checkpoint
@@ -115,12 +115,12 @@ def _upload(folder: Path, file: Path) -> None:
 def _looked_back(folder: Path, file: Path) -> None:
     """Episodes as the page opens them; a damaged result is passed over, for the log is enough."""
     recording = read_recording(folder)
-    assert len(recording[0].snapshot.pose) == 3
+    assert len(recording[0].true.pose) == 3
 
 
 def _looked_back_on_many(folder: Path, file: Path) -> None:
     for searched in read_searches(folder):
-        recording_of(searched)
+        searched.read()
 
 
 def _ros(folder: Path, file: Path) -> None:
@@ -147,14 +147,15 @@ def _found_plans(folder: Path, file: Path) -> None:
 
 
 def _log(folder: Path, file: Path) -> None:
-    log = read_decisions(folder)
-    for _ in log.snapshots():
+    for _ in read_episode(folder).steps():
         pass
 
 
 def _episode(folder: Path, file: Path) -> None:
-    episode = read_episode(file)
-    assert episode.head == read_head(file)
+    episode = read_job_episode(file)
+    assert episode.head == read_job_head(file)
+    for _ in episode.steps():
+        pass
     summarise(score([{**episode.head.row, "policy": "oracle"}]))
 
 
@@ -336,7 +337,7 @@ TARGETS: dict[str, Target] = {
     "plan on the page": Target("plans", "*", _upload),
     "picture on the page": Target("images", "*", _upload),
     "mesh on the page": Target("meshes", "*", _upload),
-    "episode on the page": Target("decisions", "*", _looked_back),
+    "episode on the page": Target("episode", "*", _looked_back),
     "evaluation on the page": Target("evaluation", "episodes/pair/*", _looked_back_on_many),
     "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf"), names="a.gltf"),
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
@@ -345,7 +346,7 @@ TARGETS: dict[str, Target] = {
     "steering": Target("weights-steering", "*.s*", lambda folder, file: load_steering(file, ControlConfig()), 0.5),
     "search": Target("weights-search", "*.s*", lambda folder, file: load_search(file), 0.5),
     "link states": Target("weights-link-state", "*", lambda folder, file: read_classifier(folder / "a.safetensors")),
-    "log": Target("decisions", "*", _log, 3),
+    "log": Target("episode", "*", _log, 3),
     "suite": Target("evaluation", "suite.*", _suite, 2),
     "settings": Target("evaluation", "settings.json", _settings, names="results of"),
     "episode": Target("evaluation", "episodes/pair/*", _episode, 2),
@@ -373,7 +374,7 @@ TARGETS: dict[str, Target] = {
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
     "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
-    "robosim replay": Target("decisions", "*", _replay, 0.7, True),
+    "robosim replay": Target("episode", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),
     "robosim evaluate, again": Target("evaluation", "episodes/pair/*", _evaluate_finished, 0.7, True),
     "robosim train mapper": Target("shards", "home-*", _train_mapper, 0.5, True),

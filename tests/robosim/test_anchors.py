@@ -26,18 +26,18 @@ LIFT = Anchor(name="lift", place=np.array([5.0, 2.5]), known=False)
 
 
 class Watching(GoalPolicy):
-    """Does as `los` does, and keeps what it was told."""
+    """Does as `los` does, and keeps what it was given."""
 
     uses_radio = True
 
     def __init__(self, context: PolicyContext) -> None:
         self._los: Wireless = los(context)
-        self.situations: list = []
+        self.given: list = []
         Watching.last = self
 
-    def goal(self, situation):
-        self.situations.append(situation)
-        return self._los.goal(situation)
+    def goal(self, sensed, estimated):
+        self.given.append(estimated)
+        return self._los.goal(sensed, estimated)
 
 
 @pytest.fixture(scope="module")
@@ -58,13 +58,13 @@ def test_others_change_nothing_of_the_target_and_are_told_by_name(scene):
     assert together.links == alone.links
     assert {name: len(links) for name, links in together.anchor_links.items()} == {"hall": 6, "lift": 6}
 
-    situation = Watching.last.situations[0]
-    assert set(situation.anchors) == {"hall", "lift"}
+    estimated = Watching.last.given[0]
+    assert set(estimated.anchors) == {"hall", "lift"}
     # The robot knows where one of them stands, and at the start sees it: its arrival points there.
-    assert list(situation.places) == ["hall"]
-    measurement = situation.anchors["hall"]
+    assert list(estimated.anchor_places) == ["hall"]
+    measurement = estimated.anchors["hall"]
     assert measurement.state == LinkState.LOS
-    x, y = HALL.place - situation.estimate.pose[:2]
+    x, y = HALL.place - estimated.pose[:2]
     assert measurement.aoa_rad[0] == pytest.approx(np.arctan2(y, x), abs=np.radians(3))
 
 

@@ -123,7 +123,7 @@ def test_recorded_files_tell_the_same_story(tmp_path):
     assert (tmp_path / "map.png").stat().st_size > 10_000
     assert {path.name for path in tmp_path.iterdir()} == {
         "result.json", "trajectory.tum", "estimate.tum", "map.yaml", "map.pgm", "map.png", "episode.mp4",
-        "decisions.npz", "settings.json",
+        "episode.npz", "settings.json",
     }  # fmt: skip
 
 

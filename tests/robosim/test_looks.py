@@ -10,8 +10,8 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 
 from robosim.building.building import make_building
+from robosim.episode_log import EpisodeLog
 from robosim.robot.motion import Motion
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 from tests.plans import two_rooms
 
@@ -58,8 +58,8 @@ def test_plan_and_walls_are_drawn_in_one_place(plan):
     plt.close(alone.figure)
 
 
-def test_a_log_draws_both_ways_and_the_target():
-    """The true way, the estimated one, start and target at their places; a log with nothing in it too."""
+def test_a_log_draws_both_trajectories_and_the_target():
+    """True and estimated trajectory, start and target at their places; a log with nothing in it too."""
     log = EpisodeLog(Task(np.zeros(3), np.array([2.0, 1.0]), 2.0))
     assert repr(log) == "<EpisodeLog: running after 0 steps>"
     plt.close(log.plot().figure)
@@ -69,8 +69,8 @@ def test_a_log_draws_both_ways_and_the_target():
     axes = log.plot()
     drawn = {line.get_label(): line.get_xydata().tolist() for line in axes.lines}
     assert drawn == {
-        "true way": [[0, 0], [1, 0]],
-        "estimated way": [[0.1, 0], [1.1, 0]],
+        "true trajectory": [[0, 0], [1, 0]],
+        "estimated trajectory": [[0.1, 0], [1.1, 0]],
         "start": [[0, 0]],
         "target": [[2, 1]],
     }

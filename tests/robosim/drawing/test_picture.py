@@ -1,4 +1,4 @@
-"""The picture of a moment: the second map shows what is guessed, the first does not."""
+"""The picture of a step: the second map shows what is guessed, the first does not."""
 
 import numpy as np
 import pytest
@@ -6,19 +6,16 @@ import pytest
 from robosim.building.building import make_building
 from robosim.drawing import marks
 from robosim.drawing.marks import LINE_PX, draw_scale
-from robosim.drawing.picture import (
+from robosim.drawing.picture import LEGEND, STATE_COLOURS, Picture
+from robosim.drawing.plan_view import (
     ESTIMATE_ORANGE,
     HEIGHT,
-    LEGEND,
     PATH_PURPLE,
-    STATE_COLOURS,
     TARGET_RED,
     TRUE_GREEN,
     WALL_BLUE,
-    Picture,
     building_rings,
 )
-from robosim.drawing.snapshot import GUESS, GUESS_LEVELS, OBSTACLE, UNKNOWN, Arrivals, Snapshot, built_layer
 from robosim.drawing.timeline import Timeline
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import read_plan
@@ -27,6 +24,7 @@ from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
 from slam.grid import GridFrame, MapEstimate
 from tests.plans import two_rooms
+from tests.steps import measurement, step
 from wireless.paths import LinkState
 
 
@@ -47,29 +45,12 @@ def _estimate(odds: float) -> MapEstimate:
     )
 
 
-def test_a_guess_is_kept_where_nothing_is_known():
-    """Probabilities 0.02 and 0.98 fall into the first and last level; what is known stays what it is."""
-    for odds, level in ((0.02, 0), (0.98, GUESS_LEVELS - 1)):
-        values = built_layer(_estimate(odds)).values
-        assert set(np.unique(values)) == {UNKNOWN, OBSTACLE, GUESS + level}
-        assert (values == OBSTACLE).sum() == 20
-        assert (values == GUESS + level).sum() == 20 * 19
-
-
 @pytest.mark.parametrize("odds", [0.02, 0.98])
 def test_guesses_stand_on_the_second_map_only(odds):
     """Maps differ where something is guessed: a guess of floor is bright and warm, one of an obstacle dark and cold."""
     estimate, plan = _estimate(odds), two_rooms(0.8)
     picture = Picture(building_rings(make_building(plan)), np.array([0.2, 0.2]), anticipates=True)
-    image = picture.draw(
-        Snapshot(
-            rgb=np.zeros((8, 8, 3), np.uint8),
-            depth_mm=np.ones((8, 8), np.uint16),
-            pose=estimate.pose,
-            estimate=estimate.pose,
-            built=built_layer(estimate),
-        )
-    )
+    image = picture.draw(step(pose=estimate.pose, map=estimate, goal=(0.1, 0.1)))
     assert image.shape[:2] == picture.size[::-1]
     width = (picture.size[0] - HEIGHT - LEGEND) // 2
     first, second = (image[20:HEIGHT, HEIGHT + k * width : HEIGHT + (k + 1) * width] for k in (0, 1))
@@ -97,11 +78,6 @@ def test_a_mapper_that_does_not_guess_has_one_map():
     assert two[0] - HEIGHT - LEGEND == 2 * (one[0] - HEIGHT - LEGEND)
 
 
-def _snapshot(**more) -> Snapshot:
-    grey = np.full((8, 8, 3), 90, np.uint8)
-    return Snapshot(rgb=grey, depth_mm=np.ones((8, 8), np.uint16), pose=np.array([1.0, 0.6, 0.0]), **more)
-
-
 def _pixels(image: np.ndarray, colour) -> int:
     return int((image == np.array(colour, np.uint8)).all(axis=-1).sum())
 
@@ -125,9 +101,7 @@ def test_who_only_explores_is_shown_no_target():
     rings = building_rings(make_building(two_rooms(0.8)))
     found = {}
     for seeks in (True, False):
-        picture = Picture(rings, np.array([5.0, 2.0]))
-        picture.seeks_target = seeks
-        image = picture.draw(_snapshot(coverage=0.4))
+        image = Picture(rings, np.array([5.0, 2.0]) if seeks else None).draw(step(coverage=0.4))
         found[seeks] = _pixels(image[:, HEIGHT:-LEGEND], TARGET_RED), _pixels(image[:, -LEGEND:], TARGET_RED)
     assert found[False][0] == 0 < found[True][0]
     assert 0 < found[False][1] < found[True][1]
@@ -136,9 +110,10 @@ def test_who_only_explores_is_shown_no_target():
 def test_the_legend_has_the_colours_of_what_is_drawn():
     """With radio and belief each colour of the map stands in the legend, and each link state's."""
     picture = Picture(building_rings(make_building(two_rooms(0.8))), np.array([5.0, 2.0]), anticipates=True)
-    heard = Arrivals(np.array([0.3]), np.array([20.0]), LinkState.LOS)
-    image = picture.draw(_snapshot(arrivals=heard, true_state=LinkState.LOS, coverage=0.1))
-    names = [entry.text for entry in picture._entries(_snapshot(arrivals=heard))]
+    measured = measurement((1.0, 0.6, 0.0), LinkState.LOS, [0.3], [20.0])
+    shown = step(measured=measured, state=LinkState.LOS, coverage=0.1)
+    image = picture.draw(shown)
+    names = [entry.text for entry in picture._entries(shown)]
     assert len(names) <= (image.shape[0] - 8) // LINE_PX, "every entry fits"
     for colour in (
         WALL_BLUE,

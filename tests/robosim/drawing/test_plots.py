@@ -12,7 +12,7 @@ from robosim.building.reach import reach
 from robosim.drawing import plots
 from robosim.drawing.plan_marks import explain, wall_keys
 from robosim.drawing.plots import plan_axes, plot_episode, plot_plan
-from robosim.task.record import EpisodeLog
+from robosim.episode_log import EpisodeLog
 from robosim.task.tasks import Task
 from slam.grid import GridFrame, MapEstimate
 from tests.plans import two_rooms
@@ -52,7 +52,15 @@ def test_the_map_names_walls_map_and_ways(drawn, tmp_path, seeks):
         pose=np.zeros(3),
     )
     plot_episode(tmp_path / "map.png", building, _log(seeks), estimate)
-    expected = ["true walls", "floor seen", "obstacle seen", "not seen", "true way", "estimated way", "start"]
+    expected = [
+        "true walls",
+        "floor seen",
+        "obstacle seen",
+        "not seen",
+        "true trajectory",
+        "estimated trajectory",
+        "start",
+    ]
     assert _named(drawn[0]) == expected + ["target"] * seeks
     title = drawn[0].axes[0].get_title()
     assert "25 % seen" in title and ("shortest" in title) == seeks

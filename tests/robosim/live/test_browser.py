@@ -13,7 +13,7 @@ from robosim.building.building import BuildingConfig
 from robosim.live.client import COVERED
 from robosim.live.lean import TOLD
 from robosim.live.link_model import LinkSettings
-from robosim.live.results import read_searches
+from robosim.live.recorded import read_searches
 from robosim.live.search_panel import BY_HAND_NAME
 from tests.benchmarks.live import pixel_of
 from tests.plans import room
@@ -191,7 +191,7 @@ def test_start_and_target_are_set_by_clicks(explored, quick, window):
     recording = searches.searches[0].recording
     assert searches.searches[0].trouble == ""
     assert recording.target == pytest.approx(searches.picker.places["target"])
-    pose = recording[0].snapshot.pose
+    pose = recording[0].true.pose
     assert pose[:2] == pytest.approx(searches.picker.places["start"])
     assert pose[2] == pytest.approx(np.arctan2(1.0, 4.0), abs=0.03), "it looks to the target"
 

@@ -55,7 +55,7 @@ def test_a_search_is_the_episode_without_a_page(search, quick):
     task = make_task(places, np.random.default_rng([quick.seed, 0]), start=START, target=TARGET)
     log, _ = run_episode(building, places, task, quick)
     assert one.recording.ended.startswith(log.ended)
-    shown = np.array([one.recording[i].snapshot.pose for i in range(len(one.recording))])
+    shown = np.array([one.recording[i].true.pose for i in range(len(one.recording))])
     assert np.array_equal(shown, np.array(log.poses[: len(shown)]))
     assert len(shown) == log.steps
 
@@ -79,7 +79,7 @@ def test_a_person_drives(search):
         wait_for(lambda k=k: decisions(one) == k + 1)
         one.press(action)
     wait_for(lambda: decisions(one) == 4)
-    poses = np.array([one.recording[i].snapshot.pose for i in range(4)])
+    poses = np.array([one.recording[i].true.pose for i in range(4)])
     turned = np.degrees(np.diff(poses[:, 2]))
     assert (turned[:2] > 5).all(), "each turn is some 10 degrees"
     assert np.hypot(*(poses[3] - poses[2])[:2]) > 0.15, "a step forward is some 0.25 m"

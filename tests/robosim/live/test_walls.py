@@ -6,7 +6,7 @@ import shapely
 import trimesh
 
 from robosim.building.building import make_building
-from robosim.drawing.picture import building_rings
+from robosim.drawing.plan_view import building_rings
 from robosim.live.walls import EDGE_M, facing_free, floor_mesh, upper_edges, wall_mesh, wall_sides
 from robosim.plans.files import read_plan
 from tests.plans import two_rooms

@@ -7,12 +7,12 @@ import pytest
 
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.navigation import make_navigator
+from robosim.policies.estimates import Estimates
 from robosim.policies.fused import Fused, FusedConfig
 from robosim.policies.goals import PolicyContext
-from robosim.policies.situation import Situation
 from robosim.radio.measurement import Measurement
 from robosim.robot.robots import RobotConfig
-from robosim.simulator import SimulatorConfig
+from robosim.simulator import Observation, SimulatorConfig
 from slam.graph.landmarks import Transmitter
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig
@@ -28,34 +28,35 @@ def fused() -> Fused:
     return Fused(make_navigator(SimulatorConfig()).explorer)
 
 
-def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0) -> Situation:
-    """A situation in which the target is measured straight from where it is, as if with nothing between."""
+def at(place, state: LinkState, map_: MapEstimate = EVERYWHERE, seen=None, loss_db=0.0):
+    """What is sensed and estimated if the target is measured straight, as if with nothing between."""
     pose = np.array([*place, 0.0])
     map_ = MapEstimate(**{**vars(map_), "pose": pose})
     toward = to(place, TARGET)
     told: Measurement = measurement(
         place, toward, toward + np.pi, np.hypot(*(TARGET - place)), state, loss_db
     )
-    return Situation(map_, told, target=seen)
+    sensed = Observation(np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0)), np.zeros(3), target=seen)
+    return sensed, Estimates(map_, told)
 
 
 def test_in_line_of_sight_the_direction_counts_and_not_the_power(fused):
     """6 dB too weak, as if twice as far away: the goal still lies 0.6 m ahead towards the target."""
-    goal = fused.goal(at((0.0, 0.0), LinkState.LOS, loss_db=6.0))
+    goal = fused.goal(*at((0.0, 0.0), LinkState.LOS, loss_db=6.0))
     assert goal == pytest.approx(0.6 * TARGET / np.hypot(*TARGET))
 
 
 def test_a_target_that_is_seen_counts_before_one_that_is_heard(fused):
     """Seen 1 m ahead and 0.5 m to the left, and remembered when it is out of the picture."""
-    assert fused.goal(at((0.0, 0.0), LinkState.LOS, seen=np.array([1.0, 0.5]))) == pytest.approx([1.0, 0.5])
-    assert fused.goal(at((0.5, 0.0), LinkState.HIGHER_ORDER)) == pytest.approx([1.0, 0.5])
+    assert fused.goal(*at((0.0, 0.0), LinkState.LOS, seen=np.array([1.0, 0.5]))) == pytest.approx([1.0, 0.5])
+    assert fused.goal(*at((0.5, 0.0), LinkState.HIGHER_ORDER)) == pytest.approx([1.0, 0.5])
 
 
 def test_an_arrival_that_leads_nowhere_is_left_for_the_belief(fused):
     """Held up after a way: 0.6 m along the arrival for a while, then to where the target must be, within 0.4 m."""
     for x in np.linspace(-3.0, -0.6, 5):
-        fused.goal(at((x, 0.0), LinkState.LOS))
-    goals = np.array([fused.goal(at((0.0, 0.0), LinkState.LOS)) for _ in range(31)])
+        fused.goal(*at((x, 0.0), LinkState.LOS))
+    goals = np.array([fused.goal(*at((0.0, 0.0), LinkState.LOS)) for _ in range(31)])
     assert np.hypot(*goals[5:25].T) == pytest.approx(0.6)
     assert goals[-1] == pytest.approx(TARGET, abs=0.4)
 
@@ -64,26 +65,27 @@ def test_out_of_sight_it_goes_where_the_belief_has_gathered(fused):
     """Measurement in line of sight on the way along a wall, and behind it no more: the place is remembered."""
     map_ = estimate(wall(-0.2, 0.0, 0.5, 3.0))
     for x in np.linspace(2.0, 0.2, 7):
-        fused.goal(at((x, 0.0), LinkState.LOS, map_))
+        fused.goal(*at((x, 0.0), LinkState.LOS, map_))
     hidden = at((-1.0, 1.5), LinkState.HIGHER_ORDER, map_, loss_db=30.0)
     for _ in range(7):
-        goal = fused.goal(hidden)
+        goal = fused.goal(*hidden)
     assert goal == pytest.approx(TARGET, abs=0.4)
 
 
 def test_out_of_sight_it_goes_where_the_graph_has_found_the_target(fused):
     """To 0.1 m of where the directions of all poses meet, which one measurement of higher order says nothing of."""
-    hidden = at((-1.0, 1.5), LinkState.HIGHER_ORDER, loss_db=30.0)
+    sensed, estimated = at((-1.0, 1.5), LinkState.HIGHER_ORDER, loss_db=30.0)
     found = Transmitter(xy=TARGET, covariance=0.01 * np.eye(2), sightings=9)
-    assert fused.goal(replace(hidden, located=lambda: {"target": found})) == pytest.approx(TARGET, abs=0.1)
+    estimated = replace(estimated, locate_transmitters=lambda: {"target": found})
+    assert fused.goal(sensed, estimated) == pytest.approx(TARGET, abs=0.1)
 
 
 def test_a_place_of_the_graph_that_turns_out_empty_is_let_go(fused):
     """The robot stands there: its goal is 1 m away or more before it has decided 60 times."""
-    hidden = at((0.0, 0.0), LinkState.HIGHER_ORDER, loss_db=30.0)
+    sensed, estimated = at((0.0, 0.0), LinkState.HIGHER_ORDER, loss_db=30.0)
     found = Transmitter(xy=np.zeros(2), covariance=0.01 * np.eye(2), sightings=9)
-    situation = replace(hidden, located=lambda: {"target": found})
-    goals = np.array([fused.goal(situation) for _ in range(60)])
+    estimated = replace(estimated, locate_transmitters=lambda: {"target": found})
+    goals = np.array([fused.goal(sensed, estimated) for _ in range(60)])
     assert np.hypot(*goals[-1]) > 1.0
 
 

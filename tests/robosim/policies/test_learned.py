@@ -7,12 +7,12 @@ import numpy as np
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig, run_episode
+from robosim.episode_log import EpisodeLog
 from robosim.policies.fused import Fused
 from robosim.policies.goals import PolicyContext
 from robosim.policies.learned import Learned
 from robosim.policies.search_network import SearchNetwork, initial_weights
 from robosim.simulator import SimulatorConfig
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import make_task
 from slam.actions import Action
 from slam.control.guard import Guard
@@ -49,9 +49,9 @@ def test_fused_takes_over_where_the_network_stays_in_one_place():
     """After 40 decisions on the spot, for good, and arrives; until then all actions are the network's."""
     actions, beliefs = [], []
 
-    def look(_, decision) -> None:
-        actions.append(decision.action)
-        beliefs.append(decision.belief is not None)
+    def look(_, step) -> None:
+        actions.append(step.decided.action)
+        beliefs.append(step.decided.belief is not None)
 
     log = _search(_biased(Action.LEFT), 400, look)
     assert log.ended == "arrived"
@@ -66,11 +66,11 @@ def test_fused_takes_over_where_the_network_drives_round_what_it_has_seen():
     """
     seen_m2, beliefs, places = [], [], []
 
-    def look(_, decision) -> None:
-        frame = decision.estimate.frame
-        seen_m2.append(decision.estimate.explored.sum() * frame.resolution_m**2)
-        beliefs.append(decision.belief is not None)
-        places.append(decision.estimate.pose[:2].copy())
+    def look(_, step) -> None:
+        frame = step.estimated.map.frame
+        seen_m2.append(step.estimated.map.explored.sum() * frame.resolution_m**2)
+        beliefs.append(step.decided.belief is not None)
+        places.append(step.estimated.map.pose[:2].copy())
 
     _search(_biased(Action.LEFT, Action.FORWARD), 300, look)
     first = beliefs.index(True)

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from robosim.policies.estimates import Estimates
 from robosim.policies.goals import PolicyContext, make_policy
 from robosim.policies.reason import GoalKind, decisions_along
-from robosim.policies.situation import Situation
+from robosim.simulator import Observation
 from slam.exploration.explorer import FrontierExplorer
 from slam.grid import GridFrame, MapEstimate
 
@@ -25,20 +26,19 @@ def test_a_way_takes_its_steps_and_turns(path, yaw, expected):
     assert decisions_along(np.array(path, float), yaw) == pytest.approx(expected)
 
 
-def _situation(target=None) -> Situation:
+def _knowledge(target=None):
     frame = GridFrame(origin_xy=(-3.0, -3.0), shape=(120, 120))
     explored = np.zeros(frame.shape, bool)
     explored[40:80, 40:80] = True
-    return Situation(
-        MapEstimate(
-            frame=frame,
-            obstacle_probability=np.full(frame.shape, 0.1, np.float32),
-            explored=explored,
-            blocked=np.zeros(frame.shape, bool),
-            pose=np.zeros(3),
-        ),
-        target=target,
+    map_ = MapEstimate(
+        frame=frame,
+        obstacle_probability=np.full(frame.shape, 0.1, np.float32),
+        explored=explored,
+        blocked=np.zeros(frame.shape, bool),
+        pose=np.zeros(3),
     )
+    sensed = Observation(np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0)), np.zeros(3), target=target)
+    return sensed, Estimates(map_)
 
 
 def test_policies_say_what_their_goal_is():
@@ -46,9 +46,9 @@ def test_policies_say_what_their_goal_is():
     context = PolicyContext(explorer=FrontierExplorer(), target=np.array([1.0, 0.0]))
     oracle, explore, visual = (make_policy(name, context) for name in ("oracle", "explore", "visual"))
     for policy in (oracle, explore, visual):
-        policy.goal(_situation())
+        policy.goal(*_knowledge())
     assert [p.reason.kind for p in (oracle, explore, visual)] == [
         GoalKind.KNOWN, GoalKind.EXPLORE, GoalKind.EXPLORE,
     ]  # fmt: skip
-    visual.goal(_situation(target=np.array([1.0, 0.0])))
+    visual.goal(*_knowledge(target=np.array([1.0, 0.0])))
     assert visual.reason.kind is GoalKind.SEEN

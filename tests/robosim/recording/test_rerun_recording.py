@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from robosim.cli import main
-from robosim.drawing.picture import PALETTE
+from robosim.drawing.plan_view import PALETTE
 from robosim.episode import EpisodeConfig
-from robosim.recording.decision_log import read_decisions
+from robosim.recording.episode_file import read_episode
 from robosim.recording.rerun_recording import RAY_COLOURS, RECORDING, ray_kind, rerun_sdk
 from robosim.run import record_episode
 from robosim.simulator import SimulatorConfig
@@ -50,8 +50,8 @@ def columns(recorded):
 
 
 @pytest.fixture(scope="module")
-def snapshots(recorded):
-    return list(read_decisions(recorded).snapshots())
+def steps(recorded):
+    return list(read_episode(recorded).steps())
 
 
 def test_every_decision_has_every_kind_of_data(columns):
@@ -66,33 +66,35 @@ def test_every_decision_has_every_kind_of_data(columns):
         assert "decision" not in columns[f"/{entity}"]
 
 
-def test_pictures_and_poses_are_those_of_the_log(columns, snapshots):
+def test_pictures_and_poses_are_those_of_the_log(columns, steps):
     """Colours to the bit; depth to half a millimetre; where the camera, the goal and the two robots are."""
-    for i, snapshot in enumerate(snapshots):
+    for i, step in enumerate(steps):
         rgb = np.array(columns["/world/camera/rgb"]["Image:buffer"][i][0], np.uint8)
-        np.testing.assert_array_equal(rgb.reshape(snapshot.rgb.shape), snapshot.rgb)
+        np.testing.assert_array_equal(rgb.reshape(step.sensed.rgb.shape), step.sensed.rgb)
         depth = np.array(columns["/world/camera/depth"]["DepthImage:buffer"][i][0], np.uint8).view(np.float32)
-        assert np.abs(depth.reshape(snapshot.depth_mm.shape) - snapshot.depth_mm / 1000).max() < 0.6e-3
+        assert np.abs(depth.reshape(step.sensed.depth.shape) - step.sensed.depth).max() < 0.6e-3
         goal = columns["/world/goal"]["Points3D:positions"][i][0]
-        np.testing.assert_allclose(goal[:2], snapshot.goal, atol=1e-6)
-        for name, pose in (("true", snapshot.pose), ("estimated", snapshot.estimate)):
+        np.testing.assert_allclose(goal[:2], step.decided.goal, atol=1e-6)
+        for name, pose in (("true", step.true.pose), ("estimated", step.estimated.pose)):
             arrow = columns[f"/world/{name}"]
             np.testing.assert_allclose(arrow["Arrows3D:origins"][i][0][:2], pose[:2], atol=1e-6)
             x, y, _ = arrow["Arrows3D:vectors"][i][0]
             assert np.arctan2(y, x) == pytest.approx(pose[2], abs=1e-6)
     moved = [row for row in columns["/world/camera"]["Transform3D:translation"] if row]
-    np.testing.assert_allclose([row[0][:2] for row in moved], [m.pose[:2] for m in snapshots], atol=1e-6)
+    np.testing.assert_allclose(
+        [row[0][:2] for row in moved], [step.true.pose[:2] for step in steps], atol=1e-6
+    )
 
 
-def test_rays_lead_from_the_target_to_the_robot(columns, snapshots):
+def test_rays_lead_from_the_target_to_the_robot(columns, steps):
     """Each begins at the transmitter and ends at the true place; as many points as its kind needs."""
     kinds = set()
-    for i, snapshot in enumerate(snapshots):
+    for i, step in enumerate(steps):
         strips, labels = (columns["/world/rays"][f"LineStrips3D:{name}"][i] for name in ("strips", "labels"))
         assert len(strips) == len(labels) > 0
         for strip, label in zip(strips, labels, strict=True):
             np.testing.assert_allclose(strip[0], [*TARGET, HEIGHT_M], atol=1e-5)
-            np.testing.assert_allclose(strip[-1], [*snapshot.pose[:2], HEIGHT_M], atol=1e-5)
+            np.testing.assert_allclose(strip[-1], [*step.true.pose[:2], HEIGHT_M], atol=1e-5)
             assert (len(strip) == 2) == (label == "line of sight")
             assert np.isfinite(strip).all()
         kinds.update(labels)
@@ -100,31 +102,35 @@ def test_rays_lead_from_the_target_to_the_robot(columns, snapshots):
     assert len(kinds) > 1
 
 
-def test_arrivals_point_as_they_were_heard(columns, snapshots):
-    for i, snapshot in enumerate(snapshots):
+def test_arrivals_point_as_they_were_heard(columns, steps):
+    for i, step in enumerate(steps):
         vectors = np.array(columns["/world/arrivals"]["Arrows3D:vectors"][i]).reshape(-1, 3)
         angles = np.arctan2(vectors[:, 1], vectors[:, 0])
-        np.testing.assert_allclose(np.exp(1j * angles), np.exp(1j * snapshot.arrivals.aoa_rad), atol=1e-5)
-        assert columns["/link/snr_db"]["Scalars:scalars"][i] == [pytest.approx(snapshot.arrivals.snr_db[0])]
-        state = snapshot.arrivals.state.name.lower().replace("_", " ")
+        np.testing.assert_allclose(
+            np.exp(1j * angles), np.exp(1j * step.estimated.measurement.aoa_rad), atol=1e-5
+        )
+        assert columns["/link/snr_db"]["Scalars:scalars"][i] == [
+            pytest.approx(step.estimated.measurement.snr_db[0])
+        ]
+        state = step.estimated.measurement.state.name.lower().replace("_", " ")
         assert columns["/link/believed_state"]["StateChange:state"][i] == [state]
         assert columns["/link/true_state"]["StateChange:state"][i] == [state]
 
 
-def test_maps_lie_where_they_are_and_the_right_way_up(columns, snapshots):
+def test_maps_lie_where_they_are_and_the_right_way_up(columns, steps):
     """The first row of a picture is drawn at its top: y downwards, as the log's from below."""
     grid = columns["/world/built"]
-    for i, snapshot in enumerate(snapshots):
-        rows, width = snapshot.built.values.shape
+    for i, step in enumerate(steps):
+        rows, width = step.map_layer.values.shape
         data = np.array(grid["GridMap:data"][i][0], np.uint8).reshape(rows, width, 4)
-        np.testing.assert_array_equal(data[::-1, :, :3], PALETTE[snapshot.built.values, 0])
+        np.testing.assert_array_equal(data[::-1, :, :3], PALETTE[step.map_layer.values, 0])
         np.testing.assert_allclose(
-            grid["GridMap:translation"][i][0][:2], snapshot.built.frame.origin_xy, atol=1e-5
+            grid["GridMap:translation"][i][0][:2], step.map_layer.frame.origin_xy, atol=1e-5
         )
         belief = np.array(columns["/world/belief"]["GridMap:data"][i][0], np.uint8)
         assert (
-            belief.reshape(*snapshot.belief.values.shape, 4)[::-1, :, 3] > 0
-        ).any() == snapshot.belief.values.any()
+            belief.reshape(*step.belief_layer.values.shape, 4)[::-1, :, 3] > 0
+        ).any() == step.belief_layer.values.any()
 
 
 def test_rerun_itself_finds_the_file_valid(recorded):

@@ -1,4 +1,4 @@
-"""What happened in an episode, and the files that tell it.
+"""Log of an episode: trajectories, links, and the scores computed from them.
 
 Metrics go by their usual names: success weighted by path length (SPL) and its soft form (Anderson et al.
 2018; Datta et al. 2020), coverage, and the distance between estimated and true position. Trajectories are
@@ -35,7 +35,7 @@ class Link(NamedTuple):
     state: LinkState
     """True link state."""
     believed: LinkState
-    """The state taken to be most probable."""
+    """The most probable state, as estimated."""
     snr_db: float
     """Of the strongest estimated path; -inf if none was found."""
     aoa_error_rad: float
@@ -44,29 +44,29 @@ class Link(NamedTuple):
 
 @dataclass(eq=False)
 class EpisodeLog:
-    """Everything of an episode that is worth keeping, one entry a decision."""
+    """Poses, motions and links of an episode, one entry per step."""
 
     task: Task
     poses: list[np.ndarray] = field(default_factory=list)
     """True poses; the first is the start."""
     estimates: list[np.ndarray] = field(default_factory=list)
-    """Poses as estimated when the robot was at the true pose of the same index."""
+    """Estimated poses, at the same steps."""
     motions: list[Motion] = field(default_factory=list)
-    """What each action did."""
+    """Motion that each action caused."""
     coverage: list[float] = field(default_factory=list)
     """Part of the reachable floor seen, at each pose."""
     links: list[Link] = field(default_factory=list)
-    """What the radio measured at each decision, if there is one."""
+    """Link to the target at each decision; empty without a radio."""
     anchor_links: dict[str, list[Link]] = field(default_factory=dict)
-    """The same of other transmitters, by their names."""
+    """The same for other transmitters, by name."""
     transmitters: Mapping[str, Transmitter] = field(default_factory=dict)
-    """Where the mapper takes transmitters to stand in the end, by their names; those it has seen in line of sight."""
+    """Positions of transmitters as mapped in the end, by name: those that were measured in line of sight."""
     seconds: dict[str, float] = field(default_factory=dict)
     """Wall-clock time by stage [s]."""
     ended: str = "running"
     """Why the episode ended: arrived, explored, out of steps, interrupted, terminated."""
     seeks_target: bool = True
-    """Whether the target is looked for; an episode that only explores is about coverage."""
+    """Whether the target is searched for; an episode of exploration is scored by its coverage."""
 
     def __repr__(self) -> str:
         return f"<EpisodeLog: {self.ended} after {counted(self.steps, 'step')}>"
@@ -78,7 +78,7 @@ class EpisodeLog:
         estimate: Float[np.ndarray, "3"],
         coverage: float,
     ) -> None:
-        """Add a turn: what the action before it did, the true and the estimated pose, and the coverage so far."""
+        """Add a step: the motion that led to it, true and estimated pose, and the coverage so far."""
         if motion is not None:
             self.motions.append(motion)
         self.poses.append(np.array(pose))
@@ -86,11 +86,11 @@ class EpisodeLog:
         self.coverage.append(coverage)
 
     def add_link(self, measurement: Measurement, radio: RadioLink, anchor: str | None = None) -> None:
-        """Add what the radio measured, beside the truth.
+        """Add a measurement and the truth about it.
 
         Args:
-            measurement: As the robot understands it.
-            radio: What measured, and knows the truth.
+            measurement: As the robot interprets it.
+            radio: The link that was measured, with its true paths.
             anchor: Name of the transmitter, if it is not the target.
         """
         links = self.links if anchor is None else self.anchor_links.setdefault(anchor, [])
@@ -156,7 +156,7 @@ class EpisodeLog:
         }
 
     def _anchor_results(self) -> dict[str, Any]:
-        """Other transmitters, and how well their link states and directions were known."""
+        """The same scores for each other transmitter."""
         return {
             anchor.name: {
                 "place": anchor.place,
@@ -168,7 +168,7 @@ class EpisodeLog:
         }
 
     def _where_found(self, name: str, place: Float[np.ndarray, "2"]) -> dict[str, Any]:
-        """Where the mapper takes a transmitter to stand, how sure it is, and how far off; None if it cannot say."""
+        """Mapped position of a transmitter, its standard deviation and its error; None where it was not mapped."""
         found = self.transmitters.get(name)
         return {
             "transmitter": found and found.xy,
@@ -177,7 +177,7 @@ class EpisodeLog:
         }
 
     def plot(self, axes: "Axes | None" = None) -> "Axes":
-        """Draw the true way, the estimated one and the target, if that is looked for.
+        """Draw true and estimated trajectory, and the target if it is searched for.
 
         Args:
             axes: Where to draw, such as `building.plot()` gives; None for axes of a new figure.
@@ -185,9 +185,9 @@ class EpisodeLog:
         from matplotlib.patches import Circle
 
         axes = axes_in_metres(axes)
-        poses, estimates = (np.reshape(way, (-1, 3)) for way in (self.poses, self.estimates))
-        axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true way")
-        axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated way")
+        poses, estimates = (np.reshape(one, (-1, 3)) for one in (self.poses, self.estimates))
+        axes.plot(*poses[:, :2].T, color=TRUE, lw=1.8, label="true trajectory")
+        axes.plot(*estimates[:, :2].T, color=ESTIMATE, lw=1.0, label="estimated trajectory")
         axes.plot(*poses[:1, :2].T, "o", color=TRUE, label="start")
         if self.seeks_target:
             axes.plot(*self.task.target, "*", color=TARGET, ms=13, label="target")
@@ -205,7 +205,7 @@ class EpisodeLog:
         return axes
 
     def save_trajectories(self, folder: Path) -> None:
-        """Write `trajectory.tum` (true) and `estimate.tum` (as the robot believed)."""
+        """Write `trajectory.tum` (true) and `estimate.tum` (estimated)."""
         for name, poses in (("trajectory", self.poses), ("estimate", self.estimates)):
             write_tum(Path(folder) / f"{name}.tum", self._times(), np.array(poses))
 
@@ -217,7 +217,7 @@ class EpisodeLog:
 
 
 def _radio_result(links: list[Link]) -> dict[str, Any]:
-    """How well link states and directions were known on the way."""
+    """How accurate link states and directions were, over the episode."""
     if not links:
         return {}
     result: dict[str, Any] = {"link_state_accuracy": np.mean([link.state == link.believed for link in links])}

@@ -7,9 +7,9 @@ import pytest
 from evo.core import metrics, sync
 from evo.tools import file_interface
 
+from robosim.episode_log import EpisodeLog
 from robosim.robot.dynamic import Motion
 from robosim.support.files import whole_file, write_json
-from robosim.task.record import EpisodeLog
 from robosim.task.tasks import Task
 
 

@@ -1,0 +1,350 @@
+"""File of a recorded episode: one NumPy archive, written whole at the end, by `robosim episode` and `robosim evaluate`.
+
+It holds result, walls and all steps, so that an episode can be drawn without running it again and without its floor
+plan: some 12 kB per step with pictures, some 200 bytes without. Columns of entries of any length are one array of all
+entries and their lengths. Without pictures, the only map is that in the end.
+"""
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from robosim.layers import GUESS, Layer, layer_of_map
+from robosim.plans.floorplan import MAX_CELLS, RESOLUTIONS_M
+from robosim.policies.reason import GoalKind, Reason
+from robosim.recording.step_codec import (
+    FIXED,
+    NO_BYTES,
+    NO_RADIO,
+    RAGGED,
+    TEXTS,
+    decode_belief,
+    decode_camera,
+    decode_map,
+    decode_step,
+    encode_map,
+    encode_step,
+    encode_without_pictures,
+)
+from robosim.step import Step
+from robosim.support.arrays_in import FAR, Array, parts, ragged, read_npz
+from robosim.support.files import npz_bytes
+from robosim.support.reading import FileError, naming, reading
+from robosim.support.text_in import check_object, parse_json
+from slam.actions import Action
+from slam.grid import MapEstimate
+from wireless.paths import LinkState
+
+#: Name of the file in the folder of an episode.
+EPISODE = "episode.npz"
+#: Number of this format; earlier versions of robosim wrote files without one.
+_FORMAT = 2
+_WHAT, _REMEDY = "a recorded episode", "Delete it and run the episode again."
+#: Columns that have an entry for the end of the episode too, after the last decision.
+_TO_THE_END = ("pose", "estimate", "coverage", "map_frame", "map_corner", "map")
+#: Integer columns of fixed length.
+_INTEGERS = ("action", "true_state")
+#: Columns in which NaN stands for nothing.
+_MAY_LACK = ("map_frame", "belief_frame", "mass", "true_aoa_rad", "state_probability", "coverage")
+#: Positions are at most so far from the target, or they could not be drawn in whole pixels; smallest building [m].
+_FARTHEST_M, _NARROWEST_M = 1e5, 0.01
+
+
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """What is known of an episode as a whole."""
+
+    row: dict[str, Any]
+    """Identity (plan, policy, seed ...) and scores: the same for the same seed."""
+    seeks_target: bool
+    """Whether the target was searched for."""
+    timing: dict[str, float] = field(default_factory=dict)
+    """Wall-clock time by stage, and in all [s]."""
+    made_by: str = ""
+    """Digest of code and versions."""
+
+
+class EpisodeWriter:
+    """Collects the steps of an episode."""
+
+    def __init__(self, rings: Sequence[Float[np.ndarray, "_ 2"]], *, pictures: bool = True) -> None:
+        """Begin without steps.
+
+        Args:
+            rings: Outlines of the building's free space, of `robosim.drawing.picture.building_rings` [m].
+            pictures: Whether camera, map and belief of each step are recorded.
+        """
+        self._rings, self._pictures = rings, pictures
+        self._rows: list[dict[str, Any]] = []
+        self._map: Layer | None = None
+        self._belief = NO_BYTES
+
+    def add(self, step: Step) -> None:
+        """Append a step."""
+        if not self._pictures:
+            self._rows.append(encode_without_pictures(step))
+            return
+        row = encode_step(step, self._map)
+        self._map, belief = step.map_layer, row["belief"]
+        if np.array_equal(belief, self._belief):
+            row["belief"] = NO_BYTES
+        self._belief = belief
+        self._rows.append(row)
+
+    def content(self, head: Head, pose: Float[np.ndarray, "3"], coverage: float, end: MapEstimate) -> bytes:
+        """Content of the file.
+
+        Args:
+            head: Result of the episode.
+            pose: True pose in the end.
+            coverage: Part of the floor seen in the end.
+            end: Map and estimated pose in the end.
+        """
+        last = {"pose": pose, "estimate": end.pose, "coverage": coverage}
+        last |= encode_map(layer_of_map(end), self._map)
+        rows = {name: [row[name] for row in self._rows] for name in (*FIXED, *TEXTS, *RAGGED)}
+        for name in _TO_THE_END:
+            rows[name].append(last[name])
+        arrays: dict[str, Any] = {"head": np.array(json.dumps({"format": _FORMAT, **vars(head)}))}
+        arrays |= ragged("ring", [np.asarray(ring, float) for ring in self._rings], (0, 2))
+        for name, shape in FIXED.items():
+            arrays[name] = np.array(rows[name], np.int8 if name in _INTEGERS else float).reshape(-1, *shape)
+        for name in TEXTS:
+            arrays[name] = np.array(rows[name], np.str_)
+        for name, shape in RAGGED.items():
+            arrays |= ragged(name, rows[name], shape)
+        return npz_bytes(arrays)
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedEpisode:
+    """An episode as read from its file, with n + 1 poses for n decisions."""
+
+    path: Path
+    """The file."""
+    head: Head
+    """Its result."""
+    rings: list[Float[np.ndarray, "_ 2"]]
+    """Outlines of the building's free space, and of what stands in it [m]."""
+    columns: Mapping[str, Any]
+    """One entry per step, and one at the end for poses, coverage and map; entries of any length as lists."""
+
+    def __len__(self) -> int:
+        """Number of decisions."""
+        return len(self.columns["goal"])
+
+    @property
+    def target(self) -> Float[np.ndarray, "2"]:
+        """Position of the target [m]."""
+        return np.array(self.head.row["target"], float)
+
+    @property
+    def poses(self) -> Float[np.ndarray, "n_poses 3"]:
+        """True poses."""
+        return self.columns["pose"]
+
+    @property
+    def estimates(self) -> Float[np.ndarray, "n_poses 3"]:
+        """Estimated poses."""
+        return self.columns["estimate"]
+
+    @property
+    def goals(self) -> Float[np.ndarray, "n 2"]:
+        """Goal of each decision [m]."""
+        return self.columns["goal"]
+
+    @property
+    def reasons(self) -> list[Reason]:
+        """Reason of each decision."""
+        names = ("goal_kind", "because", "mass")
+        return [
+            Reason(GoalKind(kind), because, mass)
+            for kind, because, mass in zip(*(self.columns[name].tolist() for name in names), strict=True)
+        ]
+
+    @property
+    def true_states(self) -> Int[np.ndarray, " n"]:
+        """True link state at each decision; -1 without a radio."""
+        return self.columns["true_state"]
+
+    @property
+    def link_states(self) -> Int[np.ndarray, " n"]:
+        """Most probable link state at each decision, as estimated; -1 without a radio."""
+        probability = self.columns["state_probability"]
+        known = ~np.isnan(probability).any(axis=1)
+        return np.where(known, np.argmax(np.nan_to_num(probability), axis=1), NO_RADIO)
+
+    @property
+    def snr_db(self) -> Float[np.ndarray, " n"]:
+        """SNR of the strongest estimated path at each decision [dB]; -inf if there is none."""
+        return np.array([one[0, 2] if len(one) else -np.inf for one in self.columns["arrival"]])
+
+    @property
+    def has_pictures(self) -> bool:
+        """Whether camera, map and belief of each step are recorded."""
+        return any(len(one) for one in self.columns["rgb"])
+
+    def anticipates(self) -> bool:
+        """Whether the mapper anticipated what it had not seen; unpacks all steps.
+
+        Raises:
+            FileError: If the picture or the map of one is damaged.
+        """
+        return bool(max((int(step.map_layer.values.max()) for step in self.steps()), default=0) >= GUESS)
+
+    def steps(self) -> Iterator[Step]:
+        """All steps in their order.
+
+        Raises:
+            FileError: If the picture or the map of one is damaged.
+        """
+        for i, (row, map_, belief) in enumerate(self._rows()):
+            with naming(self.path, _WHAT, _REMEDY):
+                step = decode_step(i, row, map_, belief)
+            yield step
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """All steps as rows that can be decoded alone: each with its whole map and belief.
+
+        Raises:
+            FileError: If the picture or the map of one is damaged.
+        """
+        columns: dict[str, Any] = {}
+        previous, belief = None, NO_BYTES
+        for row, map_, _ in self._rows():
+            with naming(self.path, _WHAT, _REMEDY):
+                decode_camera(row)
+            if map_ is not previous:
+                columns, previous = encode_map(map_, None), map_
+            belief = row["belief"] if len(row["belief"]) else belief
+            yield {**row, **columns, "belief": belief}
+
+    def _rows(self) -> Iterator[tuple[dict[str, Any], Layer, Layer | None]]:
+        """Row, map and belief of each step; without pictures the map is that in the end."""
+        map_ = belief = None
+        for i in range(len(self)):
+            with naming(self.path, _WHAT, _REMEDY):
+                row = self._row(i)
+                if not (i or self.has_pictures):
+                    map_ = decode_map(self._row(len(self)), None)
+                map_, belief = decode_map(row, map_), decode_belief(row, belief)
+                if map_ is None:
+                    raise ValueError(f"step {i} has no map")
+            yield row, map_, belief
+
+    def _row(self, i: int) -> dict[str, Any]:
+        return {name: column[i] for name, column in self.columns.items() if i < len(column)}
+
+
+def _expected() -> dict[str, Array]:
+    """Arrays of the file, as they must be: n decisions, m = n + 1 poses."""
+    expected = {"ring": Array("f", "corners 2", FAR), "ring_count": Array("i", "rings")}
+    for name, shape in FIXED.items():
+        axes = " ".join(["m" if name in _TO_THE_END else "n", *map(str, shape)])
+        expected[name] = Array("i" if name in _INTEGERS else "f", axes, None if name in _MAY_LACK else FAR)
+    expected |= {name: Array("U", "n") for name in TEXTS}
+    for name, shape in RAGGED.items():
+        axes = " ".join([f"{name}s", *map(str, shape[1:])])
+        expected[name] = Array("f", axes, FAR) if len(shape) > 1 else Array("u1", axes)
+        expected[f"{name}_count"] = Array("i", "m" if name in _TO_THE_END else "n")
+    return expected
+
+
+def read_head(path: Path, check: Callable[[Head], None] = lambda head: None) -> Head:
+    """Read the result of an episode.
+
+    Args:
+        path: The file.
+        check: Raises a ValueError of a few words if something is wrong with it.
+
+    Raises:
+        FileError: If the file is no episode, damaged, or of an earlier version.
+    """
+    with reading(path, _WHAT, _REMEDY) as file:
+        return _head(file, check)
+
+
+def read_episode(path: Path, check: Callable[[Head], None] = lambda head: None) -> RecordedEpisode:
+    """Read an episode; pictures are unpacked later, one by one.
+
+    Args:
+        path: The file, or the folder of `robosim episode`.
+        check: As for `read_head`.
+
+    Raises:
+        FileError: As `read_head` does.
+    """
+    path = Path(path)
+    if path.is_dir():
+        if not (path / EPISODE).is_file() and (old := path / "decisions.npz").is_file():
+            raise FileError(f"{old}: written by an earlier version of robosim. Run the episode again.")
+        path = path / EPISODE
+    with reading(path, _WHAT, _REMEDY) as file:
+        head = _head(file, check)
+        file.seek(0)
+        arrays = read_npz(file, _expected())
+        columns: dict[str, Any] = {name: arrays[name] for name in (*FIXED, *TEXTS)}
+        columns |= {name: parts(arrays, name) for name in RAGGED}
+        episode = RecordedEpisode(path, head, parts(arrays, "ring"), columns)
+        _check(episode)
+        return episode
+
+
+def _head(file: IO[bytes], check: Callable[[Head], None]) -> Head:
+    content = parse_json(str(read_npz(file, {"head": Array("U", "")})["head"]).encode())
+    if check_object(content, ("row", "timing")).get("format") != _FORMAT:
+        raise ValueError(f"not of format {_FORMAT}, but of another version of robosim")
+    row, timing = check_object(content["row"], ("plan", "policy", "ended", "target")), content["timing"]
+    target = row["target"]
+    if not (isinstance(target, list) and len(target) == 2 and all(map(_is_number, target))):
+        raise ValueError(f"the target is {str(target)[:80]!r}")
+    if not all(map(_is_number, check_object(timing).values())):
+        raise ValueError("a time is not a number")
+    head = Head(
+        row=row,
+        seeks_target=content.get("seeks_target") is True,
+        timing=timing,
+        made_by=str(content.get("made_by")),
+    )
+    check(head)
+    return head
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= FAR
+
+
+def _check(episode: RecordedEpisode) -> None:
+    """Raise a ValueError for what no episode has and nothing can draw."""
+    corners = np.vstack([np.zeros((0, 2)), *episode.rings])
+    if not len(corners) or np.ptp(corners, axis=0).min() < _NARROWEST_M:
+        raise ValueError("no outline of a building")
+    if np.abs(corners - episode.target).max() > _FARTHEST_M:
+        raise ValueError(f"a wall lies more than {_FARTHEST_M:g} m from the target")
+    columns = episode.columns
+    if len(columns["pose"]) != len(episode) + 1:
+        raise ValueError(f"it has {len(columns['pose'])} poses, but {len(episode)} goals")
+    for name in ("pose", "estimate", "goal", "path"):
+        some = columns[name] if name == "path" else [columns[name]]
+        if any(np.abs(part[:, :2] - episode.target).max(initial=0) > _FARTHEST_M for part in some):
+            raise ValueError(f"a {name} lies more than {_FARTHEST_M:g} m from the target")
+    for frames in (columns["map_frame"], columns["belief_frame"]):
+        frames = frames[~np.isnan(frames).all(axis=1)]
+        low, high = RESOLUTIONS_M
+        good = (np.abs(frames) <= FAR).all(axis=1) & (frames[:, 2] >= low) & (frames[:, 2] <= high)
+        good &= (frames[:, 3:] >= 1).all(axis=1) & (frames[:, 3:].prod(axis=1) <= MAX_CELLS)
+        if not good.all():
+            raise ValueError(f"a map has an impossible place or size: {frames[np.argmin(good)]}")
+    if np.isnan(columns["map_frame"][-1]).all():
+        raise ValueError("no map in the end")
+    if not np.isin(columns["true_state"], [NO_RADIO, *LinkState]).all():
+        raise ValueError(f"a link state is {columns['true_state'].max()}")
+    if not np.isin(columns["action"], list(Action)).all():
+        raise ValueError(f"an action is {columns['action'].max()}")
+    if strange := set(columns["goal_kind"].tolist()) - set(GoalKind):
+        raise ValueError(f"a kind of goal is {min(strange)[:80]!r}")

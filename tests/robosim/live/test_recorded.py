@@ -1,0 +1,63 @@
+"""What is looked back on: the folder of an episode, and that of an evaluation."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+
+from robosim.live.recorded import check_results, read_recording, read_searches
+from robosim.recording.episode_file import EPISODE, read_episode
+from robosim.support.reading import FileError
+
+
+def test_a_recording_is_the_episode_from_its_file_alone(recorded, tmp_path):
+    """Every step as recorded, title and end, when nothing but that file is there."""
+    shutil.copy(recorded / EPISODE, tmp_path)
+    recording, episode = read_recording(tmp_path), read_episode(tmp_path)
+    assert len(recording) == len(episode) == 12
+    for i, step in enumerate(episode.steps()):
+        shown = recording[i]
+        assert np.array_equal(shown.true.pose, step.true.pose)
+        assert np.array_equal(shown.sensed.rgb, step.sensed.rgb)
+        assert np.array_equal(shown.map_layer.values, step.map_layer.values)
+    true, estimated = recording.trajectories(12)
+    assert np.array_equal(true, episode.poses[:12, :2])
+    assert np.array_equal(estimated, episode.estimates[:12, :2])
+    assert recording.title == "explore, two rooms"
+    assert recording.ended == json.loads((recorded / "result.json").read_text())["ended"]
+
+
+def test_a_damaged_file_is_one_line_with_its_name(recorded, tmp_path):
+    (tmp_path / EPISODE).write_bytes((recorded / EPISODE).read_bytes()[:-500])
+    with pytest.raises(FileError) as refused:
+        read_recording(tmp_path)
+    assert EPISODE in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="neither an episode"):
+        check_results(tmp_path)
+
+
+def test_episodes_of_an_evaluation_begin_with_failures_and_the_slowest(evaluated):
+    searches = read_searches(evaluated)
+    assert len(searches) == 4
+    arrived = [one.row["arrived"] for one in searches]
+    assert arrived == sorted(arrived)
+    slower = [one.slower for one in searches if one.row["arrived"]]
+    assert slower == sorted(slower, reverse=True) and slower[-1] == 1.0
+    # The oracle arrives at every task, so that who does not takes for ever beside it.
+    assert all(np.isinf(one.slower) for one in searches if not one.row["arrived"])
+
+
+def test_an_episode_of_an_evaluation_opens(evaluated):
+    one = next(one for one in read_searches(evaluated) if one.row["policy"] == "oracle")
+    recording = one.read()
+    assert len(recording) == one.row["steps"]
+    first = recording[0]
+    assert first.true.pose == pytest.approx([0.7, 0.7, 0.0], abs=1e-6)
+    assert recording.title.startswith("oracle, pair, task")
+    # The walls are those that it has mapped: within a few cells of the true ones.
+    corners = np.concatenate(list(recording.rings))
+    assert (corners.min(axis=0) > -0.3).all() and (corners.max(axis=0) < [6.5, 3.3]).all()
