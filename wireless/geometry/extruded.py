@@ -132,11 +132,12 @@ def walls_of(
         one = members[0]
         s = (xy[members] - place[one]) @ along[one]
         spans = _union(s.min(axis=1), s.max(axis=1), snap_m)
-        unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
-        solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
-        gaps = abs(solid - np.diff(spans, axis=1).sum() * (high - low))
-        if gaps > len(s) * snap_m * 4 * (high - low + s.max()):
-            return None
+        if not _rectangles(s, triangles[members][:, :, 2] - low, high - low, snap_m):
+            unrolled = shapely.polygons(np.stack([s, triangles[members][:, :, 2] - low], axis=2))
+            solid = shapely.union_all(shapely.set_precision(unrolled, snap_m)).area
+            gaps = abs(solid - np.diff(spans, axis=1).sum() * (high - low))
+            if gaps > len(s) * snap_m * 4 * (high - low + s.max()):
+                return None
         for span in spans:
             walls.append(origin + place[one] + span[:, None] * along[one])
             wall_face.append(members[np.argmax(s.min(axis=1) >= span[0] - snap_m)])
@@ -202,6 +203,32 @@ def _joined(
     moved = np.linalg.norm(foot - places[point], axis=1) > least_m
     places[point[moved]] = foot[moved]
     return places[wall]
+
+
+def _rectangles(s: Float[np.ndarray, "n 3"], z: Float[np.ndarray, "n 3"], height: float, snap: float) -> bool:
+    """Whether triangles are halves of rectangles from floor to ceiling, two and two: then none leaves a gap.
+
+    This holds for almost all walls; others may have no gaps either.
+
+    Args:
+        s: Where each corner stands along the wall [m].
+        z: Its height above the floor [m].
+        height: Of the ceiling [m].
+        snap: What lies closer is one [m].
+    """
+    if len(s) % 2:
+        return False
+    left, right = s.min(axis=1), s.max(axis=1)
+    at_right, at_top = right[:, None] - s < snap, height - z < snap
+    at_corner = (at_right ^ (s - left[:, None] < snap)) & (at_top ^ (z < snap))
+    if not at_corner.all():
+        return False
+    # Of the corners 1, 2, 4 and 8 each half lacks one; those of its other half are opposite: 1 and 8, or 2 and 4.
+    lacks = 15 - (1 << (at_right + 2 * at_top)).sum(axis=1)
+    one, other = np.lexsort((right, left)).reshape(-1, 2).T
+    same = (np.abs(left[one] - left[other]) < snap) & (np.abs(right[one] - right[other]) < snap)
+    halves = np.isin(lacks, (1, 2, 4, 8)).all() and (lacks[one] * lacks[other] == 8).all()
+    return bool(same.all() and halves)
 
 
 def _union(

@@ -92,7 +92,9 @@ class MirrorWalls(NamedTuple):
 
     point: Float[np.ndarray, "n 2"]
     along: Float[np.ndarray, "n 2"]
+    tri_wall: Int[np.ndarray, "t 3"]
     tri_open: Bool[np.ndarray, "t 3"]
+    tri_next: Int[np.ndarray, "t 3"]
 
 
 class Trail(NamedTuple):
@@ -114,14 +116,6 @@ class Stack(NamedTuple):
     place: Int[np.ndarray, "k 2"]
     sector: Float[np.ndarray, "k 4"]
     last_sector: Float[np.ndarray, "4"]
-
-
-class Ground(NamedTuple):
-    """What views are followed through."""
-
-    sides: TriangleSides
-    walls: MirrorWalls
-    openings: Openings
 
 
 @compiled
@@ -302,26 +296,26 @@ def add_visits(
 
 @compiled
 def add_corners(
-    sides: TriangleSides,
+    vertex: Float[np.ndarray, "v 2"],
+    tri_vertex: Int[np.ndarray, "t 3"],
     tri_corner: Int[np.ndarray, "t 3"],
-    trail: Trail,
-    steps: int,
+    trail: tuple[Int[np.ndarray, "n 2"], Float[np.ndarray, "n 4"], int],
     eye: Eye,
     window: Float[np.ndarray, "w 2"],
     edges: EdgeList,
     count: int,
 ) -> int:
-    """Add the corners that are seen on the trail of a view; the new number of edges."""
-    stamp = edges.stamp
+    """Add the corners that are seen on the trail of a view (its steps, sectors and their number); the new number."""
+    stamp, (step, sector, steps) = edges.stamp, trail
     for n in range(steps):
-        t, e = trail.step[n, 0], trail.step[n, 1]
+        t, e = step[n, 0], step[n, 1]
         for i in range(3):
             c = tri_corner[t, i]
             if c < 0 or stamp[c] == eye.number or not (e < 0 or i == e):
                 continue
-            v = sides.tri_vertex[t, i]
-            px, py = sides.vertex[v, 0], sides.vertex[v, 1]
-            if e >= 0 and not is_within(trail.sector, n, eye.x, eye.y, px, py):
+            v = tri_vertex[t, i]
+            px, py = vertex[v, 0], vertex[v, 1]
+            if e >= 0 and not is_within(sector, n, eye.x, eye.y, px, py):
                 continue
             low, high = seen_slopes(eye, window, px, py) if len(window) else (-np.inf, np.inf)
             if low <= high:
@@ -452,21 +446,21 @@ def _mirror(
 
 @compiled
 def add_views(
-    ground: Ground,
+    walls: MirrorWalls,
     trail: Trail,
-    size: tuple[int, int],
+    hits: tuple[int, int],
     eye: Eye,
     views: ViewList,
     window: Float[np.ndarray, "w 2"],
     count: tuple[int, int],
     limits: Limits,
 ) -> tuple[int, int]:
-    """Add the views that one view begins: through openings, through walls, and mirrored at walls.
+    """Add the views that one view begins at walls: passing and mirrored.
 
     Args:
-        ground: Walls and openings.
+        walls: Walls, and triangles next to them.
         trail: What the view passes and meets.
-        size: Numbers of its steps and of walls met.
+        hits: The first of the walls that count, and the one after the last.
         eye: The view.
         views: Takes new views.
         window: Takes their windows.
@@ -476,38 +470,54 @@ def add_views(
     Returns:
         The new numbers of views and of windows' corners.
     """
-    (sides, walls, openings), (n_views, n_corners) = ground, count
-    h, now, mirrors = 0, eye.number, eye.order < max(limits.target_order, limits.edge_order)
+    now, mirrors, (n_views, n_corners) = (
+        eye.number,
+        eye.order < max(limits.target_order, limits.edge_order),
+        count,
+    )
     passes = views.chain[now, 3] < limits.max_through
-    for n in range(size[0]):
-        t = trail.step[n, 0]
-        if len(openings.behind):
-            count = n_views, n_corners
-            bounded = trail.step[n, 1] >= 0
-            n_views, n_corners = _pass_openings(
-                openings, views, window, count, eye, t, trail.sector[n], bounded
-            )
-        while h < size[1] and trail.hit[h, 0] == n:
-            i = trail.hit[h, 1]
-            wall = sides.tri_wall[t, i]
-            if passes and walls.tri_open[t, i]:
-                views.image[n_views, 0], views.image[n_views, 1] = eye.x, eye.y
-                views.chain[n_views, 0], views.chain[n_views, 1], views.chain[n_views, 2] = (
-                    wall,
-                    now,
-                    eye.order,
-                )
-                views.chain[n_views, 3], views.chain[n_views, 4] = views.chain[now, 3] + 1, 1
-                views.begin[n_views, 0], views.begin[n_views, 1] = _behind(sides.tri_next, t, i)
-                for k in range(4):
-                    views.sector[n_views, k] = trail.bounds[h, k]
-                views.part[n_views, 1] = 0
-                n_views += 1
-            if mirrors and _mirror(walls, wall, trail.bounds, h, views, window, (n_views, n_corners), eye):
-                views.begin[n_views, 0], views.begin[n_views, 1] = t, i
-                n_views, n_corners = n_views + 1, n_corners + eye.corners
-            h += 1
+    for h in range(hits[0], hits[1]):
+        t, i = trail.step[trail.hit[h, 0], 0], trail.hit[h, 1]
+        wall = walls.tri_wall[t, i]
+        if passes and walls.tri_open[t, i]:
+            views.image[n_views, 0], views.image[n_views, 1] = eye.x, eye.y
+            views.chain[n_views, 0], views.chain[n_views, 1], views.chain[n_views, 2] = wall, now, eye.order
+            views.chain[n_views, 3], views.chain[n_views, 4] = views.chain[now, 3] + 1, 1
+            views.begin[n_views, 0], views.begin[n_views, 1] = _behind(walls.tri_next, t, i)
+            for k in range(4):
+                views.sector[n_views, k] = trail.bounds[h, k]
+            views.part[n_views, 1] = 0
+            n_views += 1
+        if mirrors and _mirror(walls, wall, trail.bounds, h, views, window, (n_views, n_corners), eye):
+            views.begin[n_views, 0], views.begin[n_views, 1] = t, i
+            n_views, n_corners = n_views + 1, n_corners + eye.corners
     return n_views, n_corners
+
+
+@compiled
+def add_layer_views(
+    openings: Openings,
+    walls: MirrorWalls,
+    trail: Trail,
+    size: tuple[int, int],
+    eye: Eye,
+    views: ViewList,
+    window: Float[np.ndarray, "w 2"],
+    count: tuple[int, int],
+    limits: Limits,
+) -> tuple[int, int]:
+    """`add_views` of all walls met, with those through openings, in the order of the view's steps.
+
+    Numbers of steps and of walls met are given as size.
+    """
+    h = 0
+    for n in range(size[0]):
+        t, bounded, first = trail.step[n, 0], trail.step[n, 1] >= 0, h
+        count = _pass_openings(openings, views, window, count, eye, t, trail.sector[n], bounded)
+        while h < size[1] and trail.hit[h, 0] == n:
+            h += 1
+        count = add_views(walls, trail, (first, h), eye, views, window, count, limits)
+    return count
 
 
 @compiled

@@ -27,12 +27,12 @@ from wireless.geometry.layers import Layers, openings_on
 from wireless.geometry.view_bounds import is_in_window, is_within
 from wireless.geometry.view_steps import (
     EdgeList,
-    Ground,
     Limits,
     MirrorWalls,
     TriangleSides,
     VisitList,
     add_corners,
+    add_layer_views,
     add_rims,
     add_views,
     add_visits,
@@ -95,9 +95,9 @@ def find_visibility(
         has_target: Which triangles have targets.
         limits: How far to follow it.
     """
-    plan, level_m, layered = layers.plan, layers.level_m, len(layers.level_m) > 2
+    plan, level_m, openings, layered = layers.plan, layers.level_m, layers.openings, len(layers.level_m) > 2
     sides = TriangleSides(plan.vertex, plan.tri_vertex, plan.tri_next, plan.tri_wall)
-    ground = Ground(sides, MirrorWalls(plan.wall_point, plan.wall_along, plan.tri_open), layers.openings)
+    walls = MirrorWalls(plan.wall_point, plan.wall_along, plan.tri_wall, plan.tri_open, plan.tri_next)
     views, window, (trail, stack) = new_views(source), np.empty((256 if layered else 0, 2)), new_trail(256)
     edges = EdgeList(
         np.empty((256, 2), np.int64), np.empty((256, 2)), np.full(len(plan.corner_vertex), -1, np.int64)
@@ -111,7 +111,7 @@ def find_visibility(
         own, enters = around if now == 0 else views.begin[now, :1], views.begin[now, 1]
         layer = layers.tri_layer[own[0]] if len(own) else 0
         eye = eye_of(views, now, (level_m[layer], level_m[layer + 1]), limits, source[2])
-        reach2, aside = look_through(eye, views, window)
+        reach2, aside = look_through(eye, views, window) if eye.corners else (np.inf, False)
         steps, hits = follow(sides, eye, own, enters, views.sector[now], aside, reach2, trail, stack)
         while steps < 0:
             trail, stack = new_trail(2 * len(trail.step))
@@ -119,26 +119,29 @@ def find_visibility(
         if eye.order <= limits.target_order:
             while n_visits + steps > len(visits.visit):
                 visits = VisitList(visits.last, longer(visits.visit), longer(visits.sector))
-            n_visits, all_stored = add_visits(
-                visits, n_visits, trail, steps, now, has_target, limits.most_visits
-            )
-            whole = whole and all_stored
+            n_visits, stored = add_visits(visits, n_visits, trail, steps, now, has_target, limits.most_visits)
+            whole = whole and stored
         if eye.order <= limits.edge_order:
             most_rims = 6 * steps if has_rims else 0
             while n_edges + min(3 * steps, len(edges.stamp)) + most_rims > len(edges.hit):
                 edges = EdgeList(longer(edges.hit), longer(edges.part), edges.stamp)
-            n_edges = add_corners(sides, plan.tri_corner, trail, steps, eye, window, edges, n_edges)
+            own_trail = trail.step, trail.sector, steps
+            n_edges = add_corners(
+                plan.vertex, plan.tri_vertex, plan.tri_corner, own_trail, eye, window, edges, n_edges
+            )
             if has_rims:
                 n_edges = add_rims(layers, trail, steps, eye, window, reach2, aside, edges, n_edges)
         if layered or eye.order < most_order or views.chain[now, 3] < limits.max_through:
-            pieces = openings_on(layers.openings, trail.step[:steps, 0]) if layered else 0
+            pieces = openings_on(openings, trail.step[:steps, 0]) if layered else 0
             while count[0] + pieces + 2 * hits > len(views.image):
                 views = more_views(views)
-            while layered and count[1] + pieces * layers.openings.most_corners + hits * eye.corners > len(
-                window
-            ):
+            while layered and count[1] + pieces * openings.most_corners + hits * eye.corners > len(window):
                 window = longer(window)
-            count = add_views(ground, trail, (steps, hits), eye, views, window, count, limits)
+            if layered:
+                size = steps, hits
+                count = add_layer_views(openings, walls, trail, size, eye, views, window, count, limits)
+            else:
+                count = add_views(walls, trail, (0, hits), eye, views, window, count, limits)
         now += 1
     n = count[0]
     return Visibility(

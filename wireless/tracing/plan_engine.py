@@ -15,7 +15,7 @@ Left out: in storeys, reflections at floors and ceilings and walls that are pass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float, Int, Num
+from jaxtyping import Complex, Float, Int, Num
 
 from wireless.em.diffraction import edge_bound
 from wireless.em.fields import DIFFRACTION, NOWHERE_M, REFLECTION, TRANSMISSION
@@ -222,15 +222,18 @@ def _lay_flat(outline: Outline, link: _Link, parts: Parts, x: float, y: float, s
 
 
 @compiled
-def _take_flat(outline: Outline, setting: Setting, scratch: Scratch, j: int, m: int) -> None:
-    """Take over what interaction j of the flat path is as interaction m, with its wall."""
-    scratch.kind[m], scratch.primitive[m] = scratch.flat_kind[j], scratch.flat_primitive[j]
-    if scratch.kind[m] != DIFFRACTION:
-        wall = scratch.primitive[m]
-        scratch.normal[m, 0], scratch.normal[m, 1] = -outline.wall_along[wall, 1], outline.wall_along[wall, 0]
-        scratch.normal[m, 2] = 0.0
-        for k in range(setting.walls.shape[1]):
-            scratch.walls[m, k] = setting.walls[wall, k]
+def _take_wall(
+    wall_along: Float[np.ndarray, "n 2"],
+    setting_walls: Complex[np.ndarray, "n l"],
+    wall: int,
+    normal: Float[np.ndarray, "m 3"],
+    walls: Complex[np.ndarray, "m l"],
+    m: int,
+) -> None:
+    """Take over normal and layers of a wall as those of interaction m."""
+    normal[m, 0], normal[m, 1], normal[m, 2] = -wall_along[wall, 1], wall_along[wall, 0], 0.0
+    for k in range(setting_walls.shape[1]):
+        walls[m, k] = setting_walls[wall, k]
 
 
 @compiled
@@ -294,7 +297,10 @@ def _raise_flat(
             flat[j + 1, 1],
             setting.low_m + level,
         )
-        _take_flat(outline, setting, scratch, j, m)
+        kind, primitive = scratch.flat_kind[j], scratch.flat_primitive[j]
+        scratch.kind[m], scratch.primitive[m] = kind, primitive
+        if kind != DIFFRACTION:
+            _take_wall(outline.wall_along, setting.walls, primitive, scratch.normal, scratch.walls, m)
         m += 1
     point[m + 1, 0], point[m + 1, 1], point[m + 1, 2] = flat[n + 1, 0], flat[n + 1, 1], rx_z
     return m
@@ -319,7 +325,10 @@ def _raise_to_rim(
             point[j + 1, 0], point[j + 1, 1] = flat[j + 1, 0], flat[j + 1, 1]
             point[j + 1, 2] = low + share * (high - low) if j + 1 < last else high
     for j in range(n):
-        _take_flat(outline, setting, scratch, j, j)
+        kind, primitive = scratch.flat_kind[j], scratch.flat_primitive[j]
+        scratch.kind[j], scratch.primitive[j] = kind, primitive
+        if kind != DIFFRACTION:
+            _take_wall(outline.wall_along, setting.walls, primitive, scratch.normal, scratch.walls, j)
 
 
 @compiled

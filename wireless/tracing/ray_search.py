@@ -16,6 +16,7 @@ from wireless.em.diffraction import close_edge_bound, edge_bound
 from wireless.em.fields import NOWHERE_M
 from wireless.em.reflected import Reflected, by_face, by_mirror
 from wireless.geometry.array_types import Point, Points
+from wireless.geometry.occlusion import FREE, HIDDEN
 from wireless.geometry.space import Ground, Space
 from wireless.support.compiled import compiled
 from wireless.tracing.path_layout import Chain, edge_sight, is_on_large, is_open, lay_out, mirror_over
@@ -28,6 +29,7 @@ from wireless.tracing.space_paths import (
     left_by_mirrors,
     link_of,
     name_path,
+    path_sight,
     try_path,
     weigh_path,
 )
@@ -79,8 +81,10 @@ def _enter(space: Space, setting: Setting, link: Link, rows: _Rows, work: Worksp
             weighed = weigh_path(ground, setting, m, scratch)
             if weighed[0] < 0 or weighed[1] <= rank[keep - 1, 0]:
                 continue
-        name_path(work.parts, near, edge, far)
-        count = try_path(space, setting, link, m, work, count, weighed)
+        seen = FREE if setting.max_through else path_sight(space.tree, m, scratch.point, scratch.kind)
+        if seen != HIDDEN:
+            name_path(work.parts, near, edge, far)
+            count = try_path(space, setting, link, m, work, count, weighed, seen)
     return count
 
 

@@ -21,12 +21,12 @@ from wireless.geometry.cones import MAX_CORNERS, PIECES, SLACK_M, clip_to_planes
 from wireless.geometry.images import Views, add_next_views, all_views, cone_of, new_views
 from wireless.geometry.space import Space
 from wireless.support.compiled import compiled
-from wireless.tracing.path_layout import Chain, edge_sight, is_open
+from wireless.tracing.path_layout import Chain, edge_sight, is_open, lay_out
 from wireless.tracing.space_paths import (
     Links,
     Workspace,
     aside_m,
-    enter_path,
+    enter_laid,
     link_of,
     make_links,
     make_workspace,
@@ -43,7 +43,7 @@ def _enter_view(
     space: Space, setting: Setting, links: Links, rx_boxes: Boxes, views: Views, v: int, work: Workspace
 ) -> None:
     """Enter the paths over the chain of one view into the lists of the receivers in its cone."""
-    keep, k2, rx = setting.keep, 2 * setting.wavenumber, links.rx
+    keep, k2, rx, ground = setting.keep, 2 * setting.wavenumber, links.rx, space.ground
     order, plane, found = views.order[v], np.empty((MAX_CORNERS + 1, 4)), np.empty(len(rx), np.int64)
     n_planes = cone_of(space.windows, views, v, plane)
     image = views.image[v]
@@ -64,7 +64,10 @@ def _enter_view(
                 length2 += (image[order, i] - rx[r, i]) ** 2
             if links.rank[r, keep - 1, 0] * k2 * k2 * length2 > 1:
                 continue
-        links.found[r] = enter_path(space, setting, link_of(links, r), near, -1, far, work, links.found[r])
+        m, large = lay_out(ground, links.ends[r], near, -1, far, work.layout)
+        if m >= 0:
+            link, chains = link_of(links, r), (near, -1, far)
+            links.found[r] = enter_laid(space, setting, link, chains, m, large, work, links.found[r])
 
 
 @compiled
@@ -165,9 +168,12 @@ def _bend(space: Space, setting: Setting, links: Links, work: Workspace) -> None
                         break
                     if _may_join(space, setting, links, r, edge, sight[j], place):
                         before = Chain(near.image[w], near.chain[w], near.order[w])
-                        links.found[r] = enter_path(
-                            space, setting, link_of(links, r), before, edge, chain, work, links.found[r]
-                        )
+                        m, large = lay_out(ground, links.ends[r], before, edge, chain, work.layout)
+                        if m >= 0:
+                            link, chains = link_of(links, r), (before, edge, chain)
+                            links.found[r] = enter_laid(
+                                space, setting, link, chains, m, large, work, links.found[r]
+                            )
 
 
 @compiled

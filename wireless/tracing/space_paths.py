@@ -246,22 +246,36 @@ def _is_limit(
 
 
 @compiled
-def enter_path(
+def enter_laid(
     space: Space,
     setting: Setting,
     link: Link,
-    near: Chain,
-    edge: int,
-    far: Chain,
+    chains: tuple[Chain, int, Chain],
+    m: int,
+    large: bool,
     work: Workspace,
     count: int,
 ) -> int:
-    """Enter the path over patches of both ends and an edge (-1 for none) into a link's list; the list's new length."""
-    m, large = lay_out(space.ground, link.ends, near, edge, far, work.layout)
-    if m < 0 or (large and not is_on_large(space, near, edge, far, work.layout.point)):
+    """Enter the path that is laid out in `work` into a link's list, unless it is hidden; the list's new length.
+
+    Args:
+        space: Surfaces.
+        setting: Physics and limits.
+        link: Ends, and paths so far.
+        chains: Patches from the transmitter, the edge (-1 for none), and patches from the receiver.
+        m: Number of interactions.
+        large: Whether `is_on_large` has to be checked.
+        work: The path.
+        count: Length of the list.
+    """
+    near, edge, far = chains
+    seen, layout = FREE, work.layout
+    if setting.max_through == 0:  # most paths are hidden, which is found sooner than how strong they would be
+        seen = path_sight(space.tree, m, layout.point, layout.kind)
+    if seen == HIDDEN or (large and not is_on_large(space, near, edge, far, layout.point)):
         return count
     name_path(work.parts, near, edge, far)
-    return try_path(space, setting, link, m, work, count, (-1.0, 0.0))
+    return try_path(space, setting, link, m, work, count, (-1.0, 0.0), seen)
 
 
 @compiled
@@ -284,8 +298,9 @@ def try_path(
     work: Workspace,
     count: int,
     weighed: tuple[float, float],
+    seen: int,
 ) -> int:
-    """Enter the path in `work` into a link's list, unless it is hidden; the list's new length.
+    """Enter the path in `work` into a link's list, unless too many walls are in between; the list's new length.
 
     Args:
         space: Surfaces.
@@ -295,20 +310,9 @@ def try_path(
         work: The path, and what it is made of.
         count: Length of the list.
         weighed: Its length and power; length -1 if these are yet to be found.
+        seen: `FREE`, or `TOUCHED` (see `path_sight`); `FREE` where walls may be passed.
     """
-    ground, scratch, rank, bare, seen, (length, power) = (
-        space.ground,
-        work.scratch,
-        link.best.rank,
-        m,
-        FREE,
-        weighed,
-    )
-    # Most paths are hidden, which is found sooner than how strong they would be.
-    if setting.max_through == 0:
-        seen = path_sight(space.tree, m, scratch.point, scratch.kind)
-        if seen == HIDDEN:
-            return count
+    ground, scratch, rank, bare, (length, power) = space.ground, work.scratch, link.best.rank, m, weighed
     if length < 0:
         length, power = weigh_path(ground, setting, m, scratch)
         if length < 0 or (count == len(rank) and power <= rank[count - 1, 0]):
