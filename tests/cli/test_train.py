@@ -121,7 +121,7 @@ def test_what_cannot_be_is_told(folders, tmp_path, capsys):
         (["--n-folds", "1", "--folds", "1"], "leaves none to train on"),
         (["--homes", "-1"], "homes is -1"),
         (["--workers", "0"], "workers is 0"),
-        (["--folds", "4"], "folds is 4, expected a whole number from 0 to 3"),
+        (["--folds", "4"], "folds is 4, expected at most n_folds = 3"),
     ):
         with pytest.raises(SystemExit) as stop:
             run(folders, tmp_path, *more)
