@@ -7,6 +7,7 @@ file names where the file lacks spaces.
 
 import os
 import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -88,27 +89,16 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
     with run_folder(out, "collect-searches", settings) as folder:
         data = (folder / DATASET).absolute()  # Minari resolves relative paths in its own folder
         metadata = data / "metadata.json"
+        first, form = 0, {"data_format": "arrow", "jpeg_encoding": False}  # depth is no photograph
+        spaces = {"observation_space": env.observation_space, "action_space": env.action_space}
         if os.path.lexists(metadata):
-            spaces = {
-                "observation_space": serialize_space(env.observation_space),
-                "action_space": serialize_space(env.action_space),
-            }
-            _check_metadata(metadata, {"data_format": "arrow", "jpeg_encoding": False, **spaces})
+            texts = {name: serialize_space(space) for name, space in spaces.items()}
+            _check_metadata(metadata, {**form, **texts}, config.most_steps)
             with naming(metadata, _WHAT, _REMEDY):
                 storage = MinariStorage.read(data)
                 first = storage.total_episodes
         else:
-            first, storage = (
-                0,
-                MinariStorage.new(
-                    data,
-                    observation_space=env.observation_space,
-                    action_space=env.action_space,
-                    env_spec=env.spec,
-                    data_format="arrow",
-                    jpeg_encoding=False,  # depth is a measurement, not a photograph
-                ),
-            )
+            storage = MinariStorage.new(data, **spaces, **form, env_spec=env.spec)
             storage.update_metadata(_dataset_metadata(config))
         with tracked(range(first, config.episodes), "searches", console) as shown:
             for number in shown:
@@ -118,26 +108,19 @@ def collect_searches(config: CollectSearchesConfig, out: Path, console: Console)
     return data
 
 
-def _check_metadata(path: Path, expected: dict[str, Any]) -> None:
-    """Compare what Minari acts on with what this command writes.
-
-    Raises:
-        FileError: For a file that says otherwise.
-    """
-    found = read_json(path, _WHAT, _REMEDY, keys=("total_episodes", "total_steps", *expected))
-    for key, value in expected.items():
-        if found[key] != value or type(found[key]) is not type(value):
-            raise FileError(
-                f"{path}: {key} is {one_line(repr(found[key]), 80)}, expected {one_line(repr(value), 80)}. {_REMEDY}"
+def _check_metadata(path: Path, expected: dict[str, Any], most_steps: int) -> None:
+    """Raise FileError where what Minari acts on is not what this command writes."""
+    count = len(list(path.parent.glob("[0-9]*/")))  # an interrupted run leaves one that is not counted
+    possible: dict[str, Sequence[Any]] = {key: [value] for key, value in expected.items()}
+    possible["total_episodes"] = range(max(count - 1, 0), count + 1)
+    possible["total_steps"] = range(count * most_steps + 1)
+    found = read_json(path, _WHAT, _REMEDY, keys=tuple(possible))
+    for key, values in possible.items():
+        if type(found[key]) is not type(values[0]) or found[key] not in values:
+            value, *most = (
+                one_line(repr(one), 80) for one in (found[key], *dict.fromkeys((values[0], values[-1])))
             )
-    there = len(list(path.parent.glob("[0-9]*/")))
-    for key, counts in (
-        ("total_steps", range(10**13)),
-        ("total_episodes", range(max(there - 1, 0), there + 1)),
-    ):
-        if type(found[key]) is not int or found[key] not in counts:
-            value = one_line(repr(found[key]), 80)
-            raise FileError(f"{path}: {key} is {value}, with {there} folders of searches. {_REMEDY}")
+            raise FileError(f"{path}: {key} is {value}, expected {' to '.join(most)}. {_REMEDY}")
 
 
 def _episode(env: gymnasium.Env[Any, Any], config: CollectSearchesConfig, number: int) -> Any:

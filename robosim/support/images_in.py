@@ -1,4 +1,4 @@
-"""Pictures from outside, opened by Pillow: what a header declares is held against bounds before anything is unpacked.
+"""Images from files, opened by Pillow: the size that a header declares is checked before anything is unpacked.
 
 For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
 """
@@ -19,10 +19,10 @@ FORMATS = ("PNG", "PPM", "BMP", "TIFF", "GIF", "JPEG", "WEBP")
 def opened_image(
     content: bytes, most_pixels: int, formats: tuple[str, ...] = FORMATS
 ) -> Iterator[Image.Image]:
-    """A picture, loaded, of at most so many pixels.
+    """An image, loaded, of at most so many pixels.
 
     Raises:
-        ValueError: If it is none, or too large.
+        ValueError: If it is of another format, or too large.
         Exception: Whatever damaged content makes its decoder raise.
     """
     with silenced():
@@ -40,7 +40,7 @@ def opened_image(
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Nothing on standard error from decoders in C, which tell there what they also tell by what they return."""
+    """Suppress standard error, to which decoders in C print what they also return."""
     sys.stderr.flush()
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)

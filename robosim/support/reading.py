@@ -1,9 +1,8 @@
-"""The boundary that every file from outside comes through.
+"""Opens every file of a user.
 
-Within `reading`, whatever a library makes of a damaged file (an error of its own, of memory, of nesting) leaves as one
-line that names the file, what is wrong with it and what would be right; the library's own error stays its cause. What
-cannot be such a file at all is refused before it is opened: folders, pipes, devices, links to nothing, far too large
-ones. Readers inside bound what a file may ask for (`robosim.support.text_in`, `arrays_in`, `images_in`).
+Within `reading`, each error of a damaged file becomes one line that names the file, what is wrong and what would be
+right; the library's error is its cause. Folders, pipes, devices, dangling links and very large files are rejected
+before they are opened. `robosim.support.text_in`, `arrays_in` and `images_in` bound what a file may ask for.
 """
 
 import logging
@@ -15,12 +14,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-#: Larger files are taken for a mistake unless their reader says otherwise [bytes].
+#: Larger files are rejected unless their reader says otherwise [bytes].
 MOST_BYTES = 200_000_000
-#: Letters of a path, of what a library says, and of a whole message.
+#: Letters of a path, of a library's message, and of a whole message.
 _PATH, _REASON, _MESSAGE = 400, 300, 2000
 _COPY = "Copy or export it again."
-#: Libraries whose warnings of a damaged file would stand beside our one line.
+#: Libraries whose warnings of a damaged file would be printed in addition to our line.
 _TALKATIVE = ("trimesh", "PIL")
 #: Of this project.
 PACKAGES = ("robosim", "slam", "wireless")
@@ -141,10 +140,10 @@ def reason_of(error: BaseException) -> str:
 
 
 def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]) -> int:
-    """The open file's number; what it is was asked of the open file again, since a name can change hands."""
+    """The open file's number; its kind is checked again after opening, since another file may have taken its name."""
     try:
         _refuse(os.stat(path), name, what, remedy, most_bytes, kind)
-        # A pipe that took the file's place would otherwise be waited for.
+        # Without O_NONBLOCK, opening a pipe that took the file's place would wait.
         number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
         try:
             _refuse(os.fstat(number), name, what, remedy, most_bytes, kind)
@@ -166,7 +165,7 @@ def _opened(path: Path, name: str, what: str, remedy: str, most_bytes: int, kind
 def _refuse(
     found: os.stat_result, name: str, what: str, remedy: str, most_bytes: int, kind: type[FileError]
 ) -> None:
-    """Raise an error of what is no regular file, empty or too large."""
+    """Raise an error for anything but a regular file of a possible size."""
     for is_kind, words in _KINDS:
         if is_kind(found.st_mode):
             raise kind(f"{name}: is {words}, expected {what} in a regular file.")
@@ -188,7 +187,7 @@ def is_ours(error: BaseException) -> bool:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """No warnings from libraries about a file that is either refused or as good as any."""
+    """Suppress warnings of libraries about a file that we check ourselves."""
     loggers = [logging.getLogger(name) for name in _TALKATIVE]
     levels = [logger.level for logger in loggers]
     with warnings.catch_warnings():

@@ -1,9 +1,8 @@
-"""JSON, YAML and rows of numbers from outside, with bounds on all that may grow without end.
+"""JSON, YAML and rows of numbers from files, bounded in nesting, digits and number of values.
 
-Nesting is bounded, so that whatever goes through the content later cannot exhaust the stack; whole numbers have at
-most `MOST_DIGITS`, since larger ones fit nowhere. In YAML an alias counts for all that it stands for: lists of aliases
-of lists of aliases ("billion laughs") are small files of endless content. Of YAML's types those of JSON are known.
-For use inside of `robosim.support.reading.reading`, which adds the file's name to what is raised.
+In YAML an alias counts as all values that it stands for, since lists of aliases of lists of aliases ("billion laughs")
+are small files of exponential content. Of YAML's types those of JSON are known. For use inside of
+`robosim.support.reading.reading`, which adds the file's name to what is raised.
 """
 
 import json
@@ -19,7 +18,7 @@ from jaxtyping import Float
 
 from robosim.support.reading import reading
 
-#: Files above have other contents than ours [bytes]. YAML is read by Python, 100 kB a second.
+#: Largest files [bytes]. YAML is parsed by Python at 100 kB per second.
 MOST_JSON, MOST_YAML = 16_000_000, 600_000
 #: Lists and dictionaries within each other.
 MOST_DEEP = 40
@@ -195,7 +194,7 @@ class _TextLoader(yaml.BaseLoader):
 
 
 class _ValueLoader(_TextLoader, yaml.SafeLoader):
-    """JSON's types; what looks like a date stays text, and what is tagged as anything else is refused."""
+    """JSON's types; dates stay text, and other tags are rejected."""
 
     def construct_yaml_int(self, node: Any) -> int:
         digits = self.construct_scalar(node)

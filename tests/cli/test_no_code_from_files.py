@@ -101,9 +101,9 @@ def collected(tmp_path_factory):
         ({"observation_space": "{}"}, "observation_space is '{}', expected '{"),
         ({"data_format": "hdf5"}, "data_format is 'hdf5', expected 'arrow'"),
         ({"jpeg_encoding": 0}, "jpeg_encoding is 0, expected False"),
-        ({"total_episodes": 10**9}, "total_episodes is 1000000000, with 1 folders of searches"),
+        ({"total_episodes": 10**9}, "total_episodes is 1000000000, expected 0 to 1."),
         ({"total_episodes": True}, "total_episodes is True"),
-        ({"total_steps": "5"}, "total_steps is '5'"),
+        ({"total_steps": "5"}, "total_steps is '5', expected 0 to 5."),
         ({"author": 5}, "not readable as searches"),
     ],
 )

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tests.fuzz.bytes import cut, flipped, length, overwritten, removed
-from tests.fuzz.trees import MARKER, changed, dumped
+from tests.fuzz.trees import CANARY, MARKER, changed, dumped
 
 
 def _npz_arrays(content: bytes) -> dict[str, np.ndarray]:
@@ -53,7 +53,7 @@ def _other_array(array: np.ndarray, rng: random.Random) -> np.ndarray:
         return array[::-1] if array.ndim else array
     if array.dtype.kind in "US":
         text = str(array.reshape(-1)[0]) if array.size else ""
-        other = rng.choice(["", "\n", "x" * 9])
+        other = rng.choice(["", "\n", "x" * 9, CANARY])
         if text.startswith("{"):
             other = dumped(changed(json.loads(text), rng)).decode("utf-8", "replace")
         return np.array(other) if not array.ndim else np.full(array.shape, other)

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from tests.fuzz.trees import CANARY
+
 Way = Callable[[bytes, random.Random], bytes]
 
 
@@ -92,6 +94,14 @@ def number(content: bytes, rng: random.Random) -> bytes:
     return content[: some.start()] + rng.choice(TEXT_NUMBERS) + content[some.end() :]
 
 
+def named_code(content: bytes, rng: random.Random) -> bytes:
+    """A word replaced by code."""
+    found = list(re.finditer(rb"[A-Za-z_][A-Za-z_0-9.]*", content[:200_000])) or [None]
+    word = rng.choice(found[: rng.choice([3, 30, len(found)])])
+    start, end = word.span() if word else (0, 0)
+    return content[:start] + CANARY.encode() + content[end:]
+
+
 def corner(content: bytes, rng: random.Random) -> bytes:
     if content[:5] == b"solid":
         return number(content, rng)
@@ -105,5 +115,6 @@ def corner(content: bytes, rng: random.Random) -> bytes:
 
 BYTES: dict[str, Way] = {
     "cut": cut, "flipped": flipped, "overwritten": overwritten, "removed": removed, "repeated": _repeated,
-    "inserted": _inserted, "longer": _longer, "garbage": _garbage, "length": length, "number": number,
+    "inserted": _inserted, "code": named_code, "longer": _longer, "garbage": _garbage, "length": length,
+    "number": number,
 }  # fmt: skip

@@ -7,6 +7,7 @@ door.
 
 import os
 import random
+import stat
 from pathlib import Path
 
 from tests.fuzz.arrays import chunk, npy_array, npy_header, npz_array, npz_header, npz_member, npz_picture
@@ -24,9 +25,9 @@ def damage(path: Path, others: list[Path], rng: random.Random) -> str:
         rng: What everything is drawn from.
     """
     draw = rng.random()
-    if draw < 0.06:
+    if draw < 0.08:
         return _no_file(path, rng)
-    if draw < 0.10:
+    if draw < 0.11:
         path.write_bytes(rng.choice(others).read_bytes())
         return "swapped"
     content = path.read_bytes()
@@ -44,14 +45,24 @@ def damage(path: Path, others: list[Path], rng: random.Random) -> str:
 
 
 def _no_file(path: Path, rng: random.Random) -> str:
+    """Put a special file in place of a file."""
+    if rng.random() < 0.2:
+        content = path.rename(path.with_name(f"linked-{path.name}"))
+        path.symlink_to(content.name)  # a link to a good file is as good as the file
+        return "linked"
     path.unlink()
     kind = rng.choice(
-        ["missing", "folder", "pipe", "loop", "dangling", "zero", "full", "random", "huge", "empty", "deep"]
-    )
+        [
+            "missing", "folder", "pipe", "socket", "loop", "ring", "dangling", "link to the folder", "zero", "full",
+            "null", "random", "huge", "empty", "deep",
+        ]
+    )  # fmt: skip
     if kind == "folder":
         path.mkdir()
     elif kind == "pipe":
         os.mkfifo(path)
+    elif kind == "socket":
+        os.mknod(path, stat.S_IFSOCK | 0o600)
     elif kind == "huge":
         with path.open("wb") as file:
             file.truncate(1 << rng.choice([31, 33, 40]))
@@ -60,8 +71,11 @@ def _no_file(path: Path, rng: random.Random) -> str:
     elif kind == "deep":
         (path / "inside").mkdir(parents=True)
     elif kind != "missing":
-        target = {"loop": path.name, "dangling": "nowhere"}.get(kind, f"/dev/{kind}")
-        path.symlink_to(target)
+        other = path.with_name("ring")
+        targets = {"loop": path.name, "ring": other.name, "dangling": "nowhere", "link to the folder": "."}
+        path.symlink_to(targets.get(kind, f"/dev/{kind}"))
+        if kind == "ring":
+            other.symlink_to(path.name)
     return kind
 
 

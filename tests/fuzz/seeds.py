@@ -16,12 +16,14 @@ import numpy as np
 import torch
 import trimesh
 from PIL import Image
+from rich.console import Console
 from safetensors.numpy import save
 
 from robosim.building.building import make_building
 from robosim.building.mesh_export import export_mesh
 from robosim.datasets.collect import CollectConfig
 from robosim.datasets.link_formats import transmitters_file
+from robosim.environments.collect import CollectSearchesConfig, collect_searches
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.suite import Suite, SuiteTask, write_suite
@@ -34,12 +36,14 @@ from robosim.plans.furnishings.pieces import make_piece
 from robosim.policies.reason import ARRIVAL
 from robosim.policies.search_network import initial_weights as search_weights
 from robosim.published.measured_paths import COLUMNS as MEASURED
+from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import EPISODE, EpisodeWriter, Head
 from robosim.robot.calibration import COLUMNS, read_runs
 from robosim.robot.robots import TURTLEBOT, write_robot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import plain, write_files, write_json, write_whole
+from robosim.support.parts import described
 from robosim.support.run_folder import SETTINGS
 from robosim.training.explorer import ExplorerRecipe
 from robosim.training.search import SearchRecipe
@@ -54,7 +58,9 @@ from slam.learning.mapper import train as train_mapper
 from slam.mapping.odometry import calibrated
 from slam.networks.map_network import NetworkConfig
 from tests import kept
+from tests.fuzz.trees import CANARY
 from tests.plans import two_rooms
+from tests.robosim.plans.formats import test_polygons
 from tests.robot_logs import WAY, Drive
 from tests.steps import measurement, step
 from wireless.estimates import PathEstimates
@@ -64,6 +70,7 @@ from wireless.linkstate.epoch import Epoch
 from wireless.linkstate.learning.training import Recipe as LinkStateRecipe
 from wireless.linkstate.learning.training import train as train_classifier
 from wireless.paths import LinkState, Paths
+from wireless.tracing.tracer import Tracer
 
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 TARGET, POLICIES = (5.0, 2.0), ("oracle", "snr", "los-or-first")
@@ -73,8 +80,7 @@ def make_seeds(folder: Path) -> list[str]:
     """Write all seeds, each into a folder of its own; returns what could not be made, in words."""
     for make in (
         ros_maps, storeys, images, plans, meshes, weights, episode, evaluation, shards, links, measurements,
-        checkpoints, arrays, logs, robots,
-        furnishings,
+        checkpoints, arrays, logs, robots, furnishings, dialects, coloured, configurations, radio_tables, searches,
     ):  # fmt: skip
         make(folder)
     if not SHARED.is_dir():
@@ -111,8 +117,10 @@ def storeys(folder: Path) -> None:
     write_ros(small_plan(), home / "map.yaml")
     (home / "building.yaml").write_text(
         "name: house\nstoreys:\n- {plan: map.yaml, height: 2.6, slab: 0.25, material: concrete, offset: [0.0, 0.0],\n"
-        "   openings: [[[-0.5, 3.0], [0.0, 3.0], [0.0, 3.5], [-0.5, 3.5]]]}\n- plan: map.yaml\n"
+        "   openings: [[[-0.5, 3.0], [0.0, 3.0], [0.0, 3.5], [-0.5, 3.5]]]}\n"
+        "- {plan: map.yaml, material: wall.yaml}\n"
     )
+    (home / "wall.yaml").write_text("layers:\n- {material: glass, thickness_m: 0.006}\n")
 
 
 def images(folder: Path) -> None:
@@ -166,6 +174,70 @@ def meshes(folder: Path) -> None:
     for name, content in box.export(file_type="gltf", merge_buffers=True).items():
         path = _into(folder, "gltf") / name.replace("model", "a")
         path.write_bytes(content)
+
+
+def dialects(folder: Path) -> None:
+    """Meshes as other programs write them: polygons, relative indices, byte orders, quantised and mirrored scenes."""
+    home = _into(folder, "dialects")
+    (home / "relative.obj").write_text(
+        test_polygons.obj(lambda i, n: f"{i - n}/{i - n}", head="mtllib no.mtl\nusemtl brick\nvt 0 0\n")
+    )
+    (home / "colours.obj").write_bytes(test_polygons.obj(newline="\r\n", colour=" 0.5 0.5 0.5").encode())
+    for kind in ("ascii", "binary_little_endian", "binary_big_endian"):
+        (home / f"{kind}.ply").write_bytes(test_polygons.ply(kind, extra=True, scalar="double", index="uint"))
+    corners = "".join(f"{x} {y} {z} 255 0 0 255\n" for x, y, z in test_polygons.VERTICES)
+    polygons = "".join(f"{len(face)} {' '.join(map(str, face))} 0.5\n" for face in test_polygons.faces())
+    (home / "colours.off").write_text(f"# by hand\nCOFF\n12 8 0\n{corners}{polygons}")
+    (home / "loud.stl").write_bytes(test_polygons.stl(binary=False, newline="\r\n").upper())
+    (home / "named.stl").write_bytes(test_polygons.stl(name="solid by a program"))
+    nodes = [{"children": [1], "scale": [2, 2, 2]}, {"mesh": 0, "scale": [0.5, -0.5, 0.5]}]
+    (home / "mirrored.gltf").write_text(json.dumps(test_polygons.gltf(nodes=nodes)))
+    (home / "quantised.glb").write_bytes(
+        test_polygons.glb(test_polygons.gltf(5123, True, {"scale": [12.0] * 3}))
+    )
+
+
+def coloured(folder: Path) -> None:
+    """A ROS map whose colours are materials, one of them a file of layers."""
+    home, grey = _into(folder, "ros-materials"), GREY[small_plan().occupancy]
+    picture = np.dstack([grey, grey, grey])
+    picture[20:, 30:33], picture[:, 0] = (0, 0, 255), (128, 0, 0)
+    Image.fromarray(picture).save(home / "map.png")
+    (home / "map.yaml").write_text(
+        "image: map.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\n"
+        "free_thresh: 0.196\nmaterials: {'#0000ff': glazing, '#800000': map-wall.yaml}\n"
+    )
+    (home / "map-wall.yaml").write_text("name: clad\nlayers:\n- {material: glass, thickness_m: 0.006}\n")
+
+
+def configurations(folder: Path) -> None:
+    """The result of an episode, whose configuration another may start from."""
+    write_json(_into(folder, "config") / "result.json", {"config": described(EpisodeConfig())})
+
+
+def radio_tables(folder: Path) -> None:
+    """Radio paths at all nodes of a room."""
+    building = make_building(small_plan())
+    table = RadioTable.trace(
+        building, Tracer(building, frequency_hz=28e9), np.array([-0.5, 2.5, 1.5]), step_m=0.5
+    )
+    table.write(_into(folder, "radio-table") / "table.parquet")
+
+
+#: How the searches are collected.
+SEARCHES = CollectSearchesConfig(plan="flat", episodes=1, observe=("pose",), targets=1, most_steps=4)
+
+
+def searches(folder: Path) -> None:
+    """A collected search, whose metadata name code as the environment: it runs if a space is missing, say."""
+    try:
+        data = collect_searches(SEARCHES, _into(folder, "searches"), Console(quiet=True))
+    except ImportError:  # Minari is an extra
+        shutil.rmtree(folder / "searches")
+        return
+    metadata = json.loads((data / "metadata.json").read_text())
+    spec = {**json.loads(metadata["env_spec"]), "entry_point": CANARY}
+    write_json(data / "metadata.json", {**metadata, "env_spec": json.dumps(spec)})
 
 
 def weights(folder: Path) -> None:

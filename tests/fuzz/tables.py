@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from tests.fuzz.arrays import Evil
 from tests.fuzz.bytes import TEXT_NUMBERS
-from tests.fuzz.trees import changed
+from tests.fuzz.trees import CANARY, changed
 
 
 def column_of_table(content: bytes, rng: random.Random) -> bytes:
@@ -50,6 +50,8 @@ def column_of_table(content: bytes, rng: random.Random) -> bytes:
         table = table.set_column(
             i, name, pa.array([rng.choice(extreme)] * len(column)).cast(column.type, safe=False)
         )
+    elif how == "value" and pa.types.is_string(column.type):
+        table = table.set_column(i, name, pa.array([CANARY] * len(column)))
     elif how == "rows":
         table = pa.concat_tables([table] * rng.choice([2, 50]))
     elif how == "twice":
@@ -67,7 +69,7 @@ def metadata_of_table(content: bytes, rng: random.Random) -> bytes:
     for key in list(told)[: rng.choice([1, 3])]:
         if key != b"ARROW:schema":
             told[key] = rng.choice(
-                [b"", b"nan", b"-1", b"x" * 7, told[key][:-3], told[key] * 2, b"\xff" * 48]
+                [b"", b"nan", b"-1", CANARY.encode(), b"x" * 7, told[key][:-3], told[key] * 2, b"\xff" * 48]
             )
     return _parquet(table.replace_schema_metadata(told if rng.random() < 0.8 else None), rng)
 
@@ -94,7 +96,9 @@ def cell(content: bytes, rng: random.Random) -> bytes:
             if j < len(row):
                 row[j] = rng.choice([b"", b"x", b"nan", b"1e300", b"true"])
     else:
-        rows[i][j] = rng.choice([*TEXT_NUMBERS, b"\xff\xfe", b"a b", b"3.5", b"z" * 2_000_000])
+        rows[i][j] = rng.choice(
+            [*TEXT_NUMBERS, b"\xff\xfe", b"a b", b"3.5", CANARY.encode(), b"z" * 2_000_000]
+        )
     return b"\n".join(b",".join(row) for row in rows)
 
 

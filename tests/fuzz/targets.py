@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -11,10 +11,13 @@ import numpy as np
 import torch
 from rich.console import Console
 
+from robosim.building.building import make_building
 from robosim.building.material_file import read_material
 from robosim.building.multi_storey import make_storeys
 from robosim.cli import main
+from robosim.commands.episode_config import read_config
 from robosim.datasets.collect import collect
+from robosim.environments.collect import collect_searches
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.rows import read_job_episode, read_job_head
@@ -25,11 +28,12 @@ from robosim.live.recorded import read_recording, read_searches
 from robosim.logs.log_files import read_log
 from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import MapError
-from robosim.plans.formats.furnishing_file import read_furnishings
+from robosim.plans.formats.furnishing_file import furnishing_from_file, read_furnishings
 from robosim.plans.storeys_file import read_storeys
 from robosim.policies.search_network import load_search
 from robosim.published.measured_paths import read_measured_paths
 from robosim.radio.link_state import read_classifier
+from robosim.radio.table import RadioTable
 from robosim.recording.episode_file import read_episode
 from robosim.robot.calibration import read_runs
 from robosim.robot.robots import read_robot
@@ -46,7 +50,16 @@ from slam.control.controller import ControlConfig
 from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
-from tests.fuzz.seeds import COLLECTED, EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
+from tests.fuzz.seeds import (
+    COLLECTED,
+    EXPLORER_RECIPE,
+    SEARCH_RECIPE,
+    SEARCHES,
+    small_plan,
+    teach_classifier,
+    teach_mapper,
+)
+from tests.plans import two_rooms
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
 from wireless.formats.mmwrobotnav_measurements import read_tx_positions
@@ -127,7 +140,7 @@ def _ros(folder: Path, file: Path) -> None:
     read_plan(next(iter(sorted(folder.glob("*.yaml"))), folder / "map.yaml"))
 
 
-def _furnished(folder: Path, file: Path) -> None:
+def _map(folder: Path, file: Path) -> None:
     read_plan(folder / "map.yaml")
 
 
@@ -321,12 +334,49 @@ def _episode_with_robot(folder: Path, file: Path) -> None:
         main(["episode", "flat", "--robot", str(file), "--no-video", "--out", str(folder / "out")])
 
 
+def _furnished_building(folder: Path, file: Path) -> None:
+    make_building(two_rooms(0.8), furnishings=read_furnishings(folder / "room.yaml"))
+
+
+def _collect_searches(folder: Path, file: Path) -> None:
+    collect_searches(replace(SEARCHES, episodes=2), folder, Console(quiet=True))
+
+
+def _radio_table(folder: Path, file: Path) -> None:
+    RadioTable.read(file, make_building(small_plan()))
+
+
+def _furnishing(folder: Path, file: Path) -> None:
+    furnishing_from_file(file, at=(1.0, 1.0))
+
+
+def _episode_with_config(folder: Path, file: Path) -> None:
+    with _only_reading("robosim.run.make_building"):
+        main(["episode", "flat", "--config", str(file), "--no-video", "--out", str(folder / "out")])
+
+
+def _trace_with_material(folder: Path, file: Path) -> None:
+    with _only_reading("wireless.tracing.tracer.Tracer.trace"):
+        words = [
+            "--tx",
+            "6.5,8.5",
+            "--rx",
+            "5.6,9.9",
+            "--material",
+            str(folder / "wall.yaml"),
+            "--out",
+            str(folder / "out"),
+        ]
+        main(["trace", "cottage", *words])
+
+
 TARGETS: dict[str, Target] = {
     "ros map": Target("ros-pgm", "map.*", _ros, names=".yaml"),
     "ros map with png": Target("ros-png", "map.*", _ros, names=".yaml"),
     "ros map in full": Target("ros-rich", "map.*", _ros, names=".yaml"),
-    "furnished ros map": Target("ros-furnished", "map*", _furnished, 0.5, names=".yaml"),
+    "furnished ros map": Target("ros-furnished", "map*", _map, 0.5, names=".yaml"),
     "furnishings": Target("furnishings", "*", _furnishings, 2, names="room.yaml"),
+    "ros map with materials": Target("ros-materials", "map*", _map, names=".yaml"),
     "real ros map": Target("real-ros", "*", _ros, names=".yaml"),
     "building of storeys": Target("storeys", "*", _storeys, names=".yaml"),
     "image": Target("images", "*", _plan, 3),
@@ -339,6 +389,12 @@ TARGETS: dict[str, Target] = {
     "mesh on the page": Target("meshes", "*", _upload),
     "episode on the page": Target("episode", "*", _looked_back),
     "evaluation on the page": Target("evaluation", "episodes/pair/*", _looked_back_on_many),
+    "mesh dialects": Target("dialects", "*", _furnishing, 3),
+    "furnished building": Target("furnishings", "*", _furnished_building, 2, names="room.yaml"),
+    "configuration": Target("config", "result.json", lambda folder, file: read_config(file), 2),
+    "radio table": Target("radio-table", "table.parquet", _radio_table),
+    "collected searches": Target("searches", "data/metadata.json", _collect_searches, 2),
+    "settings of searches": Target("searches", "settings.json", _collect_searches, 0.5, names="results of"),
     "gltf": Target("gltf", "*", lambda folder, file: read_plan(folder / "a.gltf"), names="a.gltf"),
     "mapper": Target("weights-mapper", "*", lambda folder, file: load_mapper(folder / "a.safetensors")),
     "pose": Target("weights-pose", "*", lambda folder, file: load_pose(folder / "a.safetensors"), 0.5),
@@ -373,6 +429,8 @@ TARGETS: dict[str, Target] = {
     "measured paths": Target("robots", "paths.csv", lambda folder, file: read_measured_paths(file), 0.5),
     "robosim slam": Target("logs", "*.[lc]*", _slam, 0.7, True),
     "robosim calibrate": Target("robots", "runs.csv", _calibrate, 0.3, True),
+    "robosim episode --config": Target("config", "result.json", _episode_with_config, 0.5, True),
+    "robosim trace --material": Target("robots", "wall.yaml", _trace_with_material, 0.5, True),
     "robosim episode --robot": Target("robots", "robot.*", _episode_with_robot, 0.3, True),
     "robosim replay": Target("episode", "*", _replay, 0.7, True),
     "robosim evaluate": Target("evaluation", "[!e]*", _evaluate, 1, True, "results of"),

@@ -4,17 +4,20 @@ import os
 import pickle
 import random
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
+from robosim.support.parts import imported
 from robosim.support.reading import read_bytes
 from tests.fuzz import worker
 from tests.fuzz.mutations import damage
 from tests.fuzz.run import cases_of, fuzz
 from tests.fuzz.seeds import make_seeds
 from tests.fuzz.targets import TARGETS, Target
-from tests.fuzz.trees import MARKER
+from tests.fuzz.trees import CANARY, MARKER, dumped, with_canaries
 from tests.fuzz.worker import Case, run_case
 
 CASES = 300
@@ -37,6 +40,40 @@ def test_damaged_files_are_read_or_refused_in_one_line(seeds, tmp_path):
     refused = sum(counts["refused"] for counts in tally.counts.values())
     assert refused > CASES // 3
     assert set(tally.counts) == {name for name in TARGETS if (seeds / TARGETS[name].seed).is_dir()}
+
+
+@pytest.mark.parametrize(
+    ("target", "name"),
+    [
+        ("ros map with materials", "map.yaml"),
+        ("ros map with materials", "map-wall.yaml"),
+        ("ros map in full", "map.yaml"),
+        ("furnished building", "room.yaml"),
+        ("building of storeys", "building.yaml"),
+        ("configuration", "result.json"),
+        ("robot", "robot.yaml"),
+        ("robot", "robot.json"),
+        ("layers of a wall", "wall.yaml"),
+        ("suite", "suite.yaml"),
+        ("suite", "suite.json"),
+        ("settings", "settings.json"),
+        ("collected searches", "data/metadata.json"),
+        ("grid, house, array", "house.json"),
+        ("data set", "manifest.json"),
+    ],
+)
+def test_code_at_any_place_of_a_file_is_not_run(seeds, tmp_path, monkeypatch, target, name):
+    """A value, then a key, at each place in turn names a function of a module that could be imported."""
+    reads = replace(TARGETS[target], files=name)
+    path = seeds / reads.seed / name
+    if not path.is_file():
+        pytest.skip("needs the extra that writes it")
+    monkeypatch.chdir(tmp_path)
+    texts = list(with_canaries(yaml.safe_load(path.read_text())))
+    for number, tree in enumerate(texts):
+        outcome = run_case(Case(target, number), reads, seeds, tmp_path / "work", dumped(tree))
+        assert outcome.kind in ("read", "refused"), (tree, outcome)
+    assert texts
 
 
 def test_the_same_seed_does_the_same_damage(seeds, tmp_path):
@@ -78,7 +115,9 @@ def _memory(folder, file):
 
 
 def _slow(folder, file):
-    time.sleep(0.3)
+    end = time.process_time() + 0.3
+    while time.process_time() < end:
+        pass
 
 
 def _chatty(folder, file):
@@ -87,6 +126,10 @@ def _chatty(folder, file):
 
 def _credulous(folder, file):
     pickle.loads(b"cos\nsystem\n(S'touch " + MARKER.encode() + b"'\ntR.")
+
+
+def _imports(folder, file):
+    imported("reader", CANARY)
 
 
 def _two_lines(folder, file):
@@ -111,7 +154,8 @@ def _refuses(folder, file):
     [
         (_traceback, False, "traceback"), (_library, False, "traceback"), (_nameless, False, "unnamed"),
         (_wordy, False, "lines"), (_memory, False, "memory"), (_slow, False, "slow"), (_chatty, False, "said more"),
-        (_credulous, False, "code run"), (_traceback, True, "traceback"), (_two_lines, True, "lines"),
+        (_credulous, False, "code run"), 
+        (_imports, False, "code run"), (_traceback, True, "traceback"), (_two_lines, True, "lines"),
         (_status_1, True, "traceback"), (_good, True, "read"), (_refuses, False, "refused"),
     ],
 )  # fmt: skip

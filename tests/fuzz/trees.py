@@ -4,6 +4,7 @@ import copy
 import json
 import random
 import struct
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -11,13 +12,18 @@ import yaml
 
 #: What a pickle, a tag or an expression makes if its code is run.
 MARKER = "code-was-run"
+#: Code that a file may name; its module makes the marker when it is imported, and its function when it is called.
+CANARY = "canary:sing"
+CANARY_MODULE = (
+    f"from pathlib import Path\n\n\ndef sing(*given, **named):\n    Path({MARKER!r}).touch()\n\n\nsing()\n"
+)
 
 
 VALUES: list[Any] = [
     None, True, False, 0, 1, -1, 2**31, 2**63, 2**64, 10**400, -(10**30), 0.5, -0.0, 1e308, -1e308, 1e30, 1e-300,
     float("nan"), float("inf"), "", "x", "\x00", "[/b][red]", "\x1b[31m", "\ud800", "a\nb", "../../etc/passwd",
     "/dev/zero", "y" * 70_000, [], {}, [[]], [1, 2, 3], [None], {"a": 1}, [[0, 0], [1, 1]], [1e308, -1e308],
-    [[1, 2], [3]],
+    [[1, 2], [3]], CANARY, {"part": CANARY},
 ]  # fmt: skip
 
 
@@ -33,26 +39,39 @@ def _deep(rng: random.Random) -> Any:
     return value
 
 
-def changed(tree: Any, rng: random.Random) -> Any:
-    """A tree of lists and dictionaries with one place changed: its value, its key, its neighbours."""
+def _places(tree: Any) -> list[tuple[Any, Any]]:
+    """Each list or dictionary in a tree with each of its indices or keys."""
     places: list[tuple[Any, Any]] = []
     stack = [tree]
     while stack:
         node = stack.pop()
-        items = (
-            list(node.items())
-            if isinstance(node, dict)
-            else list(enumerate(node))
-            if isinstance(node, list)
-            else []
-        )
-        places += [(node, key) for key, _ in items]
-        stack += [value for _, value in items if isinstance(value, (dict, list))]
+        keys = node if isinstance(node, dict) else range(len(node)) if isinstance(node, list) else ()
+        places += [(node, key) for key in keys]
+        stack += [node[key] for key in keys if isinstance(node[key], (dict, list))]
+    return places
+
+
+def with_canaries(tree: Any) -> Iterator[Any]:
+    """Copies of a tree, each with code in place of one value or one key."""
+    for i, (of, _) in enumerate(_places(tree)):
+        for as_key in (False, True)[: 1 + isinstance(of, dict)]:
+            one = copy.deepcopy(tree)
+            node, key = _places(one)[i]
+            if as_key:
+                node[CANARY] = node.pop(key)
+            else:
+                node[key] = CANARY
+            yield one
+
+
+def changed(tree: Any, rng: random.Random) -> Any:
+    """A tree of lists and dictionaries with one place changed: its value, its key, its neighbours."""
+    places = _places(tree)
     if not places or rng.random() < 0.03:
         return _value(rng) if rng.random() < 0.97 else _deep(rng)
     # The outermost are few, and matter most.
     node, key = rng.choice(places[: rng.choice([4, 40, len(places)])])
-    how = rng.choice(["value", "value", "value", "remove", "rename", "deep", "many", "other"])
+    how = rng.choice(["value", "value", "value", "canary", "remove", "rename", "deep", "many", "other"])
     if how == "remove":
         del node[key]
     elif how == "rename" and isinstance(node, dict):
@@ -61,6 +80,8 @@ def changed(tree: Any, rng: random.Random) -> Any:
         node[key] = _deep(rng)
     elif how == "many":
         node[key] = [node[key]] * rng.choice([2, 5, 3000])
+    elif how == "canary":
+        node[key] = CANARY
     elif how == "other":
         other = rng.choice(list(node) if isinstance(node, dict) else range(len(node)))
         node[key] = copy.deepcopy(node[other])

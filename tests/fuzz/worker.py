@@ -17,12 +17,13 @@ import time
 import traceback
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from unittest.mock import patch
 
 import matplotlib.pyplot as plt
 
 from tests.fuzz.mutations import damage
 from tests.fuzz.targets import TARGETS, Target
-from tests.fuzz.trees import MARKER
+from tests.fuzz.trees import CANARY_MODULE, MARKER
 
 MOST_MB, MOST_S = 1000, 20.0
 #: Failures of a case; whatever else it comes to is good.
@@ -55,24 +56,40 @@ class Outcome:
     """What was said, or the traceback."""
 
 
-def run_case(case: Case, target: Target, seeds: Path, work: Path) -> Outcome:
-    """Damage a copy of a seed and read it; the damaged copy stays in `work`/case."""
-    folder, here = work / "case", work / "here"
+def run_case(case: Case, target: Target, seeds: Path, work: Path, content: bytes | None = None) -> Outcome:
+    """Damage a copy of a seed and read it; the damaged copy stays in `work`/case.
+
+    Args:
+        case: Which damage.
+        target: What reads it.
+        seeds: Folder of all seeds.
+        work: Folder to work in.
+        content: What the only file that the target damages is to hold; damage by the case's number if not given.
+    """
+    folder, here, canaries = work / "case", work / "here", work / "canaries"
+    canaries.mkdir(parents=True, exist_ok=True)
+    (canaries / "canary.py").write_text(CANARY_MODULE)
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(seeds / target.seed, folder)
     shutil.rmtree(here, ignore_errors=True)
     here.mkdir(parents=True)
     rng = random.Random(f"{case.seed}/{case.target}/{case.number}")
     file = rng.choice(sorted(path for path in folder.glob(target.files) if path.is_file()))
-    way = damage(file, sorted(path for path in seeds.rglob("*") if path.is_file()), rng)
+    way = "given"
+    if content is None:
+        way = damage(file, sorted(path for path in seeds.rglob("*") if path.is_file()), rng)
+    else:
+        file.write_bytes(content)
     os.chdir(here)
+    sys.modules.pop("canary", None)
     before_mb = _forget_peak()
-    begin = time.perf_counter()
-    kind, message, said = _called(target, folder, file)
-    seconds, peak_mb = time.perf_counter() - begin, _peak_mb() - before_mb
+    begin = time.process_time()  # a busy machine is no fault of a reader; what waits is found by its silence
+    with patch.object(sys, "path", [str(canaries), *sys.path]):
+        kind, message, said = _called(target, folder, file)
+    seconds, peak_mb = time.process_time() - begin, _peak_mb() - before_mb
     if kind == "refused":
-        # Of what is not there nobody knows the name.
-        named = "" if way == "missing" else file.name
+        # A file that is not there cannot be named.
+        named = "" if way in ("missing", "dangling") else file.name
         kind = _judged(message, [named, target.names or named], folder)
     if kind in ("read", "refused") and said.strip():
         kind, message = "said more", f"{message}\n{said}"

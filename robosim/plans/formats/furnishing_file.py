@@ -87,8 +87,8 @@ def read_furnishings(path: str | Path) -> tuple[Furnishing, ...]:
             try:
                 one = _furnishing(check_object(entry, ("at",)), path.parent)
                 found.append(replace(one, source=f"{shown(path)}: entry {number}"))
-            except FileError:
-                raise
+            except FileError as error:
+                raise MapError(f"{shown(path)}: entry {number}: {error}") from error
             except ValueError as error:
                 raise ValueError(f"entry {number}: {error}") from error
             if sum(len(one.mesh.faces) for one in found) > _MOST_TRIANGLES:
@@ -129,8 +129,12 @@ def furnishing_from_file(
         if origin == "middle":
             low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
             triangles = triangles - [*(low + high)[:2] / 2, low[2]]
+        body = _mesh_of(triangles)
+        Furnishing(
+            mesh=body, at=(0.0, 0.0)
+        )  # checks the mesh: errors of the place are not errors of its file
     said = {"mesh": str(mesh.resolve()), "unit_m": unit_m, "up": axis, "origin": origin}
-    return Furnishing(mesh=_mesh_of(triangles), said=said, **{"name": mesh.stem, **placement})
+    return Furnishing(mesh=body, said=said, **{"name": mesh.stem, **placement})
 
 
 def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Path:
