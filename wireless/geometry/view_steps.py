@@ -513,7 +513,8 @@ def add_layer_views(
     h = 0
     for n in range(size[0]):
         t, bounded, first = trail.step[n, 0], trail.step[n, 1] >= 0, h
-        count = _pass_openings(openings, views, window, count, eye, t, trail.sector[n], bounded)
+        if openings.start[2 * t] < openings.start[2 * t + 2]:
+            count = _pass_openings(openings, views, window, count, eye, t, trail.sector[n], bounded)
         while h < size[1] and trail.hit[h, 0] == n:
             h += 1
         count = add_views(walls, trail, (first, h), eye, views, window, count, limits)
