@@ -43,9 +43,9 @@ from robosim.task.coverage import Coverage
 from robosim.task.tasks import Task
 from slam.actions import Action
 from slam.grid import MapEstimate
-from slam.mapping.classical import Listener
+from slam.mapping.classical import RadioMapper
 from slam.planning.cost_map import CostConfig
-from slam.planning.rounds import Remedy, Rounds
+from slam.planning.loop_detector import LoopDetector, Remedy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +149,7 @@ def drive(
     """
     watch = watch or Stopwatch()
     mapper, planner, controller, _ = navigator
-    rounds = Rounds()
+    loop_detector = LoopDetector()
     sensed, motion, action, number = simulator.reset(task, rng), None, None, 0
     mapper.reset(task.start)
     while True:
@@ -166,13 +166,13 @@ def drive(
         if wanted is None:
             return map_, True
         with watch.stage("planner"):
-            goal = rounds.goal(wanted, map_.pose)
+            goal = loop_detector.goal(wanted, map_.pose)
             # A policy of a user need not give reasons.
             reason = KEPT if goal is not wanted else getattr(policy, "reason", None) or UNTOLD
             # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not policy.seeks_target
             plan = planner.plan(map_, goal, look=look)
-            if rounds.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
+            if loop_detector.watch(map_.pose, goal, plan) is Remedy.PLAN_CLOSELY:
                 planner.look_closely()
             action = policy.action() if isinstance(policy, Driver) else None
             action = controller.act(map_.pose, plan) if action is None else action
@@ -241,7 +241,7 @@ def run_episode(
             anchors[name] = interpreter.interpret(sensed.anchors[name], map_.pose, link)
             log.add_link(anchors[name], link, name)
         estimated = Estimates(map_, measurement, anchors, known_places)
-        if isinstance(navigator.mapper, Listener):
+        if isinstance(navigator.mapper, RadioMapper):
             measured = {"target": measurement, **anchors}
             navigator.mapper.listen(bearings_of(measured, radio.config, known_places))
             estimated = replace(estimated, locate_transmitters=navigator.mapper.transmitters)
@@ -259,7 +259,7 @@ def run_episode(
         )
     if explored:
         log.ended = "explored"
-    if isinstance(navigator.mapper, Listener):
+    if isinstance(navigator.mapper, RadioMapper):
         log.transmitters = navigator.mapper.transmitters()
     return log, map_
 

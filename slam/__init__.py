@@ -5,7 +5,7 @@ Knows nothing of the simulator or of radio: plain arrays come in and go out.
 Mapping:
 
     ClassicalMapper   builds a map while finding the robot on it
-    MapperConfig      everything it can be told
+    MapperConfig      its settings
     Mapper            what every mapper does
     NeuralMapper      also guesses what lies behind, by a network
     load_mapper       that network, from a file
@@ -19,10 +19,10 @@ Mapping:
 
 Moving:
 
-    Planner           finds the way to a goal on a map that is still growing
-    PlannerConfig     what a way costs, and how often it is thought over
-    CostConfig        what a metre of it costs
-    Plan              a way to a goal
+    Planner           plans a path to a goal on a growing map
+    PlannerConfig     costs of paths, and how often to plan again
+    CostConfig        cost per metre
+    Plan              a path to a goal
     Controller        chooses actions along it
     LocalPolicy       what every chooser of actions does
     ControlConfig     how actions are chosen
@@ -41,7 +41,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-#: Where each public name is: imported when it is first asked for, since not everybody needs everything.
+#: Module of each public name; imported at first access.
 _MODULES = {
     "ClassicalMapper": "mapping.classical",
     "MapperConfig": "mapping.classical",
@@ -102,7 +102,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> object:
-        """A public name, imported when it is first asked for."""
+        """A public name, imported at first access."""
         if name == "__version__":
             value: object = version("robosim-wireless")
         elif name in _MODULES:

@@ -1,9 +1,9 @@
-"""The discrete actions of a robot that explores, and what each is meant to do.
+"""The discrete actions of a robot that explores, with their nominal displacements.
 
 One step forward or a turn on the spot is the set that Active Neural SLAM and Habitat use, and what networks choose
-among here (`PUBLISHED`). A robot that has driven into a gap as narrow as itself cannot turn there without touching
-something, if it turns beside its middle: it can step back too. There is no stop action: arrival is judged from the
-pose. The amounts are nominal; what an action really does is up to the robot that carries it out.
+among here (`PUBLISHED`). A robot that does not turn about its centre cannot turn in a gap as narrow as itself: it can
+step back too. There is no stop action: arrival is judged from the pose. The amounts
+are nominal; the actual displacement depends on the robot.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, section 4.
 """
 

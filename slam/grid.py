@@ -33,7 +33,7 @@ class GridFrame:
     """Rows (y) and columns (x)."""
 
     def __post_init__(self) -> None:
-        # Made several times a decision, so in the fastest way.
+        # Several per decision, hence plain checks for speed.
         if len(self.origin_xy) != 2 or not all(abs(value) <= 1e9 for value in self.origin_xy):
             raise ValueError(f"origin_xy is {shown(self.origin_xy)}, expected two numbers up to 1e9 m.")
         if not 1e-6 <= self.resolution_m <= 1e6:

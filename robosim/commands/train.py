@@ -212,8 +212,8 @@ def pose(
     emit_result(card, folder)
     score = card["validation"]
     console.print(
-        f"median error of the pose: {1000 * score['told_m']:.1f} mm and {score['told_deg']:.2f} degrees, from "
-        f"predictions {1000 * score['predicted_m']:.1f} mm and {score['predicted_deg']:.2f} degrees off; "
+        f"median error of the pose: {1000 * score['estimated_m']:.1f} mm and {score['estimated_deg']:.2f} degrees, "
+        f"from predictions {1000 * score['predicted_m']:.1f} mm and {score['predicted_deg']:.2f} degrees off; "
         f"{card['single_call_ms']:.2f} ms a call",
         highlight=False,
     )

@@ -28,7 +28,7 @@ from slam.exploration.explorer import Explorer
 from slam.exploration.frontiers import find_frontiers
 from slam.grid import MapEstimate
 from slam.planning.cost_map import CostConfig, cut_box, known_box
-from slam.planning.known_ground import ways_from_robot
+from slam.planning.known_ground import travel_time_from_robot
 from slam.poses import to_map
 from wireless.paths import LinkState
 
@@ -176,7 +176,7 @@ class Fused:
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         box = cut_box(estimate, low - margin, high + margin)
-        way = ways_from_robot(box, self.config.cost)
+        way = travel_time_from_robot(box, self.config.cost)
         given_up = np.array(self._given_up).reshape(-1, 2)
         frontiers = find_frontiers(box, way, min_cells=3, piece_m=1.6, given_up=given_up)
         survey, p, pose = belief.survey(estimate), belief.probability(), estimate.pose

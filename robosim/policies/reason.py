@@ -50,7 +50,7 @@ ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
 #: Of a policy that does not say.
 UNTOLD = Reason(kind=GoalKind.OTHER)
-#: Of a goal that is kept from outside of the policy (`slam.planning.rounds`).
+#: Of a goal that is kept from outside of the policy (`slam.planning.loop_detector`).
 KEPT = Reason(kind=GoalKind.KEPT, because="two goals took turns, so the present one is kept for a while")
 
 

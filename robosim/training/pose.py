@@ -87,7 +87,7 @@ def read_pairs(shards: Sequence[Path], on_shard: Callable[[], Any] = lambda: Non
         ValueError: If a file is not such a shard.
     """
     features_of = Features()
-    scans, beliefs, moved = [], [], []
+    scans, beliefs, displacements = [], [], []
     for path in shards:
         depth, belief, pose, action = read_shard(path, ("depth", "belief", "pose", "action"))
         known = coded(2 * (belief.astype(np.float32) / 255) - 1)
@@ -97,12 +97,12 @@ def read_pairs(shards: Sequence[Path], on_shard: Callable[[], Any] = lambda: Non
             features = features_of.of(depth[k].astype(np.float32) / 1000, nothing)
             scans.append(coded(features[: INPUTS - 1]))
             beliefs.append(known[k - 1])
-            moved.append(between(pose[k - 1], pose[k]))
+            displacements.append(between(pose[k - 1], pose[k]))
         on_shard()
     return Pairs(
         scan=np.array(scans).reshape(-1, INPUTS - 1, 64, 64).astype(np.int8),
         belief=np.array(beliefs).reshape(-1, 64, 64).astype(np.int8),
-        moved=np.array(moved, float).reshape(-1, 3),
+        displacement=np.array(displacements, float).reshape(-1, 3),
     )
 
 

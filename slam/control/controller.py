@@ -1,19 +1,19 @@
-"""From a plan to the next action: try every turn followed by a straight run, and begin the best.
+"""Controller: evaluate every turn followed by a straight run, and begin the best.
 
-A robot that turns in steps of 10 degrees and drives in steps of a quarter metre can only follow a way roughly; what
-counts is how many decisions it needs. For each heading it can turn to, and each number of steps it can then take
-without its hull meeting an obstacle, the whole is priced in decisions:
+A robot that turns in steps of 10 degrees and drives in steps of a quarter metre follows a path only roughly; what
+matters is the number of decisions. For each heading and each number of steps without contact of the hull, the cost in
+decisions is
 
-    |turns| + steps + (cost of the way from there) / 0.25 m + (turns needed there to go on)
+    |turns| + steps + (cost of the path from there) / 0.25 m + (turns needed there to continue)
 
-and the first action of the cheapest is returned. Runs that pass closer to obstacles are tried only if wider
-ones lead nowhere. A turn once begun gets cheaper at each decision, and turning straight back is dearer. Where the
-hull's own swing in turning changes the best heading again and again all the same, one is gone through with. Before
-turns that would push the hull, it looks for an easier place to make them (`slam.control.manoeuvre`).
+and the first action of the cheapest is returned. Runs that pass closer to obstacles cost extra. A turn once begun gets
+cheaper at each decision, and turning straight back costs extra. If the swing of the hull still changes the best heading
+again and again, one heading is completed. Before turns that would push the hull, the controller looks for an easier
+place to make them (`slam.control.manoeuvre`).
 
-After a bump the same heading from the same place costs more, each time more. A robot that does not get away
-from a place for long walks off in the direction with most room before it plans again.
-Left out: dynamics of the base. The continuous controller is pure pursuit of the way.
+Each bump makes the same heading from the same place more expensive. A robot that does not leave a place for long drives
+in the direction with most room before it plans again.
+Left out: dynamics of the base. The continuous controller is pure pursuit of the path.
 Reference: Coulter, Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01, 1992.
 """
 
@@ -43,26 +43,26 @@ class ControlConfig:
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
     slacks_m: Annotated[tuple[float, ...], Range(-1, 1, "m")] = (-0.02, 0.01, 0.03, 0.06, 0.1)
-    """Space that a run leaves beside the hull [m], from the least that is ever tried ..."""
+    """Space that a run leaves around the hull [m], in rising order ..."""
     slack_prices: Annotated[tuple[float, ...], Range(0, 1e6, "decisions")] = (20.0, 12.0, 6.0, 2.0, 0.0)
-    """... and what such a run costs extra [decisions], for the risk of a bump."""
+    """... and the extra cost of such a run [decisions], for the risk of a bump."""
     reach_steps: Annotated[int, Range(1, 1000, "steps")] = 10
     """Longest run looked at [steps forward]."""
     forward_m: Annotated[float, Range(0.001, 10, "m")] = FORWARD_M
-    """Nominal distance of a step forward [m]; what it really does is learned."""
+    """Nominal distance of a step forward [m]; the actual one is learned."""
     turn_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = TURN_RAD
     """Nominal angle of a turn [rad]."""
     motions: tuple[tuple[float, float, float] | None, ...] = (None,) * len(Action)
-    """What each action does in the mean, in the order of `Action`: x, y [m], yaw [rad], as a calibration finds it; None
-    for nominal. The step back may be left out."""
+    """Mean displacement of each action, in the order of `Action`: x, y [m], yaw [rad], from a calibration; None for
+    nominal. The step back may be left out."""
     push_price: Annotated[float, Range(0, 1e6, "decisions")] = 2.0
     """What each turn that pushes the hull against an obstacle costs extra [decisions]."""
     reverses: bool = True
     """Whether the robot may step back to where it can turn without pushing, or forward only."""
     arrived_m: Annotated[float, Range(0, 10, "m")] = 0.15
-    """Nearer to the end of the way the robot turns to the goal and looks around [m]."""
+    """Nearer to the end of the path the robot turns to the goal and looks around [m]."""
     stuck_decisions: Annotated[int, Range(1, 1_000_000, "decisions")] = 45
-    """Decisions without getting away by `stuck_radius_m` after which the robot walks off [decisions]."""
+    """Decisions without getting away by `stuck_radius_m` after which the robot drives away [decisions]."""
     stuck_radius_m: Annotated[float, Range(0, 100, "m")] = 0.35
     """See above [m]."""
     speed_mps: Annotated[float, Range(0.001, 10, "m/s")] = 0.5
@@ -83,10 +83,10 @@ class ControlConfig:
             )
 
 
-#: Decisions looked back on for wavering, and changes of side among their turns that are too many.
+#: Recent decisions examined for wavering, and changes of side among their turns that are too many.
 HISTORY, MOST_REVERSALS = 16, 4
 
-#: What an action does is a mean over so many, as of a calibration; and over so many at least to be relied upon.
+#: Number of actions in the mean displacement of a calibration, and least number for a reliable mean.
 _CALIBRATED, _SURE = 50, 5
 
 
@@ -123,8 +123,8 @@ class Controller:
         self._trail: deque[tuple[float, float]] = deque(maxlen=self.config.stuck_decisions)
         self._escape_steps = 0
         self._looking: Action | None = None
-        self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the way at which it looks around,
-        self._aside_m = 0.0  # and how far that may lead it from there
+        self._end: Float[np.ndarray, 2] = np.zeros(2)  # of the path at which it looks around,
+        self._aside_m = 0.0  # and how far looking around may lead from there
         self._recent: deque[Action] = deque(maxlen=HISTORY)
         self._committed: deque[Action] = deque()
 
@@ -171,11 +171,11 @@ class Controller:
         after: Float[np.ndarray, "3"],
         clearance: Clearance,
     ) -> None:
-        """Take what an action did into the mean of its kind, unless it was stopped."""
-        moved = between(before, after)
+        """Update the mean displacement of an action, unless it was stopped."""
+        displacement = between(before, after)
         swing_m = math.hypot(*self.motion[action][:2])
-        ahead_m = float(moved[:2] @ self.motion[action][:2]) / max(swing_m, 1e-9)
-        # A turn swings the hull aside; what it swings against stops that, though not the turn.
+        ahead_m = float(displacement[:2] @ self.motion[action][:2]) / max(swing_m, 1e-9)
+        # A turn swings the hull aside; an obstacle stops the swing, though not the turn.
         steps = action in STEPS
         known = steps or (swing_m > SWING_M and self._motions[action] >= _SURE)
         if known and ahead_m < (0.6 if steps else 0.4) * swing_m:
@@ -183,18 +183,20 @@ class Controller:
             heading = float(before[2]) + math.atan2(self.motion[action][1], self.motion[action][0])
             self._bumps.append((float(after[0]), float(after[1]), heading, touch))
             if steps:
-                self._committed.clear()  # it is not where it was to go on
-        elif self._usual(action, moved):
+                self._committed.clear()  # they continue from another place
+        elif self._usual(action, displacement):
             self._motions[action] = min(self._motions[action] + 1, _CALIBRATED)
-            self.motion[action] += (moved - self.motion[action]) / self._motions[action]
+            self.motion[action] += (displacement - self.motion[action]) / self._motions[action]
 
-    def _usual(self, action: Action, moved: Float[np.ndarray, "3"]) -> bool:
+    def _usual(self, action: Action, displacement: Float[np.ndarray, "3"]) -> bool:
         """Whether a displacement is about what the action is meant to do."""
         nominal = self.config.forward_m if action in STEPS else self.config.turn_rad
-        done = (moved[0] if action in STEPS else moved[2]) * (
+        done = (displacement[0] if action in STEPS else displacement[2]) * (
             1 if action in (Action.FORWARD, Action.LEFT) else -1
         )
-        return bool(0.7 < done / nominal < 1.3 and math.hypot(*moved[:2]) < 1.5 * self.config.forward_m)
+        return bool(
+            0.7 < done / nominal < 1.3 and math.hypot(*displacement[:2]) < 1.5 * self.config.forward_m
+        )
 
     def _best(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
         """First action of the cheapest turn and run."""
@@ -202,9 +204,9 @@ class Controller:
         turned = self._turned(pose)
         stride = math.hypot(*self.motion[Action.FORWARD, :2])
         headings = turned[:, 2] + math.atan2(self.motion[Action.FORWARD, 1], self.motion[Action.FORWARD, 0])
-        ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+        directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
         distance = stride * np.arange(config.reach_steps * PARTS + 1) / PARTS
-        points = turned[:, None, :2] + ways[:, None, :] * distance[None, :, None]
+        points = turned[:, None, :2] + directions[:, None, :] * distance[None, :, None]
         ends = points[:, PARTS::PARTS]
         cost_m, downhill = plan.field.at_and_downhill(ends)
         left = cost_m / config.forward_m
@@ -222,7 +224,7 @@ class Controller:
             return self._towards(pose, plan)
         turns = int(self._turns[k])
         if self._wavers():
-            # Each turn swings the hull a little, and with it the best heading: go through with this one.
+            # Each turn swings the hull a little, and changes the best heading: complete this one.
             self._committed.extend([first_of(turns)] * abs(turns) + [Action.FORWARD])
             self._recent.clear()
             return self._committed.popleft()
@@ -231,17 +233,17 @@ class Controller:
     def _turning(self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance) -> Action:
         """First of some turns, or of what goes before them where that spares the hull pushes."""
         before, rest = self._manoeuvre(pose, turns, clearance)
-        # To the end: half a way back the turn may still push, and forward may look better again.
+        # Complete it: after half of it the turn may still push, and forward may look better again.
         self._committed.extend(before + [first_of(rest)] * abs(rest) if before else [])
         return self._committed.popleft() if before else first_of(turns)
 
     def _wavers(self) -> bool:
-        """Whether it has lately turned to one side and to the other time and again."""
+        """Whether recent turns change sides too often."""
         turns = [action for action in self._recent if action not in STEPS]
         return sum(a is not b for a, b in pairwise(turns)) >= MOST_REVERSALS
 
     def _turned(self, pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "k 3"]:
-        """Poses after each number of turns: a base that turns beside its centre swings around."""
+        """Poses after each number of turns: a base that does not turn about its centre swings around."""
         poses = np.empty((len(self._turns), 3))
         n = np.abs(self._turns)
         for action, side in ((Action.LEFT, self._turns > 0), (Action.RIGHT, self._turns <= 0)):
@@ -294,7 +296,7 @@ class Controller:
         return price
 
     def _pushing(self, pose: Float[np.ndarray, "3"], clearance: Clearance) -> Float[np.ndarray, " k"]:
-        """Decisions by which turns that push the hull against something make each heading dearer."""
+        """Extra cost of each heading for turns that push the hull against something [decisions]."""
         extra = np.zeros(len(self._turns))
         n = np.abs(self._turns)
         for sign in (1, -1):
@@ -305,7 +307,7 @@ class Controller:
     def _reluctance(
         self, pose: Float[np.ndarray, "3"], headings: Float[np.ndarray, " k"]
     ) -> Float[np.ndarray, " k"]:
-        """Decisions by which past bumps, and a turn just made the other way, make each heading dearer."""
+        """Extra cost of each heading for past bumps, and for reversing the last turn [decisions]."""
         extra = np.zeros(len(headings))
         for x, y, yaw, _ in self._bumps:
             if math.hypot(pose[0] - x, pose[1] - y) < 0.15:
@@ -318,13 +320,13 @@ class Controller:
         return extra
 
     def _towards(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
-        """Turn to the short-term goal, and try to go there: all that is left where no run is clear."""
+        """Turn towards the short-term goal: the fallback if no run is clear."""
         dx, dy = plan.short_term_goal - pose[:2]
         off = wrap(math.atan2(dy, dx) - pose[2])
         return self._turning(pose, round(off / self.config.turn_rad), plan.clearance)
 
     def _face(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
-        """At the end of the way: turn to the goal asked for, then look around."""
+        """At the end of the path: turn to the requested goal, then look around."""
         dx, dy = plan.asked_xy - pose[:2]
         turns = round(wrap(math.atan2(dy, dx) - pose[2]) / self.config.turn_rad)
         if turns == 0 or math.hypot(dx, dy) < 0.1 or self._looking is not None:
@@ -345,7 +347,7 @@ class Controller:
     def _first_aside(
         self, pose: Float[np.ndarray, "3"], turns: int, clearance: Clearance, *, around: bool = False
     ) -> Action:
-        """First of some turns at the end of the way, or of what leads to beside it, where they push less."""
+        """First of some turns at the end of the path, or of a manoeuvre to a place nearby where they push less."""
         before, _ = self._manoeuvre(pose, turns, clearance, around=around)
         circle = swung(pose, self.motion[first_of(turns)], abs(turns))[:, :2]
         steps_m = self.config.forward_m * sum(action in STEPS for action in before)
@@ -354,7 +356,7 @@ class Controller:
         return self._committed.popleft() if before else first_of(turns)
 
     def _escape(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Action:
-        """Walk off: turn to where there is most room, and go there."""
+        """Drive away: turn to the direction with most room, and go there."""
         headings = self._turned(pose)[:, 2]
         room = plan.clearance.free_run_m(pose[:2], headings, self.config.radius_m)
         decisions = np.abs(self._turns) + self._pushing(pose, plan.clearance)
@@ -365,12 +367,12 @@ class Controller:
         return action
 
     def drive(self, pose: Float[np.ndarray, "3"], plan: Plan, look_m: float = 0.35) -> tuple[float, float]:
-        """Speed [m/s] and turn rate [rad/s] that follow the way continuously, by pure pursuit.
+        """Speed [m/s] and turn rate [rad/s] that follow the path continuously, by pure pursuit.
 
         Args:
             pose: Estimated x [m], y [m], yaw [rad].
             plan: What the planner returned for this pose.
-            look_m: Distance along the way to the point that is pursued [m].
+            look_m: Distance along the path to the pursued point [m].
         """
         config = self.config
         x, y = _ahead_on(plan.path, look_m) - pose[:2]

@@ -1,7 +1,7 @@
-"""Which of the next actions would end at something that the map shows.
+"""Predicts which of the next actions would end at an obstacle of the map.
 
-For whoever chooses actions without a map. A step forward bumps if the hull does not fit on the way; a turn, of a base
-that swings aside as it turns, if it pushes the hull against something.
+For policies that choose actions without a map. A step forward bumps if the hull does not fit on its path; a turn, of a
+base that swings aside as it turns, if it pushes the hull against something.
 """
 
 import numpy as np
@@ -13,15 +13,15 @@ from slam.control.swing import pushes, swung
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 
-#: A map errs by so much: a step that leaves the hull less room by no more than this is done [m].
+#: Error of a map [m]: the hull is taken to be smaller by this.
 _ERROR_M = 0.01
 
 
 class Guard:
-    """Foresees bumps of one robot."""
+    """Predicts bumps of one robot."""
 
     def __init__(self, control: ControlConfig) -> None:
-        """A robot whose hull and motions a controller's configuration tells."""
+        """Take hull and motions from a controller's configuration."""
         self._radius_m = control.radius_m
         self._turns = {
             action: np.array(motion)

@@ -1,8 +1,8 @@
-"""A learned local policy: which action next, told by a small network that has watched the deterministic one.
+"""Learned local policy: a small network, trained to imitate the deterministic controller, chooses actions.
 
-It is told how much room there is around the robot, where the way goes, which direction is downhill, and what was done
-last; all in the robot's frame. It replaces the search over turns and runs; what to do at the end of the way, after
-bumps and when stuck stays as it is. The network runs in NumPy.
+Its inputs are the free space around the robot, points along the path, the downhill direction and the last action, in
+the robot's frame. It replaces the search over turns and runs; the behaviour at the end of the path, after bumps and
+when stuck is that of the deterministic controller. The network runs in NumPy.
 
 Reference: the local policy of Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020, which sees the
 picture in place of the map; Ross, Gordon and Bagnell, A reduction of imitation learning to no-regret online learning,
@@ -22,16 +22,16 @@ from slam.planning.clearance import LIMIT_M
 from slam.planning.planner import Plan
 from slam.support.weights import Weights, read_weights
 
-#: Where room is asked for: distances ahead [m] in so many directions around the robot.
+#: Free space is sampled at these distances [m] in this many directions around the robot.
 _DISTANCES_M, _DIRECTIONS = (0.12, 0.25, 0.4, 0.6, 0.9), 24
-#: Distances along the way at which the network is told where it goes [m].
+#: Distances along the path of the points that the network receives [m].
 _ALONG_M = (0.15, 0.3, 0.6, 1.0, 1.8)
 HIDDEN = 96
 INPUTS = len(_DISTANCES_M) * _DIRECTIONS + 1 + 2 * len(_ALONG_M) + 3 + len(PUBLISHED) + 1
 
 
 def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "..."]]:
-    """Weights that know nothing."""
+    """Random weights."""
     sizes = (INPUTS, HIDDEN, HIDDEN, len(PUBLISHED))
     weights: dict[str, Float32[np.ndarray, ...]] = {}
     for k, (rows, columns) in enumerate(pairwise(sizes)):
@@ -42,7 +42,7 @@ def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "
 
 
 class LearnedController(Controller):
-    """Follows the way by a network."""
+    """Follows the path by a network."""
 
     def __init__(self, weights: Weights, config: ControlConfig) -> None:
         self.weights = weights
@@ -52,7 +52,7 @@ class LearnedController(Controller):
         return Action(int(np.argmax(self.scores(self.senses(pose, plan)))))
 
     def senses(self, pose: Float[np.ndarray, "3"], plan: Plan) -> Float32[np.ndarray, " n"]:
-        """What the network is told, each about 1 in size.
+        """Inputs of the network, of magnitude about 1.
 
         Args:
             pose: Estimated x [m], y [m], yaw [rad].
@@ -81,10 +81,10 @@ class LearnedController(Controller):
 
 
 def _around() -> Float[np.ndarray, "n 2"]:
-    """Where room is asked for, x ahead and y left [m]."""
+    """Points at which free space is sampled, x ahead and y left [m]."""
     angle = np.arange(_DIRECTIONS) * (2 * math.pi / _DIRECTIONS)
-    ways = np.column_stack([np.cos(angle), np.sin(angle)])
-    return (np.array(_DISTANCES_M)[:, None, None] * ways).reshape(-1, 2)
+    directions = np.column_stack([np.cos(angle), np.sin(angle)])
+    return (np.array(_DISTANCES_M)[:, None, None] * directions).reshape(-1, 2)
 
 
 _AROUND = _around()
@@ -92,8 +92,8 @@ _AROUND = _around()
 
 def _points_along(path: Float[np.ndarray, "n 2"], distances_m: tuple[float, ...]) -> Float[np.ndarray, "k 2"]:
     """Points at distances along a path, its end for those beyond."""
-    gone = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
-    return np.column_stack([np.interp(distances_m, gone, path[:, axis]) for axis in (0, 1)])
+    arc_length = np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
+    return np.column_stack([np.interp(distances_m, arc_length, path[:, axis]) for axis in (0, 1)])
 
 
 def load_steering(path: Path, config: ControlConfig) -> LearnedController:

@@ -1,8 +1,9 @@
-"""What to do before some turns that would push the hull against something: leave the niche or the wall, and turn there.
+"""Manoeuvre before turns that would push the hull against something: leave the niche or the wall, and turn there.
 
 A base that swings as it turns (`slam.control.swing`) leans with each turn against the walls of a gap hardly wider than
-itself. A few turns, and steps back or forward in the heading reached, may lead to where it has room. Each way to do so
-is priced in decisions, a turn that pushes at what a bump costs, and the cheapest is taken; nothing, if turning here is.
+itself. A few turns, and steps back or forward in the heading reached, may lead to a place with room. The cost of each
+such manoeuvre is counted in decisions, with a penalty for turns that push, and the cheapest is chosen; none, if turning
+here is cheapest.
 """
 
 from collections.abc import Sequence
@@ -18,16 +19,16 @@ from slam.poses import to_map
 
 #: Places at which one step is checked against obstacles.
 PARTS = 4
-#: It turns and steps no more often than this before the rest of its turns.
+#: Largest numbers of turns and steps before the rest of the turns.
 _MOST_ASIDE, _MOST_STEPS = 4, 4
-#: Room that steps leave beside the hull, unless there is less already, but for what a map may err by [m].
+#: Space that steps leave around the hull, unless there is less already, and the error of a map [m].
 _CLEAR_M, _ERROR_M = 0.02, 0.01
 #: A turn that moves the hull by less than this does not swing it [m].
 SWING_M = 0.008
 
 
 class Manoeuvre(NamedTuple):
-    """A way to turn."""
+    """Actions that make a turn."""
 
     before: list[Action]
     """What to do first; nothing if the robot may as well turn where it is."""
@@ -46,7 +47,7 @@ def easier(
     steps: Sequence[Action] = STEPS,
     around: bool = False,
 ) -> Manoeuvre:
-    """The cheapest way to make some turns.
+    """The cheapest manoeuvre that makes some turns.
 
     Args:
         pose: Where the robot stands: x [m], y [m], yaw [rad].
@@ -104,7 +105,7 @@ def first_of(turns: int) -> Action:
 def _along(
     pose: Float[np.ndarray, "3"], step: Float[np.ndarray, "3"], clearance: Clearance, radius_m: float
 ) -> Float[np.ndarray, "n 3"]:
-    """Poses after one, two, ... steps, as far as the hull is clear of everything on the way."""
+    """Poses after one, two, ... steps, as far as the hull stays clear of obstacles."""
     part = np.arange(_MOST_STEPS * PARTS + 1)[:, None] / PARTS
     points = to_map(pose, part * step[:2])
     room = clearance.at(points) - radius_m

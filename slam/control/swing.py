@@ -12,7 +12,7 @@ from jaxtyping import Float, Int
 
 from slam.planning.clearance import Clearance
 
-#: Room beside the hull below which a turn that takes away from it pushes [m], and how much it has to take away [m].
+#: A turn pushes if it leaves less space around the hull than this [m], and reduces it by more than this [m].
 _ROOM_M, _LESS_M = 0.005, 0.002
 
 

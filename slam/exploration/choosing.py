@@ -1,9 +1,9 @@
-"""A learned choice among frontiers: what speaks for each, weighed by a small network.
+"""Learned choice among frontiers by a small network.
 
-Each frontier on offer is described by a few numbers: what the hand-made rating says of it, what the way to it takes,
-what may be seen there, what lies around. The network sees each beside the mean over all, so that neither their
-order nor their number matters, and adds to the hand-made rating what experience says of it. Untrained it adds
-nothing. It is some thousand weights, and runs in NumPy as it does in PyTorch, where it is trained.
+The features of each frontier are its hand-made rating, the cost of the path to it, the area visible from it and its
+surroundings. The network sees each frontier together with the mean over all, so that neither their order nor their
+number matters, and adds a learned correction to the hand-made rating. Untrained, the correction is zero. The network
+has some thousand weights, runs in NumPy and is trained in PyTorch.
 
 Reference: Zaheer et al., Deep Sets, NeurIPS 2017; residual policies: Silver et al., arXiv:1812.06298.
 """
@@ -21,13 +21,13 @@ from slam.exploration.frontiers import Frontier
 from slam.planning.cost_map import Box
 from slam.support.weights import Weights, read_weights
 
-#: What is told of each frontier, in this order.
+#: Features of each frontier, in this order.
 FEATURES = (
     "rating",
     "decisions",
     "area",
     "length",
-    "kept",
+    "current",
     "ahead",
     "distance",
     "detour",
@@ -45,22 +45,22 @@ TEMPERATURE = 3.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Offer:
-    """A frontier with its price."""
+    """A frontier with its cost and rating."""
 
     frontier: Frontier
     """Where it is."""
     decisions: float
     """Turns and steps to it."""
     area_m2: float
-    """Unseen area in sight from it, if what is unknown were open."""
-    kept: bool
-    """Whether the robot is on its way to it."""
+    """Unseen area visible from it, if unknown cells were open [m^2]."""
+    current: bool
+    """Whether it is the current goal."""
     rating: float
     """The hand-made rating [decisions]; less is better."""
 
 
 def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.ndarray, "n k"]:
-    """What the network is told of each offer, in the order of `FEATURES`, about 1 in size.
+    """Features of each offer, in the order of `FEATURES`, of magnitude about 1.
 
     Args:
         offers: Frontiers to choose from.
@@ -88,7 +88,7 @@ def describe(offers: Sequence[Offer], box: Box, view_m: float) -> Float32[np.nda
                 offer.decisions / 50,
                 area[k] / 5,
                 min(offer.frontier.length_m, 6.0) / 3,
-                float(offer.kept),
+                float(offer.current),
                 math.cos(math.atan2(ahead[1], ahead[0]) - box.pose[2]),
                 distance / 10,
                 offer.frontier.cost_m / (distance + 0.5) / 3,
@@ -147,13 +147,13 @@ def initial_weights(rng: np.random.Generator) -> dict[str, Float32[np.ndarray, "
 
 
 class Chooser:
-    """Takes the offer that the network finds best."""
+    """Chooses the offer that the network rates best."""
 
     def __init__(self, weights: Weights) -> None:
         self.weights = weights
 
     def __call__(self, features: Float32[np.ndarray, "n k"]) -> int:
-        """Which offer.
+        """Index of the best offer.
 
         Args:
             features: Rows of `describe`.

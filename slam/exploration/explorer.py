@@ -1,11 +1,11 @@
-"""Where to look next: one frontier after another, until nothing is left to see.
+"""Frontier exploration: one frontier after another, until nothing is left to see.
 
-One travel-time field from the robot prices the ways to all frontiers. "nearest" goes to the one with the shortest
-way, the named baseline. For the others, the most promising are priced in decisions (turns of 10 degrees and steps of a
-quarter metre, along the real way): "cheapest" takes the one that takes fewest, "gain" lets the unseen area behind make
-up for decisions, "learned" asks a network that was trained to see much soon. A goal is kept until its frontier has been
-seen or another one is clearly better. A frontier that stays although the robot stands before it, or that is not reached
-in good time, is given up.
+One travel-time field from the robot gives the costs of the paths to all frontiers. "nearest", the baseline, chooses the
+frontier with the cheapest path. The other ratings count decisions (turns of 10 degrees and steps of a quarter metre
+along the path) for the most promising frontiers: "cheapest" chooses the fewest decisions, "gain" weighs the unseen area
+behind against decisions, "learned" uses a network. A goal stays until its frontier has been seen or another one is
+clearly better. A frontier that remains although the robot stands before it, or that is not reached within its budget of
+decisions, is given up.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
@@ -23,7 +23,7 @@ from slam.exploration.choosing import Offer, describe
 from slam.exploration.frontiers import Frontier, find_frontiers, unseen_area
 from slam.grid import MapEstimate
 from slam.planning.cost_map import Box, CostConfig, cut_box, known_box
-from slam.planning.known_ground import ways_from_robot
+from slam.planning.known_ground import travel_time_from_robot
 from slam.planning.paths import downhill, length, taut
 from slam.planning.travel_time import TravelTime
 from slam.poses import wrap
@@ -32,7 +32,7 @@ from slam.support.checks import Range, checked
 #: Places that are remembered of each kind: given up, left for another goal, looked around at.
 MEMORY = 400
 
-#: Whoever is nearer to a frontier stands before it [m]; the camera sees what is off its middle by less [rad].
+#: The robot stands before a frontier that is nearer than this [m], and faces one at a smaller bearing [rad].
 _BEFORE_M, _FACING_RAD = 0.6, math.radians(40.0)
 
 ExplorerName = Literal["nearest", "cheapest", "gain", "learned"]
@@ -44,9 +44,9 @@ class ExplorerConfig:
     """How frontiers are found and rated."""
 
     rating: ExplorerName = "gain"
-    """What makes a frontier the best: the way, the decisions, area seen against decisions, or what was learned."""
+    """Criterion: path cost, decisions, unseen area against decisions, or a learned choice."""
     cost: CostConfig = field(default_factory=CostConfig)
-    """What a metre costs."""
+    """Cost per metre."""
     view_m: Annotated[float, Range(0.1, 100, "m")] = 3.2
     """Range of the camera that counts as seeing [m]."""
     min_cells: Annotated[int, Range(1, 10_000, "cells")] = 3
@@ -62,9 +62,9 @@ class ExplorerConfig:
     keep: Annotated[float, Range(0, 1e6, "decisions")] = 4.0
     """Decisions by which another frontier must be better before the goal is changed."""
     candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 6
-    """Frontiers whose way is priced exactly."""
+    """Frontiers for which decisions are counted exactly."""
     every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
-    """Decisions after which frontiers are rated anew even if the goal still stands."""
+    """Decisions after which frontiers are rated again even if the goal remains valid."""
     near_m: Annotated[float, Range(0, 100, "m")] = 1.4
     """A frontier nearer than this is looked at when the robot faces it [m]; the planner stops before that."""
     patience: Annotated[int, Range(1, 1_000_000, "decisions")] = 12
@@ -91,11 +91,11 @@ class FrontierExplorer:
 
         Args:
             config: How frontiers are found and rated.
-            choose: Which of some frontiers is taken if rated by "learned"; they are told of as
-                `slam.exploration.choosing.describe` does.
+            choose: Index of the best frontier for the rating "learned", given features of
+                `slam.exploration.choosing.describe`.
 
         Raises:
-            ValueError: If there is nobody to choose.
+            ValueError: If `choose` is missing for "learned", or given for another rating.
         """
         if (config.rating == "learned") != (choose is not None):
             raise ValueError(f"rating = {config.rating!r}, expected 'learned' with `choose`, and only then.")
@@ -134,7 +134,7 @@ class FrontierExplorer:
         return self._goal
 
     def _look_around(self, estimate: MapEstimate) -> bool:
-        """Before all is taken to be seen: turn once, if not done here before.
+        """Turn once round before exploration ends, if not done here before.
 
         A robot that begins in a niche has all that is left to see behind its back. Frontiers that were given up
         get another chance if more has been seen since the last one.
@@ -177,27 +177,27 @@ class FrontierExplorer:
         return bool(away < _BEFORE_M or (away < self.config.near_m and facing))
 
     def _choose(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
-        """The goal of the best frontier; where none can be reached, the map is taken less strictly."""
+        """The goal of the best frontier; if none is reachable, places where the robot was stopped count as free."""
         low, high = known_box(estimate)
         margin = 2 * estimate.frame.resolution_m
         for bumps in (True, False):
             box = cut_box(estimate, low - margin, high + margin, bumps=bumps)
-            way = ways_from_robot(box, self.config.cost, through_unknown=False)
+            travel_time = travel_time_from_robot(box, self.config.cost, through_unknown=False)
             frontiers = find_frontiers(
                 box,
-                way,
+                travel_time,
                 min_cells=self.config.min_cells,
                 piece_m=self.config.piece_m,
                 given_up=np.array(list(self._given_up)).reshape(-1, 2),
             )
             if frontiers:
-                return self._best(box, way, frontiers)
+                return self._best(box, travel_time, frontiers)
         return None
 
-    def _best(self, box: Box, way: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
+    def _best(self, box: Box, travel_time: TravelTime, frontiers: list[Frontier]) -> Float[np.ndarray, "2"]:
         """Goal of the frontier with the best rating."""
         promising = sorted(frontiers, key=lambda f: self._guess(f, box.pose))[: self.config.candidates]
-        offers = [self._offer(box, way, frontier) for frontier in promising]
+        offers = [self._offer(box, travel_time, frontier) for frontier in promising]
         if self._choose_offer:
             best = offers[self._choose_offer(describe(offers, box, self.config.view_m))]
         else:
@@ -207,15 +207,15 @@ class FrontierExplorer:
             self._turn_to(goal, 3 * best.decisions + 40)
         return goal
 
-    def _offer(self, box: Box, way: TravelTime, frontier: Frontier) -> Offer:
-        """A frontier with what it costs and shows."""
-        decisions, area, bonus = self._decisions(way, frontier, box.pose), 0.0, self._bonus(frontier)
+    def _offer(self, box: Box, travel_time: TravelTime, frontier: Frontier) -> Offer:
+        """A frontier with its cost, area and rating."""
+        decisions, area, bonus = self._decisions(travel_time, frontier, box.pose), 0.0, self._bonus(frontier)
         rating = frontier.cost_m / FORWARD_M if self.config.rating == "nearest" else decisions
         if self._counts_area:
             area = unseen_area(box, frontier, self.config.view_m, self.config.depth_m)
             rating -= self.config.gain_weight * min(area, self.config.max_gain_m2)
         return Offer(
-            frontier=frontier, decisions=decisions, area_m2=area, kept=bonus > 0, rating=rating - bonus
+            frontier=frontier, decisions=decisions, area_m2=area, current=bonus > 0, rating=rating - bonus
         )
 
     @property
@@ -223,9 +223,9 @@ class FrontierExplorer:
         return self.config.rating in ("gain", "learned")
 
     def _turn_to(self, goal: Float[np.ndarray, "2"], budget: float) -> None:
-        """Begin with a goal; one that was left for another one goes on with what was left of its budget [decisions].
+        """Begin with a goal; a goal that was left before continues with the rest of its budget [decisions].
 
-        Else two goals out of reach that take turns would renew each other for ever.
+        Otherwise two unreachable goals that alternate would renew each other's budget forever.
         """
         if self._goal is not None:
             self._budgets.append((self._goal, self._budget))
@@ -234,7 +234,7 @@ class FrontierExplorer:
         self._waited = 0
 
     def _guess(self, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
-        """Rating without looking along the way or at the area behind."""
+        """Rating without the exact path and the area behind."""
         x, y = frontier.near_xy - pose[:2]
         turn = abs(wrap(math.atan2(y, x) - pose[2])) / TURN_RAD
         guess = frontier.cost_m / FORWARD_M - self._bonus(frontier)
@@ -246,14 +246,14 @@ class FrontierExplorer:
         return guess
 
     def _bonus(self, frontier: Frontier) -> float:
-        """What is granted to the frontier that the robot is on its way to [decisions]."""
-        kept = self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5
-        return self.config.keep if kept else 0.0
+        """Bonus of the frontier that is the current goal [decisions]."""
+        is_current = self._goal is not None and math.hypot(*(frontier.goal_xy - self._goal)) < 0.5
+        return self.config.keep if is_current else 0.0
 
-    def _decisions(self, way: TravelTime, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
-        """Turns and steps that the way to a frontier takes; half a metre before it, it is seen."""
-        iy, ix = way.frame.index(frontier.near_xy)
-        corners = taut(downhill(way, (int(iy), int(ix))), way)[::-1]
+    def _decisions(self, travel_time: TravelTime, frontier: Frontier, pose: Float[np.ndarray, "3"]) -> float:
+        """Turns and steps to a frontier; it is seen from half a metre away."""
+        iy, ix = travel_time.frame.index(frontier.near_xy)
+        corners = taut(downhill(travel_time, (int(iy), int(ix))), travel_time)[::-1]
         corners = np.vstack([pose[:2], corners[1:], frontier.goal_xy])
         legs = np.diff(corners, axis=0)
         legs = legs[np.hypot(*legs.T) > 0.1]

@@ -1,9 +1,8 @@
-"""Frontiers: where what the camera has seen borders on what it has not.
+"""Frontiers: borders between seen and unseen cells.
 
-A frontier is a connected run of seen, free cells beside unseen ones; long ones are cut into pieces. Its middle is
-where to go, the least cost of the way to any of its cells is how far it is. What can be seen from there is
-counted along rays, as if what is unknown were open; rays leak through the gaps of half-seen walls, so the length
-of the frontier bounds it.
+A frontier is a connected run of seen, free cells next to unseen ones; long runs are cut into pieces. The goal is its
+middle, and its cost is the least cost of a path to any of its cells. The area visible from there is counted along rays,
+as if unknown cells were open; rays leak through the gaps of half-seen walls, so the length of the frontier bounds it.
 Reference: Yamauchi, A frontier-based approach for autonomous exploration, CIRA 1997.
 """
 
@@ -26,23 +25,23 @@ class Frontier:
     """A piece of the border of what was seen."""
 
     goal_xy: Float[np.ndarray, "2"]
-    """Its middle cell [m]: seen itself, beside what is to be looked at."""
+    """Its middle cell [m]: seen itself, next to unseen cells."""
     near_xy: Float[np.ndarray, "2"]
-    """The cell to which the way is cheapest [m]."""
+    """Its cell with the cheapest path [m]."""
     cost_m: float
-    """Cost of the way there [m]."""
+    """Cost of the path there [m]."""
     length_m: float
     """Length of the whole run it belongs to [m]."""
 
 
 def find_frontiers(
-    box: Box, way: TravelTime, *, min_cells: int, piece_m: float, given_up: Float[np.ndarray, "n 2"]
+    box: Box, travel_time: TravelTime, *, min_cells: int, piece_m: float, given_up: Float[np.ndarray, "n 2"]
 ) -> list[Frontier]:
     """Frontiers that the robot can get near to.
 
     Args:
         box: What is known.
-        way: Cost of ways from the robot, on cells twice as large as those of the box.
+        travel_time: Travel time from the robot, on cells twice as large as those of the box.
         min_cells: Shorter runs are ignored [cells].
         piece_m: Side of the tiles that cut long runs into pieces [m].
         given_up: Places (x, y) [m] whose surroundings are ignored.
@@ -61,16 +60,16 @@ def find_frontiers(
     cells, new = cells[order], np.diff(key[order], prepend=-1) > 0
     lengths_m = size[run[order]][new] * box.frame.resolution_m
     piece, middle = np.cumsum(new) - 1, _middles(cells, new)
-    cost = way.cost_m[cells[:, 0] // 2, cells[:, 1] // 2]
+    cost = travel_time.cost_m[cells[:, 0] // 2, cells[:, 1] // 2]
     near = cells[_first_least(cost, piece, new)] // 2
     goals_xy = box.frame.to_points(middle[:, ::-1] + 0.5)
     found = []
     for k, length_m in enumerate(lengths_m):
-        least, place = float(way.cost_m[tuple(near[k])]), near[k]
+        least, place = float(travel_time.cost_m[tuple(near[k])]), near[k]
         if not math.isfinite(least):
-            least, place = _beside(way, middle[k] // 2)
+            least, place = _cheapest_near(travel_time, middle[k] // 2)
         if math.isfinite(least):
-            near_xy = way.frame.to_points(place[::-1] + 0.5)
+            near_xy = travel_time.frame.to_points(place[::-1] + 0.5)
             found.append(
                 Frontier(goal_xy=goals_xy[k], near_xy=near_xy, cost_m=least, length_m=float(length_m))
             )
@@ -91,23 +90,23 @@ def _first_least(
     return np.asarray(np.lexsort((values, piece))[new])
 
 
-def _beside(way: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple[float, Int[np.ndarray, "2"]]:
-    """Least cost of a way to within half a metre of a cell (row, column), and the cell that it leads to.
+def _cheapest_near(travel_time: TravelTime, cell: Int[np.ndarray, "2"]) -> tuple[float, Int[np.ndarray, "2"]]:
+    """Least cost within half a metre of a cell (row, column), and the cell with that cost.
 
-    Cells at walls are no place for the hull, but half a metre away one may stand.
+    The hull does not fit at walls, but may fit half a metre away.
     """
-    n = max(1, round(0.5 / way.frame.resolution_m))
+    n = max(1, round(0.5 / travel_time.frame.resolution_m))
     y0, x0 = np.maximum(cell - n, 0)
-    part = way.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
+    part = travel_time.cost_m[y0 : y0 + 2 * n + 1, x0 : x0 + 2 * n + 1]
     row, column = divmod(int(np.argmin(part)), part.shape[1])
     return float(part.min()), np.array([y0 + row, x0 + column])
 
 
 def _edge(box: Box, given_up: Float[np.ndarray, "n 2"]) -> Bool[np.ndarray, "ny nx"]:
-    """Seen and free cells beside unseen ones that are no obstacles."""
+    """Seen and free cells next to unseen cells that are no obstacles."""
     unseen = ~box.explored & (box.probability <= 0.5)
-    beside = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    edge = box.explored & (box.probability < 0.5) & beside
+    next_to_unseen = cv2.dilate(unseen.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    edge = box.explored & (box.probability < 0.5) & next_to_unseen
     for x, y in given_up:
         rows, columns, _ = box.frame.window((x - 0.25, y - 0.25), (x + 0.25, y + 0.25))
         edge[rows, columns] = False

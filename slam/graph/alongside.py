@@ -1,8 +1,9 @@
-"""Walls along a line of sight, whose reflections a receiver takes for the path itself.
+"""Walls along a line of sight, whose reflections a receiver cannot separate from the direct path.
 
-A wall at a distance h beside a straight path of length r adds one that is sqrt(r^2 + 4 h^2) - r longer and comes from
-its mirror image, arctan(2 h / r) aside. In a corridor both are less than a receiver tells apart: it hears one path,
-from somewhere between, or from the image where that is as strong. Estimates tell nothing of it; the walls do.
+A wall parallel to a straight path of length r, at a distance h, adds a path that is sqrt(r^2 + 4 h^2) - r longer and
+comes from the mirror image, arctan(2 h / r) aside. In a corridor both differences are below the receiver's resolution:
+it measures one path, from a direction in between, or from the image if that is as strong. The path estimate does not
+show this; the walls on the map do.
 """
 
 import math
@@ -12,26 +13,26 @@ from jaxtyping import Float
 
 from slam.sensing.bearings import Bearing
 
-#: Walls are looked for so far along the line [m], in parts of so much [m].
+#: Walls are searched for up to this distance along the line [m], in parts of this length [m].
 _AHEAD_M, _PART_M = 10.0, 0.25
-#: Their normals may depart by so much from square to the line (sine).
+#: Largest deviation of their normals from the perpendicular of the line (sine).
 _ALONG = math.sin(math.radians(15.0))
-#: They are walls alongside if surfaces fill so much of the line.
+#: Least part of the line with surfaces alongside.
 _FILLED = 0.3
 
 
-def image_beside_rad(
+def mirror_image_angle_rad(
     bearing: Bearing,
     pose: Float[np.ndarray, "3"],
     points: Float[np.ndarray, "n 2"],
     normals: Float[np.ndarray, "n 2"],
 ) -> float:
-    """How far aside mirror images appear that a receiver cannot tell from what it hears [rad]; 0 where none does.
+    """Angle to mirror images that a receiver cannot separate from a path [rad]; 0 without such images.
 
     Args:
-        bearing: What it hears.
-        pose: From where: x [m], y [m], yaw [rad].
-        points: Surfaces that are known [m], axes of the pose.
+        bearing: Of the path.
+        pose: Of the receiver: x [m], y [m], yaw [rad].
+        points: Known surfaces (x, y) [m], in the frame of the pose.
         normals: Their unit normals.
     """
     azimuth, range_m = pose[2] + bearing.bearing_rad, bearing.range_m
@@ -41,11 +42,11 @@ def image_beside_rad(
     reach_m = min(range_m, _AHEAD_M)
     images = np.arctan2(2 * np.abs(aside_m), range_m)
     longer_m = np.hypot(range_m, 2 * aside_m) - range_m
-    beside = (ahead_m > 0) & (ahead_m < reach_m) & (np.abs(normals @ along) < _ALONG)
-    beside &= (images < bearing.apart_rad) & (longer_m < bearing.apart_m)
+    alongside = (ahead_m > 0) & (ahead_m < reach_m) & (np.abs(normals @ along) < _ALONG)
+    alongside &= (images < bearing.apart_rad) & (longer_m < bearing.apart_m)
     widest = 0.0
     for side in (aside_m > 0, aside_m < 0):
-        wall = beside & side
+        wall = alongside & side
         filled_m = _PART_M * len(np.unique(ahead_m[wall] // _PART_M))
         if filled_m > _FILLED * reach_m:
             widest = max(widest, float(np.median(images[wall])))

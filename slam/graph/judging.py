@@ -1,6 +1,6 @@
-"""Which of several poses a scan was taken from: it lies on surfaces there, and contradicts least what was seen lately.
+"""Choice among poses of a scan: it must lie on surfaces and contradict recent scans least.
 
-A surface that one of two scans looked through is a contradiction, whether either could tell its normal or not.
+A surface that one of two scans looked through is a contradiction, whether its normal is known or not.
 """
 
 from collections.abc import Sequence
@@ -15,9 +15,9 @@ from slam.matching.levels import difference
 from slam.matching.scan_matching import Match
 from slam.poses import to_map
 
-#: How much a part of the scan that contradicts counts against a pose, beside parts from 0 to 1 that agree.
+#: Weight of the contradicting part of a scan, relative to the agreeing part.
 _OF_AGAINST = 2.0
-#: The same of a squared departure from the prediction, in variances.
+#: Weight of the squared deviation from the prediction, in variances.
 _OF_PRIOR = 0.03
 
 
@@ -35,14 +35,14 @@ class Judge:
     """Of that."""
 
     def __call__(self, match: Match) -> float:
-        """How well a match explains the scan and the last ones: more is better."""
+        """Rating of a match by the scan and recent ones: more is better."""
         if not len(self._ends):
             return 0.0
         confirmed, through = seen_by(self.recent, to_map(match.pose, self._ends))
         against = float((through & ~confirmed).mean())
-        for points in self._told:
+        for points in self._recent_ends:
             same, through = seen_by([(match.pose, self.view)], points)
-            against += float((through & ~same).mean()) / len(self._told)
+            against += float((through & ~same).mean()) / len(self._recent_ends)
         agrees = float(match.paired.mean()) + float(confirmed.mean())
         away = difference(match.pose, self.predicted, 1.0)
         return (
@@ -54,7 +54,7 @@ class Judge:
         return self.view.ends()
 
     @cached_property
-    def _told(self) -> list[Float[np.ndarray, "m 2"]]:
-        """What the last scans saw, in `map` [m]."""
-        told = [to_map(pose, view.ends()) for pose, view in self.recent]
-        return [points for points in told if len(points)]
+    def _recent_ends(self) -> list[Float[np.ndarray, "m 2"]]:
+        """Points of recent scans in `map` [m]."""
+        ends = [to_map(pose, view.ends()) for pose, view in self.recent]
+        return [points for points in ends if len(points)]

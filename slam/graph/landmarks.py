@@ -1,21 +1,21 @@
-"""Sources of a radio as landmarks: where they stand comes out with the trajectory, and holds it.
+"""Radio sources as landmarks: their positions are estimated together with the trajectory, and constrain it.
 
-What a path comes from stands still: in line of sight the source itself, else a mirror image of it in walls. A path
-belongs to the landmark from whose place it comes and as strong as from there, whatever its link state is taken for;
-else it may be the first of a new one. Further paths are told by how much longer they are than the first; they are
-followed as long as they appear where they are expected, and are other landmarks after that.
+The origin of a path stands still: in line of sight the source itself, else its mirror image in walls. A path belongs to
+the landmark whose position explains its direction and strength, whatever its link-state classification; otherwise it
+may begin a new landmark. Further paths are identified by their excess length over the first; they are followed as long
+as they appear where they are expected, and begin new landmarks after that.
 
-No landmark holds a pose before directions alone, taken along a way, have told one place for all that was seen of it,
-with a depth that is no more open than its strength. An arrival that only looks like line of sight, off the corner of a
-wall or off something far down a corridor, tells no such place: its strength says another depth than its directions,
-or they say none. All that was seen before holds then as well.
+A landmark constrains poses only after directions alone, from several places, give one position for all its sightings,
+with a depth at least as certain as that of its strength. An arrival that only looks like line of sight, from the corner
+of a wall or an object far down a corridor, gives no such position: its strength implies another depth than its
+directions, or these imply none. Earlier sightings then constrain poses too.
 
-Bearings are taken again only once the robot has moved: from one place, they err alike. Paths that can hardly be told
-apart err alike for metres, as long as they come from the same direction: that error is one for all of them. What the
-pose has gathered in error since its node of the graph counts as an error of the bearing.
+Bearings are used again only after the robot has moved: errors from one place are equal. Paths that can hardly be
+separated have equal errors for metres, as long as they come from the same direction: they share one error. The error
+of the pose since its node of the graph counts as an error of the bearing.
 References: Gentner et al., Multipath assisted positioning with simultaneous localization and mapping, IEEE Trans.
 Wireless Communications 15 (2016), whose virtual transmitters these are; Stansfield, Statistical theory of D.F. fixing,
-Journal of the IEE 94 (1947), on the place that directions tell.
+Journal of the IEE 94 (1947), on the position from directions.
 """
 
 import math
@@ -31,80 +31,80 @@ from slam.graph.pose_graph import PoseGraph, Sighting
 from slam.poses import compose, wrap
 from slam.sensing.bearings import Bearing
 
-#: Bearings are taken again after a way, or a turn, of this [m, rad].
+#: Bearings are used again after this distance or turn [m, rad].
 _APART_M, _APART_RAD = 0.25, math.radians(15.0)
-#: A place is told by so many sightings, if its depth is open by so much of it, and if the root mean square of what
-#: directions are off is so many standard deviations, at most.
+#: Least number of sightings for a position, largest relative uncertainty of its depth, and largest root mean square of
+#: the errors of directions in standard deviations.
 _ENOUGH, _DEPTH, _OFF = 6, 0.1, 1.5
-#: Bearings of a landmark err alike until it appears in a direction that is off by more [rad].
+#: Bearings of a landmark share an error while its direction changes by less than this [rad].
 _ALIKE_RAD = math.radians(5.0)
-#: How far headings along such a way may be off, beside bearings [rad].
+#: Standard deviation of headings between sightings, in addition to that of bearings [rad].
 _HEADING_RAD = math.radians(0.2)
-#: Sightings that are kept of what tells no place yet.
-_KEPT = 60
-#: What is known may appear so many standard deviations, and so far [rad, m], from where it is expected.
+#: Most sightings of a landmark without a position.
+_MOST_UNPLACED = 60
+#: A known landmark may appear this many standard deviations, and this far [rad, m], from its expected place.
 _GATE, _JITTER_RAD, _JITTER_M = 4.0, math.radians(1.0), 0.1
-#: It is given up when it has not appeared on so much way [m].
-_GONE_M = 3.0
-#: A path is as strong as in line of sight if free space would do with a distance within so much of it (logarithm).
+#: It is given up when it has not appeared over this distance [m].
+_LOST_M = 3.0
+#: Tolerance of a distance from the strength in free space (logarithm).
 _WEAK = 0.1
-#: Line of sight is believed from this probability on.
+#: Least probability of line of sight that counts.
 _BELIEVED = 0.5
-#: Steps in which a place is told, and the least distance of one [m].
+#: Iterations that estimate a position, and its least distance [m].
 _STEPS, _NEAREST_M = 5, 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transmitter:
-    """Where a source is taken to stand."""
+    """Estimated position of a source."""
 
     xy: Float[np.ndarray, "2"]
     """In `map` [m]."""
     covariance: Float[np.ndarray, "2 2"]
     """Of that [m^2]."""
     sightings: int
-    """Bearings that it comes from."""
+    """Number of bearings."""
 
 
 class _Seen(NamedTuple):
-    """Where a landmark appeared once, and from where."""
+    """A sighting of a landmark."""
 
     time: int
-    way_m: float
+    distance_m: float
     node: int
     at: Float[np.ndarray, "3"]
     bearing: Bearing
     stretch: int
-    """Number of the stretch on which bearings err alike."""
+    """Number of the stretch on which bearings share an error."""
     first: "_Landmark | None"
-    """What the first path of the same source came from; None for that path."""
+    """Origin of the first path of the same source; None for that path."""
 
 
 @dataclass(kw_only=True, eq=False)
 class _Landmark:
-    """Something that stands still."""
+    """A static origin of paths."""
 
     place_xy: Float[np.ndarray, "2"] | None = None
-    """Where, if that is known from the outset."""
+    """Position, if known from the outset [m]."""
     seen: list[_Seen] = field(default_factory=list)
     place: int | None = None
-    """Its number in the graph, once it holds poses."""
+    """Its number in the graph, once it constrains poses."""
     stretch: tuple[int, float] | None = None
-    """Number of the last stretch on which its bearings err alike, and the azimuth that it began with [rad]."""
+    """Number of its last stretch of shared error, and the azimuth at its beginning [rad]."""
     in_sight: int = 0
-    """How often it was taken to be in line of sight."""
+    """Number of sightings classified as line of sight."""
 
 
 class Landmarks:
-    """All that has been seen of sources."""
+    """Landmarks of all sources."""
 
     def __init__(self) -> None:
         self._sources: dict[str, list[_Landmark]] = defaultdict(list)
         self._images: dict[str, list[_Landmark]] = defaultdict(list)
         self._last: Float[np.ndarray, 3] | None = None
-        self._time, self._way_m, self._stretches = 0, 0.0, 0
+        self._time, self._distance_m, self._stretches = 0, 0.0, 0
         self.taken = 0
-        """Bearings that hold poses, or may do so later on."""
+        """Number of bearings that constrain poses, or may do so later."""
 
     def see(
         self,
@@ -113,11 +113,11 @@ class Landmarks:
         spread: Float[np.ndarray, "3 3"],
         bearings: Sequence[Bearing],
     ) -> None:
-        """Take in what appears from a pose.
+        """Add the bearings from a pose.
 
         Args:
-            graph: Whose last pose `here` is told in.
-            here: Where the robot is: x [m], y [m], yaw [rad].
+            graph: Pose graph; `here` is in the frame of its last pose.
+            here: Pose of the robot: x [m], y [m], yaw [rad].
             spread: Covariance of that [m^2, m rad, rad^2].
             bearings: Of each source the first path, and then others.
         """
@@ -126,7 +126,7 @@ class Landmarks:
             gap_m = math.hypot(*(pose - self._last)[:2])
             if gap_m < _APART_M and abs(wrap(float(pose[2] - self._last[2]))) < _APART_RAD:
                 return
-            self._way_m += gap_m
+            self._distance_m += gap_m
         self._last, self._time = pose, self._time + 1
         firsts: dict[str, _Landmark] = {}
         for one in bearings:
@@ -140,11 +140,11 @@ class Landmarks:
                 continue
             azimuth = float(pose[2] + bearing.bearing_rad)
             stretch = self._stretch(landmark, azimuth)
-            seen = _Seen(self._time, self._way_m, node, here.copy(), bearing, stretch, first)
+            seen = _Seen(self._time, self._distance_m, node, here.copy(), bearing, stretch, first)
             self._take(graph, landmark, seen)
 
     def transmitters(self, graph: PoseGraph) -> dict[str, Transmitter]:
-        """Where sources stand: of the places of each, that which was in line of sight most often."""
+        """Estimated positions of sources: for each, the landmark that was in line of sight most often."""
         found = {}
         for name, landmarks in self._sources.items():
             best = max(landmarks, key=lambda one: (one.place is not None, one.in_sight, len(one.seen)))
@@ -157,7 +157,7 @@ class Landmarks:
         return found
 
     def _take(self, graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
-        """Let a landmark hold poses by what was seen of it, once its place is told."""
+        """Add a sighting; a landmark constrains poses once its position is known."""
         believed = seen.bearing.direct >= _BELIEVED
         landmark.seen.append(seen)
         landmark.in_sight += believed
@@ -165,7 +165,7 @@ class Landmarks:
         if landmark.place is not None:
             _hold(graph, landmark, seen)
             return
-        del landmark.seen[:-_KEPT]
+        del landmark.seen[:-_MOST_UNPLACED]
         known = landmark.place_xy
         xy = _one_place(graph, landmark.seen) if known is None else known
         if xy is not None:
@@ -174,14 +174,14 @@ class Landmarks:
                 _hold(graph, landmark, each)
 
     def _source(self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing) -> _Landmark:
-        """What a first path comes from."""
+        """Landmark of a first path."""
         landmarks = self._sources[bearing.source]
         if bearing.place_xy is not None and bearing.direct >= _BELIEVED:
             known = [one for one in landmarks if one.place_xy is not None]
             if not known:
                 landmarks.append(_Landmark(place_xy=bearing.place_xy))
             return (known or landmarks)[-1]
-        rated = [(_elsewhere(graph, one, pose, bearing), k) for k, one in enumerate(landmarks)]
+        rated = [(_unlike_place(graph, one, pose, bearing), k) for k, one in enumerate(landmarks)]
         unlike, best = min(rated, default=(math.inf, 0))
         if unlike < 1.0:
             return landmarks[best]
@@ -194,12 +194,12 @@ class Landmarks:
     def _image(
         self, graph: PoseGraph, pose: Float[np.ndarray, "3"], bearing: Bearing, first: _Landmark
     ) -> _Landmark:
-        """The mirror image that a further path comes from."""
+        """Mirror image of a further path."""
         landmarks = self._images[bearing.source]
         landmarks[:] = [one for one in landmarks if self._lately(one)]
-        # Another path of this measurement may be from there already.
+        # Another path of this measurement may already belong to it.
         free = [one for one in landmarks if one.seen[-1].time < self._time and one.seen[-1].first is first]
-        rated = [(_unlike(graph, one, pose, bearing), k) for k, one in enumerate(free)]
+        rated = [(_unlike_image(graph, one, pose, bearing), k) for k, one in enumerate(free)]
         unlike, best = min(rated, default=(math.inf, 0))
         if unlike < 1.0:
             return free[best]
@@ -214,14 +214,14 @@ class Landmarks:
         return landmark.stretch[0]
 
     def _lately(self, landmark: _Landmark) -> bool:
-        """Whether a landmark has appeared on the last metres of way."""
-        return self._way_m - landmark.seen[-1].way_m < _GONE_M
+        """Whether a landmark has appeared over the last metres."""
+        return self._distance_m - landmark.seen[-1].distance_m < _LOST_M
 
 
 def _from_uncertain(
     bearing: Bearing, here: Float[np.ndarray, "3"], spread: Float[np.ndarray, "3 3"]
 ) -> Bearing:
-    """A bearing that is as uncertain as the pose that it was taken from makes it."""
+    """Add the uncertainty of the pose to that of a bearing."""
     azimuth = here[2] + bearing.bearing_rad
     turn = np.array([math.sin(azimuth) / bearing.range_m, -math.cos(azimuth) / bearing.range_m, -1.0])
     sigma_rad = math.sqrt(bearing.sigma_rad**2 + float(turn @ spread @ turn))
@@ -229,7 +229,7 @@ def _from_uncertain(
 
 
 def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"] | None:
-    """The place that all was seen at, told by directions alone [m]; None if they do not tell one.
+    """The position from directions alone [m]; None if they do not determine one.
 
     Least squares of the distances of a point from lines of sight, each over the distance along it (Stansfield).
     """
@@ -239,7 +239,7 @@ def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"
     azimuth = seen_from[:, 2] + [one.bearing.bearing_rad for one in seen]
     sigma = np.hypot([one.bearing.sigma_rad for one in seen], _HEADING_RAD)
     across = np.column_stack([-np.sin(azimuth), np.cos(azimuth)])
-    beside = (across * seen_from[:, :2]).sum(axis=1)
+    across_m = (across * seen_from[:, :2]).sum(axis=1)
     range_m = np.array([one.bearing.range_m for one in seen])
     away_m = range_m
     for _ in range(_STEPS):
@@ -248,7 +248,7 @@ def _one_place(graph: PoseGraph, seen: Sequence[_Seen]) -> Float[np.ndarray, "2"
         least, most = np.linalg.eigvalsh(information)
         if least < 1e-9 * most:
             return None
-        place = np.linalg.solve(information, weighted.T @ (beside / (sigma * away_m)))
+        place = np.linalg.solve(information, weighted.T @ (across_m / (sigma * away_m)))
         away = place - seen_from[:, :2]
         away_m = np.maximum(np.hypot(*away.T), _NEAREST_M)
     off = wrap(np.arctan2(away[:, 1], away[:, 0]) - azimuth) / sigma
@@ -264,12 +264,12 @@ def _rms(values: Float[np.ndarray, " n"]) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _elsewhere(
+def _unlike_place(
     graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing
 ) -> float:
-    """How far a first path comes from elsewhere than a landmark's place, as a part of what is allowed; 1 is too far.
+    """Deviation of a first path from a landmark's position, relative to the tolerance; 1 is too far.
 
-    A landmark without a place is taken to stand where its last sighting, by its strength, says.
+    A landmark without a position is placed by the direction and strength of its last sighting.
     """
     if landmark.place is None:
         last = landmark.seen[-1]
@@ -284,8 +284,10 @@ def _elsewhere(
     return max(turn / noise, weak / (_WEAK + open_m / away_m))
 
 
-def _unlike(graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing) -> float:
-    """How far a further path is from where an image is expected, as a part of what is allowed; 1 is too far."""
+def _unlike_image(
+    graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"], bearing: Bearing
+) -> float:
+    """Deviation of a further path from an expected image, relative to the tolerance; 1 is too far."""
     _, _, node, at, before, *_ = landmark.seen[-1]
     seen_from = compose(graph.poses[node], at)
     moved_m = math.hypot(*(pose - seen_from)[:2])
@@ -303,14 +305,14 @@ def _unlike(graph: PoseGraph, landmark: _Landmark, pose: Float[np.ndarray, "3"],
 
 
 def _appears(graph: PoseGraph, seen: _Seen) -> Float[np.ndarray, "2"]:
-    """The place that one sighting tells."""
+    """Position by the direction and strength of one sighting [m]."""
     pose = compose(graph.poses[seen.node], seen.at)
     azimuth = pose[2] + seen.bearing.bearing_rad
     return np.asarray(pose[:2] + seen.bearing.range_m * np.array([math.cos(azimuth), math.sin(azimuth)]))
 
 
 def _hold(graph: PoseGraph, landmark: _Landmark, seen: _Seen) -> None:
-    """Let what was seen hold the graph."""
+    """Add a sighting to the graph."""
     _, _, node, at, bearing, stretch, first = seen
     assert landmark.place is not None
     compared = None if first is None else first.place

@@ -1,17 +1,16 @@
-"""A graph of poses, of places that were sighted, and of what was measured between them.
+"""A graph of poses and sighted places, with measurements between them.
 
-A constraint says where pose j lies in the frame of pose i, with a covariance; a sighting, in which direction and about
-how far away a place appeared. With e_ij the difference between what was measured and what poses and places say, in the
-frame of i, they minimise
+A constraint gives pose j in the frame of pose i, with a covariance; a sighting gives direction and approximate distance
+of a place. With e_ij the difference between measurement and estimate in the frame of i, poses and places minimise
 
     sum_odometry e^T C^-1 e  +  sum_loops rho(e^T C^-1 e)  +  sum_sightings rho(e^2 / sigma^2)
         +  sum_stretches b^2  +  sum_places rho(a^2),
 
-by Gauss-Newton on a sparse system. Directions on one stretch of way share an error, b standard deviations of it, and
-distances of one place another, a, so that many of them tell no more of what they err alike in. Closed loops may be
-wrong, so may sightings, and all distances of a place: rho is Geman and McClure's kernel, under which what is wrong
-loses its weight, made convex at first and less and less so (graduated non-convexity), so that what is right does not
-depend on where the solver starts. The first pose stands still.
+by Gauss-Newton on a sparse system. Directions on one stretch of the trajectory share an error of b standard
+deviations, and distances of one place an error a, so that repeated measurements do not reduce it. Closed loops,
+sightings, and all distances of a place may be wrong: rho is the kernel of Geman and McClure, which reduces the weight
+of outliers. It is convex at first and gradually less so (graduated non-convexity), so that the result does not depend
+on the initial values. The first pose is fixed.
 References: Grisetti et al., A tutorial on graph-based SLAM, IEEE Intelligent Transportation Systems Magazine 2 (2010);
 Yang et al., Graduated non-convexity for robust spatial perception, IEEE Robotics and Automation Letters 5 (2020).
 """
@@ -69,7 +68,7 @@ class Sighting:
     """A place, as it appeared from a pose of the graph."""
 
     pose: int
-    """Whose frame `at` is told in."""
+    """Number of the pose whose frame `at` is in."""
     at: Float[np.ndarray, "3"]
     """Where it was seen from: x [m], y [m], yaw [rad]."""
     place: int
@@ -85,7 +84,7 @@ class Sighting:
     beyond: int | None = None
     """The place whose distance is compared, if one is."""
     stretch: int = 0
-    """Number of the stretch of way on which directions err alike."""
+    """Number of the stretch of the trajectory on which directions share an error."""
     shared_rad: float = 0.0
     """Standard deviation of the error that directions on that stretch have in common [rad]."""
     shared_range: float = 0.0
@@ -125,14 +124,14 @@ class PoseGraph:
         self.weights.append(1.0)
 
     def forget_loop(self, first: int, second: int) -> None:
-        """Take out loops between two poses."""
-        kept = [
+        """Remove loops between two poses."""
+        others = [
             k
             for k, c in enumerate(self.constraints)
             if not (c.loop and (c.first, c.second) == (first, second))
         ]
-        self.constraints = [self.constraints[k] for k in kept]
-        self.weights = [self.weights[k] for k in kept]
+        self.constraints = [self.constraints[k] for k in others]
+        self.weights = [self.weights[k] for k in others]
 
     def believed(self) -> list[Constraint]:
         """Constraints that are believed more than half."""
@@ -218,10 +217,10 @@ def chained(
     step: Float[np.ndarray, "3"],
     step_covariance: Float[np.ndarray, "3 3"],
 ) -> Float[np.ndarray, "3 3"]:
-    """Covariance of a pose and a step from it, both uncertain, in the frame that the pose is told in."""
+    """Covariance of a pose and a step from it, both uncertain, in the frame of the pose's coordinates."""
     turn = rotation(pose[2])
-    moved = turn[:2, :2] @ step[:2]
-    lever = np.array([[1.0, 0.0, -moved[1]], [0.0, 1.0, moved[0]], [0.0, 0.0, 1.0]])
+    turned_step = turn[:2, :2] @ step[:2]
+    lever = np.array([[1.0, 0.0, -turned_step[1]], [0.0, 1.0, turned_step[0]], [0.0, 0.0, 1.0]])
     return np.asarray(lever @ covariance @ lever.T + turn @ step_covariance @ turn.T)
 
 
@@ -290,8 +289,8 @@ class _System:
         shapes = [(self._columns, 6), (self._seen_columns, 9), (self._priors[:, None], 1)]
         rows = np.concatenate([place[np.repeat(columns, n, axis=1)].ravel() for columns, n in shapes])
         across = np.concatenate([place[np.tile(columns, (1, n))].ravel() for columns, n in shapes])
-        self._kept = (rows >= 0) & (across >= 0)
-        self._at_free = rows[self._kept], across[self._kept]
+        self._is_free_pair = (rows >= 0) & (across >= 0)
+        self._at_free = rows[self._is_free_pair], across[self._is_free_pair]
 
     def weighed(self, state: _State, convex: float = 1.0) -> Float[np.ndarray, " k"]:
         """Weight of each measurement under Geman and McClure's kernel, made so much more convex."""
@@ -356,8 +355,8 @@ class _System:
         gradient[self._priors] += prior * np.concatenate([state.shared, state.scales])
         values.append(prior)
         size = int(self._free.sum())
-        kept = np.concatenate(values)[self._kept]
-        return csc_matrix((kept, self._at_free), shape=(size, size)), gradient
+        entries = np.concatenate(values)[self._is_free_pair]
+        return csc_matrix((entries, self._at_free), shape=(size, size)), gradient
 
     def _sighted(self, state: _State) -> tuple[Float[np.ndarray, "s 2"], Float[np.ndarray, "s 2 9"]]:
         """Errors of bearings and distances, in standard deviations, and their derivatives.
@@ -378,12 +377,12 @@ class _System:
         along_other = np.where(self._alone[:, None], 0.0, -other / other_gap[:, None])
         derivative = np.zeros((len(gap), 2, 9))
         derivative[:, 0, 7], derivative[:, 1, 8] = self._shared.T
-        for k, (place, beside) in enumerate(((across, 0.0 * across), (along, along_other))):
-            both = place + beside
+        for k, (place, opposite) in enumerate(((across, 0.0 * across), (along, along_other))):
+            both = place + opposite
             derivative[:, k, :2] = -both
             # Turning the frame moves the point that was seen from.
             derivative[:, k, 2] = both[:, 0] * arm[:, 1] - both[:, 1] * arm[:, 0] - (k == 0)
-            derivative[:, k, 3:5], derivative[:, k, 5:7] = place, beside
+            derivative[:, k, 3:5], derivative[:, k, 5:7] = place, opposite
         return np.column_stack([turn, far]) / self._sigma, derivative / self._sigma[:, :, None]
 
     def _arm(self, state: _State) -> tuple[Float[np.ndarray, " s"], Float[np.ndarray, " s"]]:

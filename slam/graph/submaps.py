@@ -1,11 +1,11 @@
-"""Submaps: what was seen along a few metres of way, held together by odometry and scans, and fitted to each other.
+"""Submaps: scans along a few metres of the trajectory, aligned by odometry and matching, and fitted to each other.
 
 Within a submap the poses are as good as they will get; between submaps they are what the graph moves. Whether two
 submaps show the same place is tried by fitting the surfaces of one to those of the other, and judged by what both saw:
 a surface that stands where the other looked through is a contradiction.
 
-How well a fit is known is told by its own curvature. What the noise of normals alone would make of a bare wall is
-taken off, so that a corridor says nothing of the way along it.
+The information of a fit is its curvature, minus what the noise of normals alone contributes on a bare wall: a corridor
+gives no information along its axis.
 References: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016 (submaps); Olson, Real-time correlative scan
 matching, ICRA 2009; Censi, An accurate closed-form estimate of ICP's covariance, ICRA 2007.
 """
@@ -25,9 +25,8 @@ _OF_NORMALS = 0.02
 #: Least that a fit is off, as a part of a point's own standard deviation, whatever its curvature says: points err
 #: alike, and submaps are not quite rigid. A turn errs by a fifth of that in radians.
 OF_SCAN, OF_SUBMAP, _TURN = 0.12, 0.3, 0.2
-#: How many times as far fits of submaps are off as all that says: walks beside the truth tell (mean squared error of a
-#: fit in its own variances 7 to 19 in homes, halls and offices, where three numbers should make 3; in corridors less
-#: than 2).
+#: Factor on the standard deviation of fits of submaps, by comparison with ground truth (mean squared error of a fit in
+#: its own variances 7 to 19 in homes, halls and offices, where 3 is expected; in corridors less than 2).
 _OFF = 2.0
 #: Standard deviation of what a fit says nothing of [m].
 _WIDEST_M = 10.0
@@ -82,15 +81,15 @@ class Submap:
 
 
 def observed(information: Float[np.ndarray, "3 3"], scan: ScanPoints) -> Float[np.ndarray, "3 3"]:
-    """What a fit really says of a pose: its information without what the noise of normals makes of a bare wall."""
-    # Told of the point about which shifts and turns are apart: of the robot itself, all points to one side, turns and
-    # shifts are so much alike that a corner would pass for a bare wall.
+    """Information of a fit about a pose, without the contribution of the noise of normals on a bare wall."""
+    # About the point where shifts and turns are independent: about the robot, with all points to one side, turns and
+    # shifts are so similar that a corner would look like a bare wall.
     values, axes = np.linalg.eigh(information[:2, :2])
     noise = _OF_NORMALS * max(values[-1], 0.0)
     values = np.maximum(values - noise, 0.0)
     along = axes.T @ information[:2, 2]
-    told = values > 0
-    lever = np.where(told, along / np.where(told, values + noise, 1.0), 0.0)
+    is_known = values > 0
+    lever = np.where(is_known, along / np.where(is_known, values + noise, 1.0), 0.0)
     spread = (
         float(((scan.points - scan.points.mean(axis=0)) ** 2).sum(axis=1).mean()) if len(scan.points) else 1.0
     )

@@ -1,13 +1,13 @@
-"""Where the robot is and has been, from odometry and scans: matched to what was seen lately, held together by a graph.
+"""Pose tracking from odometry and scans, with scan matching and a pose graph.
 
-Each scan is matched to the surfaces around that are known to fit each other, weighed against odometry by covariances:
-where a scan says nothing, along a corridor, the pose grows uncertain along it, until something says more. Every few
-metres a submap is closed and tried against all others that may show the same place; a fit becomes a constraint of the
-graph. What odometry leaves so uncertain that the other submap has to be searched for is not believed before a second
-fit says the same. When the graph moves, all poses move with it.
+Each scan is matched to the consistent surfaces around, and combined with odometry by covariances: where a scan gives no
+information, along a corridor, the pose grows uncertain along it. Every few metres a submap is closed and fitted to all
+others that may show the same place; a fit becomes a constraint of the graph. If odometry is so uncertain that the other
+submap must be searched for, the fit counts only after a second fit confirms it. When the graph changes, all poses
+follow.
 
-One fit is tried with each scan, so the time of an update is bounded; a closed loop takes effect some scans later.
-Who has the time tries all submaps again in the end (`Tracker.finish`): poses are known better then than they were.
+One fit is computed with each scan, so the time of an update is bounded; a closed loop takes effect some scans later.
+`Tracker.finish` fits all submaps again at the end, when poses are known better.
 Reference: Hess et al., Real-time loop closure in 2D lidar SLAM, ICRA 2016; Mangelson et al., Pairwise consistent
 measurement set maximization for robust multi-robot map merging, ICRA 2018 (the second fit).
 """
@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from slam.graph.alongside import image_beside_rad
+from slam.graph.alongside import mirror_image_angle_rad
 from slam.graph.judging import Judge
 from slam.graph.landmarks import Landmarks, Transmitter
 from slam.graph.pose_graph import Constraint, PoseGraph, chained
@@ -43,16 +43,16 @@ from slam.support.checks import Range, checked
 @dataclass(frozen=True, kw_only=True)
 @checked
 class TrackerConfig:
-    """How a trajectory is put together."""
+    """Settings of the tracker."""
 
     cell_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of the cells of surfaces [m]."""
     submap_m: Annotated[float, Range(0.1, 1000, "m")] = 4.0
-    """Way after which a submap is closed [m]."""
+    """Distance after which a submap is closed [m]."""
     submap_scans: Annotated[int, Range(1, 100_000, "scans")] = 60
     """Scans after which it is closed, at the latest."""
     loops: bool = True
-    """Whether loops are closed; without, each pose stays as it was found."""
+    """Whether loops are closed; without, poses do not change later."""
     radio: bool = True
     """Whether sources of a radio are landmarks."""
     match: MatchConfig = field(default_factory=MatchConfig)
@@ -62,30 +62,30 @@ class TrackerConfig:
     together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)
     """The same for their turn [rad]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.01
-    """How far matched poses drift, beyond what matches tell, on the square root of a metre of way [m]."""
+    """Drift of matched poses, beyond the covariance of matches, per square root of a metre driven [m]."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.03)
     """The same for their turn [rad]."""
     drift_turn_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.12)
-    """How far their turn drifts on the square root of a radian that the robot turned by [rad]."""
+    """Drift of their yaw per square root of a radian turned [rad]."""
     overlap: Annotated[int, Range(1, 1_000_000, "surfaces")] = 40
     """Surfaces that two submaps must both have seen to be fitted."""
     agreement: Annotated[float, Range(0, 1)] = 0.8
-    """Part of the surfaces seen by both that must not contradict, where odometry says well where to look."""
+    """Part of the surfaces seen by both that must not contradict, where odometry is precise."""
     searched_agreement: Annotated[float, Range(0, 1)] = 0.9
     """The same where it had to be searched for."""
 
 
 class _Pending(NamedTuple):
-    """A fit that waits for another to say the same."""
+    """A fit that waits for confirmation."""
 
     here: int
     there: int
     fit: Fit
 
 
-#: A fit is believed at once where odometry leaves no more than this open [m, rad].
+#: A fit needs no confirmation if odometry is uncertain by no more than this [m, rad].
 _SURE_M, _SURE_RAD = 0.25, math.radians(3.0)
-#: Squared difference, in variances, up to which two fits say the same.
+#: Squared difference, in variances, up to which two fits agree.
 _SAME = 16.27
 #: Fits that may confirm each other are of submaps so near in number.
 _NEAR = 6
@@ -93,28 +93,28 @@ _NEAR = 6
 _TRIES = 6
 #: Fits that wait at most.
 _WAITING = 24
-#: Scans after which a submap is closed where one lies beside it that is not known to fit [m].
-_SOON, _BESIDE_M = 12, 8.0
-#: Submaps are closed early where sources are heard and the heading has become so uncertain [rad].
+#: Scans after which a submap is closed if a submap within this distance is not known to fit [m].
+_SOON, _NEIGHBOUR_M = 12, 8.0
+#: Submaps are closed early if sources are received and the heading is more uncertain than this [rad].
 _VAGUE_RAD = math.radians(0.1)
-#: How often all submaps are gone through again in the end, at most.
+#: Most passes over all submaps at the end.
 _ROUNDS = 3
-#: The surfaces around are put together anew when a pose moves by more [m].
+#: The surfaces around are merged again when a pose changes by more [m].
 _MOVED_M = 0.002
-#: Fits may depart by so many times the covariance of the prediction, which counts when they are taken in, once.
+#: Fits may deviate by this many times the covariance of the prediction.
 _LOOSENED = 9.0
-#: What a robot that was found again may have been off beyond what it moved [m, rad].
+#: Additional uncertainty of a relocalized robot [m, rad].
 _OFF_M, _OFF_RAD = 0.1, math.radians(3.0)
-#: Scans before by which a pose that was searched for is judged.
+#: Number of recent scans that judge a pose.
 _RECENT = 4
-#: Standard deviation of a bearing by what mirror images beside it do to it, as a part of how far aside they appear.
+#: Standard deviation of a bearing by mirror images next to it, relative to their angle.
 _PULLED = 0.5
 #: Submaps farther away are not matched to [m].
 _AROUND_M = 25.0
 
 
 class Tracker:
-    """Follows a robot, and puts its trajectory right when loops close."""
+    """Tracks a robot, and corrects its trajectory when loops close."""
 
     def __init__(self, config: TrackerConfig = TrackerConfig()) -> None:
         self.config = config
@@ -127,35 +127,35 @@ class Tracker:
         self.graph = PoseGraph(self.pose)
         self.submaps = [Submap(cell_m=self.config.cell_m)]
         self.landmarks = Landmarks()
-        self._heard = 0
+        self._n_bearings = 0
         self._here = np.zeros(3)
         self._spread = self._blind = np.zeros((3, 3))
-        self._way_m = self._turned_rad = 0.0
+        self._distance_m = self._turned_rad = 0.0
         self._queue: list[tuple[int, int]] = []
         self._pending: list[_Pending] = []
         self._around = SurfaceLevels(self.config.cell_m)
         self._apart = False
 
     def predict(
-        self, moved: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
+        self, displacement: Float[np.ndarray, "3"], covariance: Float[np.ndarray, "3 3"]
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Move by a displacement that odometry tells.
+        """Move by the displacement of odometry.
 
         Args:
-            moved: x, y [m], yaw [rad] in the robot's frame before it.
+            displacement: x, y [m], yaw [rad] in the robot's frame before it.
             covariance: Of that, in the same frame.
 
         Returns:
-            The pose, and its covariance against what was seen lately, axes of `map`.
+            The pose, and its covariance relative to recent surfaces, axes of `map`.
         """
-        self._spread = chained(self._here, self._spread, moved, covariance)
-        self._blind = chained(self._here, self._blind, moved, covariance)
-        self._place(compose(self.pose, moved))
+        self._spread = chained(self._here, self._spread, displacement, covariance)
+        self._blind = chained(self._here, self._blind, displacement, covariance)
+        self._place(compose(self.pose, displacement))
         return self.pose, self.covariance
 
     @property
     def covariance(self) -> Float[np.ndarray, "3 3"]:
-        """Of the pose against what was seen lately, axes of `map` [m^2, m rad, rad^2]."""
+        """Of the pose relative to recent surfaces, axes of `map` [m^2, m rad, rad^2]."""
         return self._in_map(self._spread)
 
     def match(self, scan: ScanPoints, view: View) -> Match:
@@ -166,7 +166,7 @@ class Tracker:
             view: How far it saw.
         """
         prior = self._in_map(self._spread + 4 * least_covariance(self._least_m))
-        # Wide enough for the scan to say its own: how far it is followed is decided when it is taken in.
+        # Wide enough for the scan: `accept` weighs it against the prediction.
         judge = self._judge(view, prior)
         found = matches(self._around, scan, self.pose, prior, self.config.match, judge, _LOOSENED)
         return found[0] if len(found) == 1 else max(found, key=judge)
@@ -175,58 +175,60 @@ class Tracker:
         """Take in a scan where it was matched.
 
         Returns:
-            Whether poses of the past were moved.
+            Whether past poses changed.
         """
         if match.information.any():
             turn = rotation(self.graph.poses[-1][2])
-            told = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
-            gain = np.linalg.solve(self._spread + told, self._spread).T
+            matched = covariance_of(turn.T @ match.information @ turn, scan, self._least_m)
+            gain = np.linalg.solve(self._spread + matched, self._spread).T
             away = difference(match.pose, self.pose, 1.0)
             self._spread = self._spread - gain @ self._spread
             self._place(self.pose + turn @ gain @ turn.T @ away)
         self.submaps[-1].add(self._here, scan, view)
         self._around.enter(self.pose, scan)
-        moved = self._try() if self._queue else False
-        # What lies around but is not known to fit is tried soon.
+        has_changed = self._try() if self._queue else False
+        # Submaps around that are not known to fit are tried soon.
         most = min(_SOON, self.config.submap_scans) if self._apart else self.config.submap_scans
-        if self._way_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
-            moved |= self._begin()
-        return moved
+        if self._distance_m >= self.config.submap_m or len(self.submaps[-1].poses) >= most or self._vague():
+            has_changed |= self._begin()
+        return has_changed
 
     def _vague(self) -> bool:
-        """Whether sources can tell more of the pose than what was seen since the submap was begun."""
-        return self.landmarks.taken > self._heard and bool(self._spread[2, 2] > _VAGUE_RAD**2)
+        """Whether sources can improve the heading since the submap was begun."""
+        return self.landmarks.taken > self._n_bearings and bool(self._spread[2, 2] > _VAGUE_RAD**2)
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
-        """Take in where sources appear from the pose of the last scan; they hold it once the submap is closed."""
+        """Add bearings of sources from the pose of the last scan; they constrain it once the submap is closed."""
         if self.config.radio:
-            told = self._beside_walls(bearings)
-            self.landmarks.see(self.graph, self._here, self._spread + self._drift(), told)
+            widened = self._with_wall_images(bearings)
+            self.landmarks.see(self.graph, self._here, self._spread + self._drift(), widened)
 
-    def _beside_walls(self, bearings: Sequence[Bearing]) -> list[Bearing]:
-        """Bearings that are as uncertain as walls along them make them."""
+    def _with_wall_images(self, bearings: Sequence[Bearing]) -> list[Bearing]:
+        """Bearings with the additional uncertainty of walls along them."""
         points, normals, _ = self._around.fine.planes()
-        told = []
+        found = []
         for one in bearings:
-            pulled_rad = _PULLED * image_beside_rad(one, self.pose, points, normals) if one.apart_rad else 0.0
-            told.append(replace(one, sigma_rad=min(math.hypot(one.sigma_rad, pulled_rad), math.pi)))
-        return told
+            pulled_rad = (
+                _PULLED * mirror_image_angle_rad(one, self.pose, points, normals) if one.apart_rad else 0.0
+            )
+            found.append(replace(one, sigma_rad=min(math.hypot(one.sigma_rad, pulled_rad), math.pi)))
+        return found
 
     def _drift(self) -> Float[np.ndarray, "3 3"]:
-        """How far poses have drifted since the submap was begun, beyond what matches tell: a covariance."""
-        c, way_m, turned = self.config, max(self._way_m, 0.5), self._turned_rad
-        turn = way_m * c.drift_rad**2 + turned * c.drift_turn_rad**2
-        return np.diag([way_m * c.drift_m**2, way_m * c.drift_m**2, turn])
+        """Covariance of the drift since the submap was begun, beyond that of matches."""
+        c, distance_m, turned = self.config, max(self._distance_m, 0.5), self._turned_rad
+        turn = distance_m * c.drift_rad**2 + turned * c.drift_turn_rad**2
+        return np.diag([distance_m * c.drift_m**2, distance_m * c.drift_m**2, turn])
 
     def transmitters(self) -> dict[str, Transmitter]:
-        """Where sources stand that were seen in line of sight."""
+        """Positions of sources that were in line of sight."""
         return self.landmarks.transmitters(self.graph)
 
     def jump(self, match: Match, scan: ScanPoints) -> None:
-        """Go on where the robot was found again.
+        """Continue at a relocalized pose.
 
-        What odometry told still holds, but for as much as the robot was off; along what the match says nothing of, it
-        alone does: a jump leaves the way open by decimetres, not the building.
+        Odometry still counts, with the correction as additional uncertainty; along directions without information from
+        the match it counts alone: a jump adds decimetres of uncertainty, not the size of the building.
         """
         turn = rotation(self.graph.poses[-1][2])
         away = difference(match.pose, self.pose, 1.0)
@@ -242,11 +244,11 @@ class Tracker:
         self,
         scan: ScanPoints,
         view: View,
-        moved: Float[np.ndarray, "3"],
+        displacement: Float[np.ndarray, "3"],
         covariance: Float[np.ndarray, "3 3"],
     ) -> bool:
-        """Move, match and take in a scan; whether poses of the past were moved."""
-        self.predict(moved, covariance)
+        """Predict, match and accept a scan; whether past poses changed."""
+        self.predict(displacement, covariance)
         return self.accept(self.match(scan, view), scan, view)
 
     def _in_map(self, covariance: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
@@ -256,7 +258,7 @@ class Tracker:
 
     def _place(self, pose: Float[np.ndarray, "3"]) -> None:
         here = between(self.graph.poses[-1], pose)
-        self._way_m += float(math.hypot(*(here - self._here)[:2]))
+        self._distance_m += float(math.hypot(*(here - self._here)[:2]))
         self._turned_rad += abs(wrap(float(here[2] - self._here[2])))
         self.pose, self._here = compose(self.graph.poses[-1], here), here
 
@@ -266,10 +268,10 @@ class Tracker:
         return sum(constraint.loop for constraint in self.graph.constraints)
 
     def finish(self, watched: Callable[[range], Iterable[int]] = iter) -> None:
-        """Try what is left, and once more whatever lies near now that poses are better known.
+        """Fit the rest of the queue, and submaps that are near by the improved poses.
 
         Args:
-            watched: What shows how far the submaps were gone through.
+            watched: Wraps the range of submaps to report progress.
         """
         if len(self.submaps[-1].poses) > 1:
             self._begin()
@@ -291,7 +293,7 @@ class Tracker:
         return np.array([compose(anchor, pose) for anchor, submap in anchors for pose in submap.poses])
 
     def _judge(self, view: View, prior: Float[np.ndarray, "3 3"]) -> Judge:
-        """What tells poses apart that were searched for: the last scans."""
+        """The judge of poses by the last scans."""
         recent = [
             (compose(anchor, pose), before)
             for anchor, submap in zip(self.graph.poses[-2:], self.submaps[-2:], strict=True)
@@ -300,11 +302,11 @@ class Tracker:
         return Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
 
     def _begin(self) -> bool:
-        """Close the submap, and begin the next where the robot is; whether poses of the past were moved."""
+        """Close the submap, and begin the next where the robot is; whether past poses changed."""
         last = len(self.submaps) - 1
         node = self.graph.add(self.pose)
         drift = self._drift()
-        # Odometry alone tells this much; what matching told beyond it drifts.
+        # Information of odometry alone; information of matches beyond it drifts.
         least = 1e-12 * np.eye(3)
         blind = np.linalg.inv(self._blind + least)
         values, vectors = np.linalg.eigh(np.linalg.inv(self._spread + least) - blind)
@@ -313,15 +315,15 @@ class Tracker:
         covariance = np.linalg.inv(blind + 0.5 * (matched + matched.T))
         self.graph.hold(Constraint(first=last, second=node, pose=self._here, covariance=covariance))
         self.submaps.append(Submap(cell_m=self.config.cell_m))
-        self._here, self._way_m, self._turned_rad = np.zeros(3), 0.0, 0.0
+        self._here, self._distance_m, self._turned_rad = np.zeros(3), 0.0, 0.0
         self._spread = self._blind = np.zeros((3, 3))
         if self.config.loops:
             self._queue = [*self._candidates(last), *self._queue][:_WAITING]
-        heard, self._heard = self._heard, self.landmarks.taken
-        moved = self._heard > heard and self._solve()
-        if not moved:
+        before, self._n_bearings = self._n_bearings, self.landmarks.taken
+        has_changed = self._n_bearings > before and self._solve()
+        if not has_changed:
             self._look_around()
-        return moved
+        return has_changed
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
         """Submaps that may show the same as one that was closed, the most likely first."""
@@ -397,7 +399,7 @@ class Tracker:
         )
 
     def _same(self, old: _Pending, new: _Pending) -> bool:
-        """Whether two fits say the same of where the robot is."""
+        """Whether two fits agree."""
         if (old.here, old.there) == (new.here, new.there):
             return False
         if abs(old.here - new.here) > _NEAR or abs(old.there - new.there) > _NEAR:
@@ -409,14 +411,14 @@ class Tracker:
         )
         spread = self.graph.uncertainty(new.here)[old.here]
         spread = chained(to_old, spread, old.fit.pose, old.fit.covariance)
-        way = compose(to_old, old.fit.pose)
-        spread = chained(way, spread, from_old, self.graph.uncertainty(old.there)[new.there])
-        way = compose(way, from_old)
-        away = difference(way, new.fit.pose, 1.0)
+        chain = compose(to_old, old.fit.pose)
+        spread = chained(chain, spread, from_old, self.graph.uncertainty(old.there)[new.there])
+        chain = compose(chain, from_old)
+        away = difference(chain, new.fit.pose, 1.0)
         return bool(away @ np.linalg.solve(spread + new.fit.covariance, away) < _SAME)
 
     def _look_around(self) -> None:
-        """Put together the surfaces around that are known to fit each other."""
+        """Merge the consistent surfaces around."""
         config, last = self.config, len(self.submaps) - 1
         uncertain = self.graph.uncertainty(last)
         self._around, self._apart = SurfaceLevels(config.cell_m), False
@@ -425,4 +427,4 @@ class Tracker:
             fits = (k in uncertain and self._together(uncertain[k])) or k >= last - 1
             if away_m < _AROUND_M and fits:
                 self._around.take(submap.levels, self.graph.poses[k])
-            self._apart |= config.loops and away_m < _BESIDE_M and not fits
+            self._apart |= config.loops and away_m < _NEIGHBOUR_M and not fits

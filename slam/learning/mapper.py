@@ -28,7 +28,7 @@ from slam.support.checks import Range, checked
 
 @runtime_checkable
 class Store(Protocol):
-    """Where the state of a training is kept."""
+    """Storage of the state of a training."""
 
     def restore(self, put: Callable[[dict[str, Any]], None]) -> None:
         """Put the state back that was saved last, if there is one."""
@@ -78,7 +78,7 @@ class Frames:
 
 
 def coded(features: Float32[np.ndarray, "*batch"]) -> Int8[np.ndarray, "*batch"]:
-    """Features as they are kept."""
+    """Features as they are stored."""
     return np.rint(127 * features).astype(np.int8)
 
 
@@ -95,8 +95,8 @@ def train(
         frames: To learn from.
         held_out: To choose the best weights by, from other buildings.
         recipe: How.
-        checkpoint: Where the state is kept at each validation, and found again.
-        on_step: Called after each step with its number; if it raises, the state is kept too.
+        checkpoint: Store of the state, written at each validation.
+        on_step: Called after each step with its number; if it raises, the state is stored too.
 
     Returns:
         The network of least validation loss, ready for use, and the curve: one row a validation.
@@ -112,10 +112,10 @@ def train(
     optimiser = torch.optim.AdamW(network.parameters(), lr=recipe.rate, weight_decay=recipe.decay)
     state: dict[str, Any] = {"step": 0, "curve": [], "best": None, "learnt": 0.0}
 
-    def go_on(kept: dict[str, Any]) -> None:
-        restore_network(network, kept["network"])
-        restore_optimiser(optimiser, kept["optimiser"])
-        state.update(_checked(kept["state"], recipe, network))
+    def go_on(stored: dict[str, Any]) -> None:
+        restore_network(network, stored["network"])
+        restore_optimiser(optimiser, stored["optimiser"])
+        state.update(_checked(stored["state"], recipe, network))
 
     checkpoint.restore(go_on)
 
@@ -216,8 +216,8 @@ def validate(network: MapModule, frames: Frames, at_once: int = 64) -> dict[str,
         obstacle = torch.from_numpy(frames.obstacle[part].astype(np.float32))
         seen = torch.from_numpy(frames.seen[part].astype(np.float32))
         total += float(loss(logits, obstacle, seen)) * len(features)
-        told = torch.sigmoid(logits[:, OBSTACLE]).numpy()
-        scores.add(told, frames.obstacle[part], frames.seen[part], frames.matters[part])
+        predicted = torch.sigmoid(logits[:, OBSTACLE]).numpy()
+        scores.add(predicted, frames.obstacle[part], frames.seen[part], frames.matters[part])
     return {"loss": total / len(frames), **scores.result()}
 
 

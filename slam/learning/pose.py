@@ -50,11 +50,11 @@ class Pairs:
     """The first four channels of `slam.networks.features`, times 127."""
     belief: Int8[np.ndarray, "n 64 64"]
     """What the map ahead of the pose before said: 127 for an obstacle, -127 for floor, 0 for unknown."""
-    moved: Float[np.ndarray, "n 3"]
+    displacement: Float[np.ndarray, "n 3"]
     """True displacement from there to the frame: x, y [m], yaw [rad]."""
 
     def __len__(self) -> int:
-        return len(self.moved)
+        return len(self.displacement)
 
 
 def train_pose(
@@ -111,7 +111,7 @@ def batch_of(
     patches = np.empty((len(rows), INPUTS, *AHEAD.shape), np.float32)
     patches[:, :4] = pairs.scan[rows] / np.float32(127)
     for k, row in enumerate(rows):
-        predicted = compose(pairs.moved[row], _inverse(offset[k]))
+        predicted = compose(pairs.displacement[row], _inverse(offset[k]))
         belief = pairs.belief[row].astype(np.float32) / 127
         patches[k, 4] = cut_ahead(belief, AHEAD, predicted, beyond=0.0)
     mirror = rng.random(len(rows)) < 0.5
@@ -129,23 +129,23 @@ def _inverse(displacement: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
 
 @torch.no_grad()
 def pose_scores(network: PoseModule, pairs: Pairs, seed: int = 0, at_once: int = 64) -> dict[str, float]:
-    """Errors of offsets told for pairs, beside those of the predicted poses.
+    """Errors of estimated offsets for pairs, and of the predicted poses.
 
     Returns:
-        `loss`; medians and 95th percentiles of the errors in place [m] and yaw [deg], told and predicted; and
+        `loss`; medians and 95th percentiles of the errors in place [m] and yaw [deg], estimated and predicted; and
         `consistency`: mean of the squared error over what the information matrix expects, 1 if that is right.
     """
     losses, errors, offsets, squares = [], [], [], []
     for start in range(0, len(pairs), at_once):
         rows = np.arange(start, min(start + at_once, len(pairs)))
         patches, true = batch_of(pairs, rows, np.random.default_rng([seed, start]))
-        told, root = network(patches)
-        losses.append(float(surprise(told, root, true)) * len(rows))
-        squares.append((torch.einsum("bji,bj->bi", root, true - told) ** 2).sum(dim=1).numpy() / 3)
-        errors.append((true - told).numpy() * UNIT)
+        estimated, root = network(patches)
+        losses.append(float(surprise(estimated, root, true)) * len(rows))
+        squares.append((torch.einsum("bji,bj->bi", root, true - estimated) ** 2).sum(dim=1).numpy() / 3)
+        errors.append((true - estimated).numpy() * UNIT)
         offsets.append(true.numpy() * UNIT)
     out = {"loss": sum(losses) / len(pairs), "consistency": float(np.mean(np.concatenate(squares)))}
-    for name, parts in (("told", errors), ("predicted", offsets)):
+    for name, parts in (("estimated", errors), ("predicted", offsets)):
         off = np.concatenate(parts)
         for what, value in (("m", np.hypot(off[:, 0], off[:, 1])), ("deg", np.degrees(np.abs(off[:, 2])))):
             out[f"{name}_{what}"] = float(np.median(value))

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from slam.learning.map_module import arrays_of
-from slam.networks.pose_network import INPUTS, LIMIT, N_TOLD, PoseNetwork, PoseNetworkConfig
+from slam.networks.pose_network import INPUTS, LIMIT, N_OUTPUTS, PoseNetwork, PoseNetworkConfig
 
 
 class PoseModule(nn.Module):
@@ -24,8 +24,8 @@ class PoseModule(nn.Module):
             layers += [nn.Conv2d(before, width, 3, stride=2, padding=1), nn.ReLU(inplace=True)]
             before = width
         self.look = nn.Sequential(*layers, nn.Flatten())
-        self.tell = nn.Sequential(
-            nn.Linear(config.flat, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, N_TOLD)
+        self.head = nn.Sequential(
+            nn.Linear(config.flat, config.hidden), nn.ReLU(inplace=True), nn.Linear(config.hidden, N_OUTPUTS)
         )
 
     @classmethod
@@ -43,11 +43,11 @@ class PoseModule(nn.Module):
         self, patches: Float[Tensor, "b 5 64 64"]
     ) -> tuple[Float[Tensor, "b 3"], Float[Tensor, "b 3 3"]]:
         """Offset x, y, yaw in `UNIT`s, axes of the robot at the predicted pose; and L, with information L L^T."""
-        told = self.tell(self.look(patches))
+        output = self.head(self.look(patches))
         rows, columns = torch.tril_indices(3, 3, offset=-1)
-        root = torch.diag_embed(torch.exp(told[:, 3:6].clamp(-LIMIT, LIMIT)))
-        root[:, rows, columns] = told[:, 6:]
-        return told[:, :3], root
+        root = torch.diag_embed(torch.exp(output[:, 3:6].clamp(-LIMIT, LIMIT)))
+        root[:, rows, columns] = output[:, 6:]
+        return output[:, :3], root
 
 
 def surprise(

@@ -53,7 +53,7 @@ class Walk:
     """What was chosen on one walk, and what came of it."""
 
     features: list[Float32[np.ndarray, "_ k"]]
-    """What was told of the frontiers at each choice."""
+    """Features of the frontiers at each choice."""
     taken: Int[np.ndarray, " n"]
     """Which was taken."""
     log_odds: Float[np.ndarray, " n"]
@@ -110,14 +110,14 @@ def improve(
     """
     data = _together(walks, config)
     n = len(data["taken"])
-    told: list[list[float]] = []
+    losses: list[list[float]] = []
     for _ in range(config.passes):
-        told = []
+        losses = []
         for part in np.array_split(rng.permutation(n), max(1, round(n / config.batch))):
             loss, numbers = _loss(weights, {key: value[part] for key, value in data.items()}, config)
             descend(loss, weights, optimiser)
-            told.append(numbers)
-    return dict(zip(("entropy", "clipped", "value_error"), np.mean(told, axis=0).tolist(), strict=True))
+            losses.append(numbers)
+    return dict(zip(("entropy", "clipped", "value_error"), np.mean(losses, axis=0).tolist(), strict=True))
 
 
 def surrogate(ratio: Float[Tensor, " n"], advantage: Float[Tensor, " n"], clip: float) -> Tensor:
@@ -127,7 +127,7 @@ def surrogate(ratio: Float[Tensor, " n"], advantage: Float[Tensor, " n"], clip: 
 
 
 def descend(loss: Tensor, weights: Mapping[str, Tensor], optimiser: torch.optim.Optimizer) -> None:
-    """One step of an optimiser down a loss, its gradient no longer than `LONGEST`."""
+    """One step of an optimiser, with the gradient clipped to length `LONGEST`."""
     optimiser.zero_grad()
     loss.backward()
     torch.nn.utils.clip_grad_norm_(list(weights.values()), LONGEST)

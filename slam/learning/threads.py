@@ -1,7 +1,7 @@
 """One order of sums, whatever the machine: how many threads a network is computed with.
 
-A convolution that is split over threads adds up in another order, and the last bits of its result differ. On a way of a
-thousand decisions they grow to another way. The networks here are too small to gain from a second thread.
+A convolution that is split over threads sums in another order, and the last bits of its result differ. Over a thousand
+decisions this changes the trajectory. The networks here are too small to gain from a second thread.
 """
 
 from collections.abc import Iterator

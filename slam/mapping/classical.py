@@ -5,9 +5,9 @@ entered at the pose found. Occupancy (where may the robot go), surfaces (where e
 marks share one grid that grows with the building.
 
 Memory: 55 bytes a cell (23 MB for 32 m x 32 m), of a rectangle of at most `max_area_m2`; what lies outside is dropped.
-A pose whose scan contradicts the map is doubted: the robot is looked for farther away, and as long as it is not found,
-what it sees is not entered (`relocalization`).
-Where loops close, poses of the past move, and the map is put together anew from all scans (`slam.graph`).
+A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
+until it is found (`relocalization`).
+Where loops close, poses of the past move, and the map is built again from all scans (`slam.graph`).
 Reference: Kohlbrecher et al., A flexible and scalable SLAM system with full 3D motion estimation, SSRR 2011.
 """
 
@@ -42,16 +42,16 @@ logger = logging.getLogger(__name__)
 
 #: Cells added at once when the view leaves the map.
 GROWTH_CELLS = 80
-#: What the depth camera sees farther away than this tells the pose, but is too coarse to be drawn [m].
+#: Depths beyond this serve to match poses, but are too coarse for the map [m].
 _DRAWN_M = 6.0
-#: The map is put together anew once a pose has moved by this many cells.
+#: The map is built again once a pose has changed by this many cells.
 _SHOWS = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class MapperConfig:
-    """Everything the classical mapper can be told."""
+    """Settings of the classical mapper."""
 
     resolution_m: Annotated[float, Range(0.005, 0.5, "m")] = 0.05
     """Side of a map cell [m]."""
@@ -102,7 +102,7 @@ class Mapper(Protocol):
 
 
 @runtime_checkable
-class Listener(Protocol):
+class RadioMapper(Protocol):
     """What a mapper does that uses a radio's bearings too."""
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
@@ -145,8 +145,8 @@ class ClassicalMapper:
         """Make a mapper.
 
         Args:
-            config: What it is told.
-            matcher: Who finds the pose; scan matching if None.
+            config: Settings.
+            matcher: Finds the pose; scan matching if None.
         """
         self.config = config
         self._matcher = matcher
@@ -206,9 +206,9 @@ class ClassicalMapper:
                 self.config.match.sigma_m,
             )
             points, drawn, view = points.with_more(beams), drawn.with_more(beams), view_of_laser(laser)
-        moved, covariance = self._measured(action, odometry)
+        displacement, covariance = self._measured(action, odometry)
         start, open_before = self.pose, self.tracker.covariance
-        predicted, prior = self.tracker.predict(moved, covariance)
+        predicted, prior = self.tracker.predict(displacement, covariance)
         match = (
             self._matcher.match(scan, self.occupancy, predicted, prior)
             if self._matcher is not None
@@ -217,7 +217,7 @@ class ClassicalMapper:
         match, doubted = self.relocalizer.judge(
             match,
             drawn,
-            moved,
+            displacement,
             math.sqrt(prior[0, 0] + prior[1, 1]),
             self.occupancy,
             self.surfaces,
@@ -240,7 +240,7 @@ class ClassicalMapper:
         self.pose = self.tracker.pose
         if action is not None:
             self.collided = self.marks.update(
-                self._step, action, moved, self.pose, self.occupancy.probability
+                self._step, action, displacement, self.pose, self.occupancy.probability
             )
         self._stand(self.pose)
         self.marks.stand(self.pose)
@@ -287,7 +287,7 @@ class ClassicalMapper:
         open_before: Float[np.ndarray, "3 3"],
         match: Match,
     ) -> None:
-        """What a match tells of odometry, as far as the pose before it was known."""
+        """Learn the errors of odometry from a match, as far as the pose before it was known."""
         turn = rotation(start[2])
         covariance = turn.T @ (np.linalg.inv(match.information + np.eye(3)) + open_before) @ turn
         self.odometry.learn(action, odometry, between(start, match.pose), covariance)
@@ -307,7 +307,7 @@ class ClassicalMapper:
         self._entered.append(pose)
 
     def _rearrange(self) -> None:
-        """Put the map together anew where the graph has moved the poses of its scans, once that shows."""
+        """Build the map again if the graph has changed poses of its scans by enough."""
         poses = self.tracker.poses()[: len(self._entered)]
         off_m = np.abs(poses - self._entered) @ [1.0, 1.0, ARM_M]
         if off_m.max(initial=0.0) < _SHOWS * self.frame.resolution_m:

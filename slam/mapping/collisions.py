@@ -1,10 +1,10 @@
-"""What the robot runs into and the camera does not see: marks on the map where a step fell short.
+"""Collision marks: obstacles that the camera does not see, marked where a step fell short.
 
 A step, forward or back, that odometry measures as too short was stopped by something. If an obstacle that is already on
-the map touches the hull there, nothing new was learned, unless it happens again and again: then the way is narrower
-than the map says. Otherwise a strip of cells before the hull is marked; it grows wider while the robot goes on bumping
-into the same place. Marks fade after a while, because a mark made beside
-a narrow door may close it; a place bumped into again is remembered twice as long.
+the map touches the hull there, no mark is made, unless it happens again and again: then the passage is narrower than on
+the map. Otherwise a strip of cells before the hull is marked; it grows wider while the robot bumps into the same place.
+Marks fade after a while, because a mark next to a narrow door may close it; a place bumped into again is remembered
+twice as long.
 Reference: the collision map of Chaplot et al., ICLR 2020, which marks every bump and never forgets.
 """
 
@@ -69,16 +69,16 @@ class CollisionMarks:
         self,
         step: int,
         action: Action,
-        moved: Float[np.ndarray, "3"],
+        displacement: Float[np.ndarray, "3"],
         pose: Float[np.ndarray, "3"],
         probability: Float32[np.ndarray, "ny nx"],
     ) -> bool:
-        """Judge one action by the displacement measured, mark what it tells, and forget old marks.
+        """Detect a collision by the measured displacement, mark it, and remove old marks.
 
         Args:
             step: Number of the decision.
             action: What was carried out.
-            moved: Displacement measured, its bias taken off: x, y [m], yaw [rad].
+            displacement: Displacement measured, its bias taken off: x, y [m], yaw [rad].
             pose: Where the robot is now.
             probability: The map's belief in obstacles.
 
@@ -88,11 +88,11 @@ class CollisionMarks:
         self._forget(step)
         if action not in STEPS:
             return False
-        stopped = bool(math.hypot(moved[0], moved[1]) < self.config.short_m)
+        stopped = bool(math.hypot(displacement[0], displacement[1]) < self.config.short_m)
         if not stopped:
             self._width_m, self._stops = 0.0, 0
             return False
-        stuck = math.hypot(moved[0], moved[1]) < 0.2 * FORWARD_M
+        stuck = math.hypot(displacement[0], displacement[1]) < 0.2 * FORWARD_M
         self._stops = self._stops + 1 if stuck else 1
         if action is Action.BACKWARD:
             pose = np.array([pose[0], pose[1], pose[2] + math.pi])  # it met something behind it

@@ -1,14 +1,13 @@
-"""Where the robot is, by a network that compares what it sees with the map: the learned twin of scan matching.
+"""Learned counterpart of scan matching: a network compares the scan with the map and estimates the pose.
 
-The network was trained with poses predicted around the truth with a known spread, so its answer is a posterior with
-that prior in it. The prior is taken off, which leaves what frame and map say alone, and the covariance that odometry
-predicts takes its place:
+The network was trained with poses predicted around ground truth with a known spread, so its output is a posterior that
+includes that prior. The prior is replaced by the covariance that odometry predicts:
 
     Lambda = (L L^T - S^-1) + P^-1,    Lambda d = L L^T mu,
 
-with mu and L told by the network, S the spread in training, P the covariance of the prediction. Exact where both are
-normal; a matrix that is not positive where nothing can be told is cut at zero.
-Neighbouring frames err alike, since they are compared with the same map: `trust` counts each for a part of a look.
+with mu and L from the network, S the spread in training, P the covariance of the prediction. Exact if both are normal;
+negative eigenvalues are set to zero.
+Errors of neighbouring frames are correlated, since they are compared with the same map: `trust` reduces their weight.
 """
 
 import math
@@ -34,7 +33,7 @@ class LearnedMatchConfig:
     """How far the network is trusted."""
 
     trust: Annotated[float, Range(1e-6, 1)] = 0.1
-    """Part of the information told that counts."""
+    """Part of the information of the network that counts."""
     known: Annotated[float, Range(0, 1)] = 0.05
     """Share of the patch that must be known; with less the prediction stands."""
 
@@ -69,14 +68,14 @@ class LearnedMatcher:
         patches = np.empty((1, INPUTS, *belief.shape), np.float32)
         # The first four channels are the scan, the fifth is the belief.
         patches[0] = self._features.of_scan(scan, belief)[:INPUTS]
-        told, root = (value[0] for value in self._network(patches))
+        offset_mean, root = (value[0] for value in self._network(patches))
         inner = np.diag(1 / np.array(UNIT))
         posterior = inner @ root @ root.T @ inner
         likelihood = _positive(posterior - np.diag(1 / np.array(SPREAD) ** 2)) * self.config.trust
         c, s = math.cos(predicted[2]), math.sin(predicted[2])
         turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         prior = np.linalg.inv(turn.T @ covariance @ turn)
-        pull = self.config.trust * posterior @ (told * UNIT)
+        pull = self.config.trust * posterior @ (offset_mean * UNIT)
         offset = np.linalg.solve(likelihood + prior, pull)
         information = turn @ likelihood @ turn.T
         return Match(pose=compose(predicted, offset), information=information, paired=np.zeros(0, bool))

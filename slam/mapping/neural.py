@@ -1,14 +1,13 @@
-"""The learned mapper: the classical one, with a network that says what it makes of each frame and what lies behind.
+"""Learned mapper: the classical mapper with a network that predicts obstacles in and behind each frame.
 
-Pose, collisions and the surfaces that scans are matched to are the classical mapper's. The network is shown the frame
-and the classical map ahead, and tells for each cell of the patch whether an obstacle stands there. What it tells of
-cells in view makes the observed map, in place of the classical evidence; what it tells of the others makes the
-anticipated map, which reaches behind furniture and round corners.
+Pose, collisions and the surfaces for scan matching are those of the classical mapper. From the frame and the classical
+map ahead the network predicts for each cell of the patch whether an obstacle stands there. Predictions of cells in view
+replace the classical evidence in the observed map; those of other cells make the anticipated map, which reaches behind
+furniture and round corners.
 
-Its answers are averaged over time as log-odds, not added up: each rests on the whole map already, and adding them would
-count the same evidence again with each look. Recent looks weigh more, so wrong cells clear; cells in view are
-taken over faster than guesses.
-Memory: 14 bytes a cell beside the classical mapper's 55.
+Predictions are averaged over time as log-odds, not added: each depends on the whole map already, and a sum would count
+the same evidence repeatedly. Recent frames weigh more, so wrong cells clear; cells in view weigh more than guesses.
+Memory: 14 bytes per cell in addition to the classical mapper's 55.
 Reference: Ramakrishnan et al., Occupancy anticipation for efficient exploration and navigation, ECCV 2020.
 """
 
@@ -80,12 +79,12 @@ class NeuralMapper:
         nothing = np.zeros(self.patch.shape, np.float32)
         self.prediction = Prediction(obstacle=nothing, seen=nothing)
         self._log_odds = np.zeros(self.frame.shape, np.float32)
-        self._asked = np.zeros(self.frame.shape, bool)
+        self._is_predicted = np.zeros(self.frame.shape, bool)
         self._viewed = np.zeros(self.frame.shape, bool)
         self._observed = np.full(self.frame.shape, 0.5, np.float32)
         self._anticipated = np.full(self.frame.shape, 0.5, np.float32)
-        # What was told of each frame that was entered, in half the memory, to be entered again when poses move.
-        self._told: list[Float16[np.ndarray, "2 ny nx"]] = []
+        # Predictions of all entered frames, in half precision, to be entered again when poses change.
+        self._predictions: list[Float16[np.ndarray, "2 ny nx"]] = []
 
     @property
     def collided(self) -> bool:
@@ -99,9 +98,9 @@ class NeuralMapper:
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
     ) -> MapEstimate:
-        """Take in what was seen and measured after an action; see `ClassicalMapper.update`.
+        """Add the measurements after an action; see `ClassicalMapper.update`.
 
-        A laser helps the pose, and tells of what the network was not asked about.
+        A laser improves the pose, and covers cells that the network does not.
         """
         classical = self.classical.update(depth, action, odometry, laser)
         self._laser_m = 0.0 if laser is None else laser.max_range_m
@@ -114,7 +113,7 @@ class NeuralMapper:
         self._enter(self.prediction, classical.pose)
         if not self.classical.relocalizer.lost:
             halves = np.stack([self.prediction.obstacle, self.prediction.seen]).astype(np.float16)
-            self._told.append(halves)
+            self._predictions.append(halves)
         self._refresh(classical)
         return self._combined(classical)
 
@@ -138,8 +137,8 @@ class NeuralMapper:
         )
 
     def _refresh(self, classical: MapEstimate) -> None:
-        """Classical probabilities, replaced where the network was asked, as far as one frame can change them."""
-        # What was told, what the camera has looked at, what a laser has, and where the robot stands.
+        """Update the part of the maps that one frame can change: classical probabilities, replaced by predictions."""
+        # The region of the prediction, of the camera, of a laser, and of the hull.
         reach = max(self.classical.config.radius_m + self.frame.resolution_m, self._laser_m + 1.0)
         corners = np.vstack(
             [
@@ -151,18 +150,18 @@ class NeuralMapper:
         )
         low, high = corners.min(axis=0), corners.max(axis=0)
         rows, columns, _ = self.frame.window((low[0], low[1]), (high[0], high[1]))
-        told = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
+        predicted = 1 / (1 + np.exp(-self._log_odds[rows, columns]))
         known = classical.obstacle_probability[rows, columns]
         viewed = self._viewed[rows, columns]
-        self._observed[rows, columns] = np.where(viewed, told, known)
-        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), told, known)
+        self._observed[rows, columns] = np.where(viewed, predicted, known)
+        self._anticipated[rows, columns] = np.where(self._guessed(rows, columns, known), predicted, known)
 
     def _guessed(
         self, rows: slice, columns: slice, known: Float32[np.ndarray, "ny nx"]
     ) -> Bool[np.ndarray, "ny nx"]:
-        """Cells of a window whose answer stands on the anticipated map: no guess, where a laser has looked."""
-        asked, viewed = self._asked[rows, columns], self._viewed[rows, columns]
-        return asked & (viewed | (known == 0.5)) if self._laser_m else asked
+        """Cells of a window with a prediction on the anticipated map: no guesses where a laser has measured."""
+        covered, viewed = self._is_predicted[rows, columns], self._viewed[rows, columns]
+        return covered & (viewed | (known == 0.5)) if self._laser_m else covered
 
     def _follow(self, frame: GridFrame) -> None:
         """Grow as the classical map has grown."""
@@ -172,7 +171,7 @@ class NeuralMapper:
         ny, nx = self.frame.shape
         for name, empty in (
             ("_log_odds", 0),
-            ("_asked", 0),
+            ("_is_predicted", 0),
             ("_viewed", 0),
             ("_observed", 0.5),
             ("_anticipated", 0.5),
@@ -188,35 +187,35 @@ class NeuralMapper:
         rows, columns, column, row = self._covered(pose)
         ny, nx = self.patch.shape
         inside = (column >= 0) & (column <= nx - 1) & (row >= 0) & (row <= ny - 1)
-        told, seen = (
+        predicted, seen = (
             cv2.remap(patch, column, row, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
             for patch in (prediction.obstacle, prediction.seen)
         )
         in_view = inside & (seen > 0)
-        viewed, asked = self._viewed[rows, columns], self._asked[rows, columns]
-        # What was in view before is not given up for a guess.
+        viewed, covered = self._viewed[rows, columns], self._is_predicted[rows, columns]
+        # A guess does not replace a cell that was in view.
         taken = in_view | (inside & ~viewed)
         weight = np.where(in_view, self.fusion.in_view, self.fusion.hidden).astype(np.float32)
-        weight = np.where(in_view & ~viewed | ~asked, np.float32(1), weight)
+        weight = np.where(in_view & ~viewed | ~covered, np.float32(1), weight)
         log_odds = self._log_odds[rows, columns]
-        told = np.clip(told, -self.fusion.limit, self.fusion.limit)
-        log_odds += np.where(taken, weight * (told - log_odds), np.float32(0))
+        predicted = np.clip(predicted, -self.fusion.limit, self.fusion.limit)
+        log_odds += np.where(taken, weight * (predicted - log_odds), np.float32(0))
         viewed |= in_view
-        asked |= inside
+        covered |= inside
         self._stand(pose)
 
     def _rearrange(self) -> None:
-        """Put the map together anew at the poses where the scans now are."""
+        """Build the map again at the current poses of the scans."""
         poses = self.classical.tracker.poses()
         self._log_odds[:] = 0.0
-        self._asked[:] = self._viewed[:] = False
-        for halves, pose in zip(self._told, poses, strict=False):
+        self._is_predicted[:] = self._viewed[:] = False
+        for halves, pose in zip(self._predictions, poses, strict=False):
             obstacle, seen = halves.astype(np.float32)
             self._enter(Prediction(obstacle=obstacle, seen=seen), pose)
-        told, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
-        self._observed[:] = np.where(self._viewed, told, known)
+        predicted, known = 1 / (1 + np.exp(-self._log_odds)), self.classical.occupancy.probability
+        self._observed[:] = np.where(self._viewed, predicted, known)
         every = slice(None)
-        self._anticipated[:] = np.where(self._guessed(every, every, known), told, known)
+        self._anticipated[:] = np.where(self._guessed(every, every, known), predicted, known)
 
     def _covered(
         self, pose: Float[np.ndarray, "3"]
@@ -251,7 +250,7 @@ class NeuralMapper:
         cy = frame.origin_xy[1] + (np.arange(my) + 0.5) * frame.resolution_m
         under = (cx - x) ** 2 + (cy - y)[:, None] ** 2 < radius_m**2
         self._log_odds[rows, columns][under] = np.minimum(self._log_odds[rows, columns][under], -1.0)
-        for known in (self._asked, self._viewed):
+        for known in (self._is_predicted, self._viewed):
             known[rows, columns] |= under
 
 

@@ -130,11 +130,11 @@ class OccupancyGrid:
         seen = beam >= 0
         clear, half = scan.clear_m, 0.5 * self.frame.resolution_m
         inner = np.where(scan.hit, clear - half, clear)
-        beside = [np.roll(inner, 1), np.roll(inner, -1)]
+        neighbours = [np.roll(inner, 1), np.roll(inner, -1)]
         if not scan.all_around:
-            beside[0][0], beside[1][-1] = inner[0], inner[-1]
-        # A beam that says nothing does not make its neighbours say less.
-        inner = np.minimum(inner, np.minimum(*(np.where(other > 0, other, np.inf) for other in beside)))
+            neighbours[0][0], neighbours[1][-1] = inner[0], inner[-1]
+        # A beam without a return does not shorten its neighbours.
+        inner = np.minimum(inner, np.minimum(*(np.where(other > 0, other, np.inf) for other in neighbours)))
         iy, ix = frame.index(to_map(pose, scan.dense(scan.max_range_m)))
         inside = frame.inside(iy, ix)
         hit = np.zeros(frame.shape, bool)

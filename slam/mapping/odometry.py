@@ -1,9 +1,9 @@
-"""What a robot's odometry measures wrongly, action by action: a constant part, a random part, and what is learned.
+"""Errors of odometry per action: a constant part, a random part, and an online correction.
 
 The noise measured on a LoCoBot is mostly constant: each kind of action has its own mean error (a turn reads 2 cm of
 sideways motion that did not happen), and a third or less of it is random. How large the random part is differs more
-still: the heading after a step forward is known ten times as well as after a turn, and who takes both for equal lets
-each scan turn the robot a little. So both are kept per action, as a calibration against a reference finds them
+still: the heading after a step forward is known ten times as well as after a turn, and equal values would let each scan
+turn the robot a little. So both parts are stored per action, as a calibration with a reference finds them
 (`calibrated`).
 
 Constants drift with tyres and floors. Where scans fit the map well, the difference between measured and matched
@@ -43,9 +43,9 @@ class ActionError:
     mean: Annotated[Vector, Range(-1, 1, "m and rad")] = (0.0, 0.0, 0.0)
     """Its constant part [m, m, rad]."""
     covariance: Matrix = ((1.6e-5, 0.0, 0.0), (0.0, 1.6e-5, 0.0), (0.0, 0.0, 9e-6))
-    """Of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees where nobody has calibrated."""
+    """Of its random part [m^2, m rad, rad^2]; 4 mm and 0.17 degrees without calibration."""
     motion: Annotated[Vector | None, Range(-100, 100, "m and rad")] = None
-    """What the action truly does on open floor, in the mean: x, y [m], yaw [rad]. None where nobody has calibrated."""
+    """True mean displacement of the action on open floor: x, y [m], yaw [rad]. None without calibration."""
 
     def __post_init__(self) -> None:
         matrix = np.asarray(self.covariance, float)
@@ -55,8 +55,8 @@ class ActionError:
             raise ValueError("covariance is not symmetric and positive, as covariances are.")
 
     @property
-    def the_other_way(self) -> "ActionError":
-        """Of the same action undone: constant parts change their signs, the random part does not."""
+    def reverse(self) -> "ActionError":
+        """Error of the reversed action: constant parts change their signs, the random part does not."""
         x, y, yaw = self.mean
         back = None if self.motion is None else (-self.motion[0], -self.motion[1], -self.motion[2])
         return replace(self, mean=(-x, -y, -yaw), motion=back)
@@ -74,7 +74,7 @@ class OdometryConfig:
     right: ActionError = field(default_factory=ActionError)
     """Of a turn to the right."""
     backward: ActionError | None = None
-    """Of a step back. None where it was not measured: as of a step forward driven the other way."""
+    """Of a step back. None where it was not measured: the reverse of a step forward."""
     runs: Annotated[int, Range(0, 1_000_000_000, "runs")] = 0
     """Measured actions of each kind that the numbers above come from; 0 if they are guessed."""
     guess_position_std_m: Annotated[float, Range(0, 10, "m")] = 0.02
@@ -85,7 +85,7 @@ class OdometryConfig:
     @property
     def of_actions(self) -> tuple[ActionError, ...]:
         """In the order of `Action`."""
-        back = self.backward or self.forward.the_other_way
+        back = self.backward or self.forward.reverse
         by_action = {
             Action.FORWARD: self.forward,
             Action.LEFT: self.left,
@@ -99,7 +99,7 @@ def calibrated(
     errors: Mapping[Action, Float[np.ndarray, "n 3"]],
     motions: Mapping[Action, Float[np.ndarray, "n 3"]] | None = None,
 ) -> OdometryConfig:
-    """What measured actions say of a robot's odometry.
+    """Calibration of odometry from measured actions.
 
     Args:
         errors: Measured minus true displacement of each run of an action, x, y [m] and yaw [rad] in the robot's frame
@@ -110,7 +110,7 @@ def calibrated(
     Raises:
         ValueError: If an action has fewer than ten runs.
     """
-    told: dict[str, ActionError] = {}
+    errors_of: dict[str, ActionError] = {}
     for action in Action:
         samples = np.asarray(errors.get(action, np.zeros((0, 3))), float)
         if action is Action.BACKWARD and not len(samples):
@@ -120,17 +120,17 @@ def calibrated(
                 f"{action.name.lower()} was run {len(samples)} times: a covariance takes ten, and good ones a hundred."
             )
         mean, covariance = samples.mean(axis=0), np.cov(samples.T)
-        told[action.name.lower()] = ActionError(
+        errors_of[action.name.lower()] = ActionError(
             mean=(float(mean[0]), float(mean[1]), float(mean[2])),
             covariance=tuple(tuple(float(value) for value in row) for row in covariance),  # type: ignore[arg-type]
             motion=None if motions is None else tuple(float(v) for v in np.mean(motions[action], axis=0)),  # type: ignore[arg-type]
         )
     return OdometryConfig(
-        forward=told["forward"],
-        left=told["left"],
-        right=told["right"],
-        backward=told.get("backward"),
-        runs=min(len(errors[Action[name.upper()]]) for name in told),
+        forward=errors_of["forward"],
+        left=errors_of["left"],
+        right=errors_of["right"],
+        backward=errors_of.get("backward"),
+        runs=min(len(errors[Action[name.upper()]]) for name in errors_of),
     )
 
 

@@ -1,17 +1,17 @@
-"""Noticing that the robot is not where it thinks, and finding it again on its own map.
+"""Relocalization: detects that the estimated pose is wrong, and finds the robot again on its own map.
 
-What tells a lost robot from one that sees something new is contradiction: surfaces seen in the middle of cells
-that the map firmly holds for free, far from any obstacle, or seen through a wall that is taller than the camera. The
+Contradictions distinguish a lost robot from one that sees something new: surfaces in the middle of cells that are
+certainly free on the map, far from any obstacle, or surfaces seen through a wall that is taller than the camera. The
 true pose makes hardly any; a pose half a metre off makes many, as soon as anything but one bare wall is in view. A
-new room makes none, because what is unknown contradicts nothing.
+new room makes none, because unknown cells contradict nothing.
 
-A lost robot is looked for by correlative scan matching, coarse to fine: poses on a lattice around the one believed
+A lost robot is searched for by correlative scan matching, coarse to fine: poses on a lattice around the one believed
 are scored by how near to obstacles of the map the scan comes, a few of the best are refined by `match_scan`, and the
 one that contradicts the map least is taken, if it does so clearly less. A longer search takes in all headings.
 
-A jump that is wrong costs more than one that is late. So nobody looks before several scans in a row contradict the map,
-unless odometry itself leaves the pose open, and the robot is believed to be elsewhere only when a second scan, from
-where it has moved to, says so too.
+A wrong jump costs more than a late one. So the search begins only after several consecutive scans contradict the map,
+unless odometry itself is uncertain, and a new pose is accepted only when a second scan, from the next place, confirms
+it.
 Left out: rooms that look alike within the search; the whole building as search space.
 Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 """
@@ -157,7 +157,7 @@ class Relocalizer:
         self,
         match: Match,
         points: ScanPoints,
-        moved: Float[np.ndarray, "3"],
+        displacement: Float[np.ndarray, "3"],
         deviation_m: float,
         occupancy: OccupancyGrid,
         surfaces: SurfaceGrid,
@@ -169,7 +169,7 @@ class Relocalizer:
         Args:
             match: What scan matching found near the prediction.
             points: The scan.
-            moved: Displacement since the scan before: x, y [m], yaw [rad] in the robot's frame before it.
+            displacement: Displacement since the scan before: x, y [m], yaw [rad] in the robot's frame before it.
             deviation_m: Standard deviation of the place before the match [m].
             occupancy: The map.
             surfaces: Its surfaces.
@@ -181,7 +181,7 @@ class Relocalizer:
         """
         config = self.config
         self.lost = False
-        expected = None if self._found is None else compose(self._found, moved)
+        expected = None if self._found is None else compose(self._found, displacement)
         self._found = None
         if len(points.points) < config.min_points:
             return match, False
@@ -195,7 +195,7 @@ class Relocalizer:
             return match, False
         self._tried += 1
         if self._tried > config.tries:
-            # As many scans are entered now as were not: should doubts outlast that, the search begins anew.
+            # As many scans are entered now as were not; if doubts remain after that, the search begins again.
             self._tried %= 2 * config.tries
             return match, True
         if self._tried <= config.patience and deviation_m < config.sure_m:

@@ -97,7 +97,7 @@ def matches(
     rated: Callable[[Match], float],
     loosened: float = 1.0,
 ) -> list[Match]:
-    """Poses at which a scan lies on surfaces, found in the way that the uncertainty of the prediction asks for.
+    """Poses at which a scan lies on surfaces; the uncertainty of the prediction decides on the method.
 
     Args:
         levels: The surfaces.
@@ -106,8 +106,8 @@ def matches(
         covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
         config: How far scans are trusted.
         rated: Which matches to the coarse cells are worth fitting to the fine ones: those it gives most.
-        loosened: How many times the covariance a fit may depart by, where the prediction is so sure that there is no
-            other to be taken for it.
+        loosened: Factor on the covariance by which a fit may deviate, if the prediction is so certain that it cannot be
+            confused with another.
 
     Returns:
         One, or several where the lattice was searched.
@@ -125,13 +125,13 @@ def matches(
     near = [match_scan(levels.coarse, scan, predicted, covariance, config, start) for start in starts]
     if len(near) > 1:
         near.sort(key=rated, reverse=True)
-    kept: list[Match] = []
+    distinct: list[Match] = []
     for match in near:
-        if all(math.hypot(*difference(match.pose, other.pose, arm_m)) > _ONE_M for other in kept):
-            kept.append(match)
-        if len(kept) == _FITTED:
+        if all(math.hypot(*difference(match.pose, other.pose, arm_m)) > _ONE_M for other in distinct):
+            distinct.append(match)
+        if len(distinct) == _FITTED:
             break
-    return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in kept]
+    return [match_scan(levels.fine, scan, predicted, covariance, config, match.pose) for match in distinct]
 
 
 def most_paired(match: Match) -> float:

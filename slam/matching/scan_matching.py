@@ -1,6 +1,6 @@
 """Where the robot is, from how its scan fits the surfaces already on the map.
 
-Each scan point is paired with the map surface that faces the same way and lies nearest, and the pose is moved so
+Each scan point is paired with the map surface that has the same orientation and lies nearest, and the pose is moved so
 that the points come to lie on their surfaces (distance along the normal only, so points may slide along a wall).
 Gauss-Newton minimises
 
@@ -54,7 +54,7 @@ class MatchConfig:
     iterations: Annotated[int, Range(1, 1000, "steps")] = 6
     """Most Gauss-Newton steps."""
     max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 8.0
-    """Farther points are left out [m]: in a hall they are all that tells the heading."""
+    """Farther points are left out [m]; in a hall only far points determine the heading."""
     min_pairs: Annotated[int, Range(1, 1_000_000, "points")] = 8
     """With fewer paired points the prediction stands."""
 
@@ -85,7 +85,7 @@ class ScanPoints:
         """Those of the points that lie no farther away than this [m], of a scan in the robot's frame."""
         far_m = np.hypot(*self.every().T)
         if (far_m <= range_m).all():
-            return self  # kept for long, and so only once
+            return self  # stored for long: no second copy
         near, loose_near = np.split(far_m <= range_m, [len(self.points)])
         return ScanPoints(
             points=self.points[near],

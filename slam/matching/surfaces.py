@@ -31,7 +31,7 @@ class SurfaceGrid:
 
         Args:
             frame: Its cells.
-            fronts: Whether `front_m` is kept, two thirds of the memory of an empty cell.
+            fronts: Whether `front_m` is stored, two thirds of the memory of an empty cell.
         """
         self.frame, self._fronts = frame, fronts
         self._row = np.full(frame.shape, -1, np.int32)
@@ -115,7 +115,7 @@ class SurfaceGrid:
         points: Float[np.ndarray, "n 2"],
         normals: Float[np.ndarray, "n 2"],
     ) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"], Bool[np.ndarray, " n"]]:
-        """For each point, the surface that faces the same way and lies nearest, among 3 x 3 cells.
+        """For each point, the nearest surface of the same orientation, among 3 x 3 cells.
 
         Args:
             points: Points (x, y) [m].
@@ -196,7 +196,7 @@ def _add(
     cell_of: np.ndarray,
     front: np.ndarray,
 ) -> int:
-    """Add points to the sums of their cells, and say anew what follows from those; returns how many cells are used."""
+    """Add points to the sums of their cells, and update the surfaces; returns the number of cells in use."""
     x0, y0, cell_m = grid
     ny, nx = row_of.shape
     # Of this call, in double precision: sums of the cells that were touched.

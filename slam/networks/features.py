@@ -1,10 +1,9 @@
-"""What a learned mapper is shown: one depth image laid out on the floor, beside what the map says already.
+"""Input features of learned mappers: one depth image projected to the floor, and the map so far.
 
-The geometry is known, so it is computed rather than learned. A depth image becomes a scan
-(`slam.sensing.projection`), and each cell of the patch ahead is told how it lies to the surface that its image column
-sees: how far before or behind it, to a centimetre, which a picture of occupied cells would lose. What is left to
-learn is what geometry does not say: which of several noisy returns is the edge, where a surface that was not measured
-lies, and what is behind.
+Known geometry is computed rather than learned. A depth image becomes a scan (`slam.sensing.projection`), and each cell
+of the patch ahead gets its signed distance to the surface in its image column, to a centimetre, which a picture of
+occupied cells would lose. The network learns the rest: which of several noisy returns is the edge, where an unmeasured
+surface lies, and what is behind.
 
 | channel | meaning |
 |---|---|

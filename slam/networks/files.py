@@ -18,14 +18,14 @@ _MOST_CARD = 5_000_000
 
 
 def mapper_files(network: MapNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
-    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    """The contents of NAME.safetensors and of its card, NAME.json."""
     return _files(
         network, {"widths": list(network.config.widths), "inputs": network.config.inputs}, card, name
     )
 
 
 def pose_files(network: PoseNetwork, card: dict[str, Any], name: str) -> dict[str, bytes]:
-    """The contents of NAME.safetensors and of the card beside it, NAME.json."""
+    """The contents of NAME.safetensors and of its card, NAME.json."""
     return _files(
         network, {"widths": list(network.config.widths), "hidden": network.config.hidden}, card, name
     )
@@ -39,7 +39,7 @@ def _files(
 
 
 def load_mapper(path: Path) -> tuple[MapNetwork, dict[str, Any]]:
-    """A network from its weights, ready for use, and its card, which lies beside them.
+    """A network from its weights, ready for use, and its card from the same folder.
 
     Raises:
         FileError: If a file is missing or damaged, or they do not fit each other.
@@ -71,7 +71,7 @@ def load_pose(path: Path) -> tuple[PoseNetwork, dict[str, Any]]:
 def _load(
     path: Path, what: str, network_of: Callable[[Weights, dict[str, Any]], Network]
 ) -> tuple[Network, dict[str, Any]]:
-    remedy = f"Train it anew with `robosim train {what}`."
+    remedy = f"Train it again with `robosim train {what}`."
     card_path = path.with_suffix(".json")
     with reading(path, f"weights of a {what} that {card_path.name} describes", remedy) as file:
         with reading(card_path, f"the card of a {what}", remedy, most_bytes=_MOST_CARD) as card_file:

@@ -1,10 +1,9 @@
-"""The network of the learned pose: how far off a predicted pose is, from the map there and what the camera sees.
+"""Network of the learned pose: estimates the error of a predicted pose from the map and the scan.
 
-It is shown the patch of the map ahead of the predicted pose and, on the same cells, the frame's scan
-(`slam.networks.features`). Where both fit, the pose is right; how the one must be moved to fit the other is the answer,
-with its information matrix: along a bare corridor little is known, across it much. The matrix is the square of a
-triangular one, so that it is positive whatever the network says.
-Here it is used; `slam.learning.pose_module` is what is trained.
+Its inputs are the patch of the map ahead of the predicted pose and, on the same cells, the frame's scan
+(`slam.networks.features`). Its outputs are the offset that aligns both, and the information matrix of the offset: small
+along a bare corridor, large across it. The matrix is the square of a triangular one, so that it is always positive.
+This module runs the network; `slam.learning.pose_module` trains it.
 Reference: Chaplot et al., Learning to Explore using Active Neural SLAM, ICLR 2020 (from patch to patch).
 """
 
@@ -29,8 +28,8 @@ UNIT = (0.05, 0.05, 0.04)
 SPREAD = UNIT
 #: Channels of a scale, and weights of the layer that sees the whole patch.
 WIDEST, MOST_WEIGHTS = 512, 20_000_000
-#: Numbers told: the offset, logarithms of the root's diagonal and their bound, what is below the diagonal.
-N_TOLD, LIMIT = 9, 4.0
+#: Number of outputs (offset, logarithms of the root's diagonal, entries below it), and bound of the logarithms.
+N_OUTPUTS, LIMIT = 9, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,11 +78,11 @@ class PoseNetwork:
         self, patches: Float32[np.ndarray, "b 5 64 64"]
     ) -> tuple[Float[np.ndarray, "b 3"], Float[np.ndarray, "b 3 3"]]:
         """Offset x, y, yaw in `UNIT`s, axes of the robot at the predicted pose; and L, with information L L^T."""
-        told = self._run(patches=patches).astype(float)
-        root = np.zeros((len(told), 3, 3))
-        root[:, range(3), range(3)] = np.exp(np.clip(told[:, 3:6], -LIMIT, LIMIT))
-        root[:, (1, 2, 2), (0, 0, 1)] = told[:, 6:]
-        return told[:, :3], root
+        output = self._run(patches=patches).astype(float)
+        root = np.zeros((len(output), 3, 3))
+        root[:, range(3), range(3)] = np.exp(np.clip(output[:, 3:6], -LIMIT, LIMIT))
+        root[:, (1, 2, 2), (0, 0, 1)] = output[:, 6:]
+        return output[:, :3], root
 
 
 def pose_shapes(config: PoseNetworkConfig) -> dict[str, tuple[int, ...]]:
@@ -94,10 +93,10 @@ def pose_shapes(config: PoseNetworkConfig) -> dict[str, tuple[int, ...]]:
         shapes |= convolution_shapes(f"look.{2 * i}", before, width)
         before = width
     return shapes | {
-        "tell.0.weight": (config.hidden, config.flat),
-        "tell.0.bias": (config.hidden,),
-        "tell.2.weight": (N_TOLD, config.hidden),
-        "tell.2.bias": (N_TOLD,),
+        "head.0.weight": (config.hidden, config.flat),
+        "head.0.bias": (config.hidden,),
+        "head.2.weight": (N_OUTPUTS, config.hidden),
+        "head.2.bias": (N_OUTPUTS,),
     }
 
 
@@ -112,6 +111,6 @@ def _model(weights: Weights, config: PoseNetworkConfig) -> bytes:
         x = graph.node("Conv", x, *of(f"look.{2 * i}"), pads=(1, 1, 1, 1), strides=(2, 2))
         x = graph.node("Relu", x)
     x = graph.node("Flatten", x)
-    x = graph.node("Relu", graph.node("Gemm", x, *of("tell.0"), transB=1))
-    x = graph.node("Gemm", x, *of("tell.2"), transB=1)
+    x = graph.node("Relu", graph.node("Gemm", x, *of("head.0"), transB=1))
+    x = graph.node("Gemm", x, *of("head.2"), transB=1)
     return graph.model({"patches": ("b", INPUTS, SIDE, SIDE)}, x)

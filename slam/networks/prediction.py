@@ -1,4 +1,4 @@
-"""Asking a trained mapper about one frame."""
+"""Prediction of a trained mapper for one frame."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from slam.sensing.projection import Scan
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What is told of the patch ahead, as logits: their logistic function is the probability."""
+    """Logits for the patch ahead: their logistic function is the probability."""
 
     obstacle: Float32[np.ndarray, "ny nx"]
     """An obstacle stands in the cell, seen or not."""

@@ -1,10 +1,9 @@
 """Running a network: ONNX Runtime on one thread.
 
-A convolution that is split over threads adds up in another order, and the last bits of its result differ. On a way of a
-thousand decisions they grow to another way. The networks here are too small to gain from a second thread.
+A convolution that is split over threads sums in another order, and the last bits of its result differ. Over a thousand
+decisions this changes the trajectory. The networks here are too small to gain from a second thread.
 
-Newer versions of ONNX Runtime tell their maker what they run, and keep an identifier of the machine on disk for that.
-Here they do not: nothing leaves the machine.
+Newer versions of ONNX Runtime send telemetry and store an identifier of the machine on disk. It is disabled here.
 """
 
 import os
@@ -15,7 +14,7 @@ from jaxtyping import Float32
 
 
 class OnnxRunner:
-    """A model, ready to be asked; one that is copied or sent to another process is made ready there anew."""
+    """A model ready to run; a copy, or one sent to another process, creates its own session."""
 
     def __init__(self, model: bytes) -> None:
         """Make a model ready.
@@ -37,7 +36,7 @@ class OnnxRunner:
         return {"_model": self._model, "_session": None}
 
 
-#: By which ONNX Runtime is told to send nothing; it looks when it is imported. Who wants that it does sets it to 0.
+#: Disables telemetry of ONNX Runtime, which reads it at import. Set it to 0 to allow telemetry.
 SILENT = "ORT_DISABLE_TELEMETRY"
 
 
@@ -47,5 +46,5 @@ def _session(model: bytes) -> Any:
 
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.log_severity_level = 3  # errors: warnings are about devices that are not asked for
+    options.log_severity_level = 3  # errors: warnings concern devices that are not used
     return onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])

@@ -1,9 +1,9 @@
 """How good predicted patches are: overlap with the truth where it is seen and where it is hidden, and calibration.
 
-Overlap is intersection over union of the cells told and true, summed over all frames before dividing, so that frames
-weigh by what there is in them. The hidden part is scored for obstacles and for floor, over the cells that matter (see
-`robosim.datasets.true_patch`). Calibration is the expected calibration error: the mean gap between the probability
-told and the share of obstacles that came true, over bins of the probability.
+Overlap is intersection over union of predicted and true cells, summed over all frames before division, so that frames
+weigh by their contents. The hidden part is scored for obstacles and for floor, over the cells that matter (see
+`robosim.datasets.true_patch`). Calibration is the expected calibration error: the mean gap between the
+predicted probability and the observed share of obstacles, over bins of the probability.
 """
 
 from typing import Any
@@ -33,16 +33,16 @@ class PatchScores:
         """Add patches.
 
         Args:
-            probability: Told for obstacles.
+            probability: Predicted for obstacles.
             obstacle: True obstacles.
             seen: Cells that the camera sees.
             matters: Cells that count among those it does not.
         """
-        told = probability > 0.5
+        predicted = probability > 0.5
         hidden = matters & ~seen
         for part, mask, what, true in (
-            ("seen", seen, told, obstacle),
-            ("hidden", hidden, told, obstacle),
+            ("seen", seen, predicted, obstacle),
+            ("hidden", hidden, predicted, obstacle),
             ("hidden_floor", hidden, probability < 0.5, ~obstacle),
         ):
             both, either = np.count_nonzero(what & true & mask), np.count_nonzero((what | true) & mask)
@@ -63,7 +63,7 @@ class PatchScores:
             self._squares[part] += other._squares[part]
 
     def counts(self) -> dict[str, Any]:
-        """All that was added up, to be kept in a file."""
+        """All sums, for storage in a file."""
         return {
             "overlap": {part: counts.tolist() for part, counts in self._overlap.items()},
             "bins": {part: bins.tolist() for part, bins in self._bins.items()},
@@ -72,10 +72,10 @@ class PatchScores:
 
     @classmethod
     def of_counts(cls, counts: dict[str, Any]) -> "PatchScores":
-        """The scores whose counts were kept."""
+        """Scores from stored counts."""
         scores = cls()
-        scores._overlap = {part: np.array(kept, np.int64) for part, kept in counts["overlap"].items()}
-        scores._bins = {part: np.array(kept, float) for part, kept in counts["bins"].items()}
+        scores._overlap = {part: np.array(value, np.int64) for part, value in counts["overlap"].items()}
+        scores._bins = {part: np.array(value, float) for part, value in counts["bins"].items()}
         scores._squares = dict(counts["squares"])
         return scores
 
@@ -85,16 +85,20 @@ class PatchScores:
             f"iou_{part}": _ratio(float(counts[0]), float(counts[1]))
             for part, counts in self._overlap.items()
         }
-        for part, (count, told, came) in self._bins.items():
-            out[f"calibration_error_{part}"] = _ratio(float(np.abs(told - came).sum()), float(count.sum()))
+        for part, (count, predicted, came) in self._bins.items():
+            out[f"calibration_error_{part}"] = _ratio(
+                float(np.abs(predicted - came).sum()), float(count.sum())
+            )
             out[f"brier_{part}"] = _ratio(self._squares[part], float(count.sum()))
         return out
 
     def reliability(self, part: str) -> Float[np.ndarray, "n 3"]:
-        """Mean probability told, share that came true, and count, of each bin that is not empty."""
-        count, told, came = self._bins[part]
-        kept = count > 0
-        return np.column_stack([told[kept] / count[kept], came[kept] / count[kept], count[kept]])
+        """Mean predicted probability, observed share, and count of each bin that is not empty."""
+        count, predicted, came = self._bins[part]
+        filled = count > 0
+        return np.column_stack(
+            [predicted[filled] / count[filled], came[filled] / count[filled], count[filled]]
+        )
 
 
 def _ratio(a: float, b: float) -> float:

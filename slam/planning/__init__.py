@@ -1,1 +1,1 @@
-"""Planning: what a metre costs, and the cheapest way to a goal on a map that grows."""
+"""Planning: cost maps, and the cheapest path to a goal on a growing map."""

@@ -1,10 +1,9 @@
-"""How far the nearest obstacle is from any point, to better than a cell.
+"""Distance from any point to the nearest obstacle, to better than a cell.
 
-Distances are taken to the surface inside each obstacle cell, where a mapper knows it, or else to its centre: in a
-doorway 5 cm wider than the hull this is the difference between passing and not. For points the cells around are gone
-through, as far as the nearest obstacle can be; for whole maps a distance transform is near enough but where the hull
-just fits or just does not: there the obstacles around are gone through.
-Beyond `LIMIT_M` space is open and distances are not told apart.
+Distances are measured to the surface inside each obstacle cell, where a mapper knows it, or else to its centre: in a
+doorway 5 cm wider than the hull this decides whether the robot passes. For points, the obstacle cells within the
+largest possible distance are searched. For whole maps a distance transform suffices, except where the hull just fits
+or just does not: there the obstacles around are searched too. Distances are clipped to `LIMIT_M`.
 Reference: Borgefors, Distance transformations in digital images, CVGIP 34, 1986.
 """
 
@@ -76,9 +75,9 @@ class Clearance:
     def free_run_m(
         self, start: Float[np.ndarray, "2"], headings: Float[np.ndarray, " k"], radius_m: float
     ) -> Float[np.ndarray, " k"]:
-        """How far a disk gets from a point in each direction before it meets an obstacle [m], at most 1.5 m.
+        """Distance that a disk moves from a point in each direction before it meets an obstacle [m], at most 1.5 m.
 
-        One that is nearer to something than its radius may still move away from it.
+        A disk that is nearer to an obstacle than its radius may still move away from it.
 
         Args:
             start: Centre of the disk (x, y) [m].
@@ -86,17 +85,17 @@ class Clearance:
             radius_m: Radius of the disk [m].
         """
         distance = np.arange(1, 31) * 0.05
-        ways = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
-        room = self.at(start + ways[:, None, :] * distance[None, :, None])
+        directions = np.stack([np.cos(headings), np.sin(headings)], axis=-1)
+        room = self.at(start + directions[:, None, :] * distance[None, :, None])
         need = np.minimum(radius_m, float(self.at(start)) + 0.3 * distance - 1e-3)
         return 0.05 * np.logical_and.accumulate(room >= need, axis=1).sum(axis=1)
 
     def cells(self, sharp_m: float) -> Float32[np.ndarray, "ny nx"]:
         """Distance [m] from each cell to the nearest obstacle, at most `LIMIT_M`.
 
-        From the centre of the cell, to about half a cell. Where that leaves it open whether the distance
-        reaches `sharp_m`, the exact distance from the best of five points of the cell: a passage is as wide as its best
-        line, not as its cell centres.
+        From the centre of the cell, to about half a cell. Where this does not decide whether the distance reaches
+        `sharp_m`, the exact distance from the best of five points of the cell: a passage is as wide as its best line,
+        not as its cell centres.
 
         Args:
             sharp_m: Distance that decides something, the radius of the hull [m].
@@ -110,8 +109,8 @@ class Clearance:
         return np.minimum(gap * np.float32(cell), np.float32(LIMIT_M))
 
 
-#: What a distance between centres of cells leaves open, and how much farther a surface may be than it says [cells]: it
-#: lies up to half a cell from its centre on both axes, as does the place in its own cell.
+#: Error of a distance between cell centres, and how much farther a surface may be [cells]: it lies up to half a cell
+#: from its centre on both axes, as does the point in its own cell.
 _UNSURE, _FARTHER = 0.8, 1.1
 
 
@@ -137,10 +136,10 @@ def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, most:
     ny, nx = obstacle.shape
     least = most * most
     for row in range(max(int(y - most - 0.5), 0), min(int(y + most + 1.5), ny)):
-        beside = max(abs(row - y) - 0.5, 0.0)
-        if beside * beside >= least:
+        row_gap = max(abs(row - y) - 0.5, 0.0)
+        if row_gap * row_gap >= least:
             continue
-        half = np.sqrt(least - beside * beside) + 0.5
+        half = np.sqrt(least - row_gap * row_gap) + 0.5
         for column in range(max(int(x - half), 0), min(int(x + half) + 1, nx)):
             if obstacle[row, column]:
                 dy, dx = row + offset[row, column, 1] - y, column + offset[row, column, 0] - x
@@ -148,7 +147,7 @@ def _nearest(obstacle: np.ndarray, offset: np.ndarray, y: float, x: float, most:
     return np.sqrt(least)
 
 
-#: How far a surface may lie from the centre of its cell on either axis [cells], and a little for rounding.
+#: How far a surface may lie from the centre of its cell on either axis [cells], with a margin for rounding.
 _OFF = 0.51
 
 
@@ -188,14 +187,14 @@ def _gaps(
         x, y = points[k, 0], points[k, 1]
         column, row = (x - x0) / cell, (y - y0) / cell
         gap[k] = limit
-        # Not a number is near nothing.
+        # NaN fails both comparisons.
         if not (-reach < column < nx + reach and -reach < row < ny + reach):
             continue
         least = limit * limit
         own_y, own_x = int(np.floor(row)), int(np.floor(column))
         if 0 <= own_y < ny and 0 <= own_x < nx:
             near = float(steps[own_y, own_x])
-            # From anywhere in the cell to anywhere in one that is so many steps away.
+            # From any point in the cell to any point in a cell that many steps away.
             most = (near + 1.02) * cell
             least = min(least, 2 * most * most)
             if max((near - 1.02) * cell, 0.0) >= limit:

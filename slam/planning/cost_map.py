@@ -1,10 +1,9 @@
-"""What a metre costs in each cell of a map, for a robot with a round hull.
+"""Cost per metre in each cell of a map, for a robot with a round hull.
 
-1 on open floor, more the nearer to walls (so that ways keep to the middle of doors where there is room), more where
-nothing is known, and no way at all where the hull does not fit. Where it is a centimetre or two too wide it may fit all
-the same, since walls on the map are off by as much: such a neck costs as much as some metres, so that it is tried
-before a long way round, until something stops the robot there. A box may reach beyond the map: what lies there is
-unknown.
+The cost is 1 on open floor, higher near walls (so that paths keep to the middle of doors) and in unknown cells. Cells
+where the hull does not fit are impassable. A passage that is one or two centimetres too narrow on the map stays
+passable, since walls on the map err by as much: it costs as much as some metres, so that it is tried before a long
+detour, until something stops the robot there. A box may reach beyond the map: cells there are unknown.
 Reference: the inflation of obstacles of Lu, Hershberger and Smart, Layered costmaps, IROS 2014.
 """
 
@@ -20,14 +19,14 @@ from slam.grid import GridFrame, MapEstimate
 from slam.planning.clearance import Clearance
 from slam.support.checks import Range, checked
 
-#: Cost per metre of halved cells through which no way leads; more than any other.
-_NO_WAY = np.float32(1e6)
+#: Cost per metre of impassable halved cells; more than any other.
+_IMPASSABLE = np.float32(1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class CostConfig:
-    """What a way costs."""
+    """Costs of paths."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
@@ -36,11 +35,11 @@ class CostConfig:
     overlap_m: Annotated[float, Range(0, 1, "m")] = 0.02
     """How far the hull may reach into obstacles of the map [m]: maps err."""
     comfort_m: Annotated[float, Range(0.001, 10, "m")] = 0.12
-    """Space on each side above which a wall no longer costs anything [m]."""
+    """Space on each side above which a wall costs nothing [m]."""
     wall_weight: Annotated[float, Range(0, 1e4)] = 3.0
     """Extra cost per metre with the hull at a wall; falls with the square of the space left."""
     squeeze_m: Annotated[float, Range(0.001, 1, "m")] = 0.025
-    """Space on each side below which passing takes many tries [m]."""
+    """Space on each side below which passing takes many attempts [m]."""
     squeeze_weight: Annotated[float, Range(0, 1e4)] = 20.0
     """Extra cost per metre with no space left at all; falls linearly with the space left."""
     unknown_cost: Annotated[float, Range(1, 1e4)] = 1.5
@@ -62,7 +61,7 @@ class CostMap:
     """Cells where the hull fits."""
 
     def reachable_from(self, start: Float[np.ndarray, "2"]) -> "CostMap":
-        """The same costs, with only the cells passable to which a way leads from a point (x, y) [m]."""
+        """The same costs, with only the cells passable that are reachable from a point (x, y) [m]."""
         # Fast marching passes between cells that share an edge, so components do as well.
         part = cv2.connectedComponents(self.passable.astype(np.uint8), connectivity=4)[1]
         home = self.cell(start)
@@ -77,7 +76,7 @@ class CostMap:
             goal: A point (x, y) [m].
 
         Returns:
-            Row and column, the point meant (the goal itself if its cell is passable, else the cell's centre) [m], and
+            Row and column, the point (the goal itself if its cell is passable, else the cell's centre) [m], and
             its distance from the goal [m].
 
         Raises:
@@ -98,8 +97,8 @@ class CostMap:
     def halved(self) -> "CostMap":
         """The same costs on cells twice as large; a large cell is as good as the best of its four.
 
-        No way opens up through walls: inflated by the hull they are thicker than a large cell. Necks too narrow for the
-        hull may be bridged, though, so what cannot be reached has to be taken out before.
+        No passage opens through walls: inflated by the hull they are thicker than a large cell. Passages too narrow for
+        the hull may be bridged, though, so unreachable cells must be removed before.
         """
         ny, nx = (n + n % 2 for n in self.frame.shape)
         frame = GridFrame(
@@ -107,12 +106,12 @@ class CostMap:
             resolution_m=2 * self.frame.resolution_m,
             shape=(ny // 2, nx // 2),
         )
-        cost = np.full((ny, nx), _NO_WAY, np.float32)
+        cost = np.full((ny, nx), _IMPASSABLE, np.float32)
         np.copyto(cost[: self.frame.shape[0], : self.frame.shape[1]], self.cost, where=self.passable)
         # Two passes over halves are several times as fast as one over two axes of a block.
         rows = np.minimum(cost[::2], cost[1::2])
         best = np.minimum(rows[:, ::2], rows[:, 1::2])
-        return CostMap(frame=frame, cost=best, passable=best < _NO_WAY)
+        return CostMap(frame=frame, cost=best, passable=best < _IMPASSABLE)
 
     def cell(self, point: Float[np.ndarray, "2"]) -> tuple[int, int]:
         """Row and column of the cell that holds a point (x, y) [m], or of the border cell next to it."""
@@ -122,7 +121,7 @@ class CostMap:
 
 
 def known_box(estimate: MapEstimate) -> tuple[Float[np.ndarray, "2"], Float[np.ndarray, "2"]]:
-    """Lower-left and upper-right corner (x, y) [m] of the robot and the cells of which anything is known."""
+    """Lower-left and upper-right corner (x, y) [m] of the robot and the known cells."""
     known = estimate.obstacle_probability != 0.5
     ys, xs = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
     here = estimate.pose[:2]
@@ -161,7 +160,7 @@ def cut_box(
     *,
     bumps: bool = True,
 ) -> Box:
-    """A copy of what a map says in a box of `map`.
+    """A copy of part of a map.
 
     Args:
         estimate: Map and pose.
@@ -171,7 +170,7 @@ def cut_box(
     """
     whole = estimate.frame
     cells = whole.to_cells(np.array([low_xy, high_xy]))
-    # A corner on the lattice, up to rounding, does not take a further cell along.
+    # A corner on the lattice, up to rounding, does not add a cell.
     ix0, iy0 = np.floor(cells[0] + 1e-6).astype(int)
     ix1, iy1 = np.maximum(np.ceil(cells[1] - 1e-6).astype(int), (ix0 + 1, iy0 + 1))
     x, y = whole.to_points(np.array([ix0, iy0]))
@@ -209,7 +208,7 @@ def cut_box(
 
 
 def cost_map(box: Box, config: CostConfig) -> CostMap:
-    """What a metre costs in each cell of a box, for the hull."""
+    """Cost per metre in each cell of a box, for the hull."""
     space = Clearance(box.frame, box.obstacle, box.offset_m).cells(config.radius_m) - config.radius_m
     cost = np.ones(box.frame.shape, np.float32)
     unknown = box.probability == 0.5
@@ -220,7 +219,7 @@ def cost_map(box: Box, config: CostConfig) -> CostMap:
     cost += config.squeeze_weight * np.clip(1 - space / config.squeeze_m, 0, 1)
     passable = space >= -config.overlap_m
     if box.blocked.any():
-        # Where the robot was stopped, the map's centimetres have been tried.
+        # Where the robot was stopped, the hull does not fit in spite of errors of the map.
         n = 2 * math.ceil(config.radius_m / box.frame.resolution_m) + 1
         disk = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (n, n))
         tried = cv2.dilate(box.blocked.astype(np.uint8), disk) > 0

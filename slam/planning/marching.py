@@ -4,8 +4,8 @@ The front's speed differs from cell to cell; cells of speed zero stop it. Cells 
 from its accepted neighbours, by upwind differences of second order where two cells in a row are accepted, else
 of first. Errors are about a third of a cell on open floor, from the corner of the source.
 
-Compiled at its first use (some seconds), and kept on disk for the next. Ready solvers were tried: eikonalfm, which
-gives the same times and is what the tests compare with, ends the process if Ctrl-C is pressed while it works.
+Compiled at its first use (some seconds) and cached on disk. The tests compare with eikonalfm; it is not used here
+because it ends the process on Ctrl-C.
 
 Reference: Sethian, Fast marching methods, SIAM Review 41(2), 1999.
 """
@@ -38,7 +38,7 @@ def march(
         raise ValueError(f"source is {source}, expected a cell of the {ny} x {nx} grid.")
     if not speed[row, column] > 0:
         raise ValueError(f"The speed in the source {source} is {speed[row, column]}, expected more than 0.")
-    # A rim that stops the front spares the loop from asking where the grid ends.
+    # A rim that stops the front avoids bounds checks in the loop.
     cost = np.full((ny + 4, nx + 4), np.inf)
     with np.errstate(divide="ignore"):
         cost[2:-2, 2:-2] = cell_m / speed
@@ -102,7 +102,7 @@ def _march(cost: np.ndarray, time: np.ndarray, source: int, width: int) -> None:
     """The march on flat arrays with a rim of two cells; `cost` is the time to cross a cell."""
     done = np.zeros(len(time), np.bool_)
     heap = np.empty(len(time), np.int32)  # a binary heap of cells by time
-    times = np.empty(len(time))  # of its entries, beside each other in memory
+    times = np.empty(len(time))  # of its entries, contiguous in memory
     place = np.full(len(time), -1, np.int32)  # where a cell stands in it
     heap[0], times[0], place[source], size = source, 0.0, 0, 1
     time[source] = 0.0

@@ -1,7 +1,7 @@
-"""Ways over a travel-time field: downhill cell by cell, then pulled taut into few straight legs.
+"""Paths over a travel-time field: downhill cell by cell, then pulled taut into few straight legs.
 
-A robot that turns in steps pays for every corner, and a way over cells is a staircase: some per cent too long, and all
-corners. A straight leg that costs no more than the field says replaces all the cells it passes.
+A robot that turns in steps pays for every corner, and a path over cells is a staircase: some per cent too long, and
+all corners. A straight leg that costs no more than the field says replaces all the cells it passes.
 Reference: string pulling, as in Nash et al., Theta*: any-angle path planning on grids, AAAI 2007.
 """
 
@@ -21,7 +21,7 @@ _JUMPS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 
 def downhill(field: TravelTime, start: tuple[int, int]) -> Float[np.ndarray, "n 2"]:
     """Centres of the cells (x, y) [m] of steepest descent from a cell (row, column) to the source.
 
-    Empty if no way leads there.
+    Empty if the source is unreachable.
     """
     cells = _descent(np.ascontiguousarray(field.cost_m), *start)
     return field.frame.to_points(cells + 0.5) if len(cells) else np.empty((0, 2))
@@ -51,14 +51,14 @@ def _descent(cost: np.ndarray, iy: int, ix: int) -> np.ndarray:
 
 
 def taut(points: Float[np.ndarray, "n 2"], field: TravelTime) -> Float[np.ndarray, "m 2"]:
-    """Few straight legs instead of a way downhill over cells.
+    """Replace a downhill path over cells by few straight legs.
 
-    From each corner the way goes straight on to the farthest point to which the straight leg costs no more than
-    the field says. The field is a raster's, so half a cell and some per cent more are allowed.
+    Each leg ends at the farthest point to which it costs no more than the field says. The field is discrete, so half a
+    cell and some per cent more are allowed.
 
     Args:
-        points: The way downhill (x, y) [m].
-        field: The field it goes down.
+        points: The downhill path (x, y) [m].
+        field: Its travel-time field.
     """
     cost = field.at(points)
     corners, last = [0], len(points) - 1
@@ -80,7 +80,7 @@ def _farthest(
     ends: Int[np.ndarray, " k"],
     field: TravelTime,
 ) -> int:
-    """Farthest of some points to which a straight leg from point i is as good as the way downhill."""
+    """Farthest of some points to which a straight leg from point i is as good as the downhill path."""
     leg = field.of_legs(points[i], points[ends])
     good = leg <= 1.03 * (cost[i] - cost[ends]) + 0.5 * field.frame.resolution_m
     return int(ends[good][-1]) if good.any() else i + 1
@@ -111,8 +111,8 @@ def onward(path: Float[np.ndarray, "n 2"], here: Float[np.ndarray, "2"]) -> Floa
     return np.vstack([here, path[k + 1 :]])
 
 
-def gone(path: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
-    """How far along a path each of its points lies [m]."""
+def arc_length(path: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, " n"]:
+    """Arc length of a path at each of its points [m]."""
     return np.append(0.0, np.cumsum(np.hypot(*np.diff(path, axis=0).T)))
 
 

@@ -1,15 +1,15 @@
-"""The way to a goal on a map that is still growing: fast marching on inflated obstacles, near and far.
+"""Path planning on a growing map: fast marching on inflated obstacles, in a near and a far field.
 
 A goal a few metres away is planned for directly, on the map's own cells, in a box around robot and goal, unless the
-way found is so long that a better one may lead through elsewhere. Any other goal in two stages. Far: on cells
-twice as large, over all that is known and a border of what is not, fast marching prices the way to the goal from
-everywhere. Near: on the map's own cells, in a box around the first metres of that way, it does so again, precisely
-enough for doors just wider than the hull; what lies behind is taken from the far field. So the price of a plan
-depends little on the size of the building. Fields are kept as long as the goal stays and nothing comes in the way.
+path found is so long that a better one may lead outside the box. Any other goal is planned for in two stages. Far: on
+cells twice as large, over the known map and an unknown border, fast marching computes the cost to the goal from every
+cell. Near: on the map's own cells, in a box around the first metres of the far path, it does so again, precisely
+enough for doors just wider than the hull; costs beyond come from the far field. The cost of planning therefore depends
+little on the size of the building. Fields are reused while the goal stays and the path stays free.
 
-A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it. But first the map is taken less
-strictly: a way that stopped the robot once is tried again. Where a goal is only to be looked at, the way ends before
-it, with room to turn: a robot that drives into a niche to see its end touches walls as it turns out again.
+A goal inside an obstacle, or cut off, is replaced by the reachable cell nearest to it, but only after a second attempt
+in which places where the robot was stopped count as free. Where it is enough to look at a goal, the path ends before
+it, with room to turn: a robot that drives into a niche touches the walls as it turns out again.
 Reference: Sethian, PNAS 93(4), 1996; Chaplot et al., ICLR 2020, section 4 (planning on a predicted map).
 """
 
@@ -23,42 +23,42 @@ from jaxtyping import Float
 from slam.grid import MapEstimate
 from slam.planning.clearance import Clearance
 from slam.planning.cost_map import CostConfig, CostMap, cost_map, cut_box, known_box
-from slam.planning.known_ground import ways_to
-from slam.planning.paths import along, downhill, gone, length, onward, taut
+from slam.planning.known_ground import travel_time_to
+from slam.planning.paths import along, arc_length, downhill, length, onward, taut
 from slam.planning.travel_time import TravelTime
 from slam.support.checks import Range, checked
 
-#: A goal that moves by more is another one, to which the coarse cells may know a way again [m].
+#: A goal that shifts by more is a new goal, for which coarse cells are tried again [m].
 _SAME_GOAL_M = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class PlannerConfig:
-    """What a way costs, and how often it is thought over."""
+    """Costs of paths, and how often a path is planned again."""
 
     cost: CostConfig = field(default_factory=CostConfig)
-    """What a metre costs."""
+    """Cost per metre."""
     border_m: Annotated[float, Range(0, 100, "m")] = 1.0
-    """Unknown border around the known map through which ways may lead [m]."""
+    """Unknown border around the known map through which paths may lead [m]."""
     direct_m: Annotated[float, Range(0, 1000, "m")] = 4.5
     """Goals nearer than this are planned for directly [m]."""
     near_m: Annotated[tuple[float, float], Range(1, 1000, "m")] = (3.5, 5.5)
-    """Between these distances along the way the near field hands over to the far one [m]."""
+    """Range of distances along the path at which the near field ends and the far field begins [m]."""
     near_margin_m: Annotated[float, Range(0.05, 100, "m")] = 1.2
-    """Margin of the near field around the way [m]; twice as much around a goal planned for directly."""
+    """Margin of the near field around the path [m]; twice as much around a goal planned for directly."""
     near_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 8
-    """Decisions after which the near field is computed anew even if nothing is in the way."""
+    """Decisions after which the near field is computed again even if the path is free."""
     far_every: Annotated[int, Range(1, 1_000_000, "decisions")] = 16
     """The same for the far field."""
     look_m: Annotated[float, Range(0.05, 100, "m")] = 3.2
     """Half side of the window around the robot in which obstacles are checked at every decision [m]."""
     max_far_m: Annotated[float, Range(0, 1000, "m")] = 20.0
-    """A goal farther outside of the known map is replaced by a point on the way to it [m]; bounds the work."""
+    """A goal farther outside of the known map is clipped to this distance [m]; bounds the work."""
     look_from_m: Annotated[float, Range(0, 100, "m")] = 1.0
-    """Where it is enough to look at the goal, the way ends at most so far before it [m] ..."""
+    """Where it is enough to look at the goal, the path ends at most this far before it [m] ..."""
     look_room_m: Annotated[float, Range(0, 10, "m")] = 0.1
-    """... at the first place with this much space beside the hull, to turn in [m]; at the roomiest if there is none."""
+    """... at the first place with this much space around the hull to turn in [m], or at the place with most space."""
 
     def __post_init__(self) -> None:
         if not self.near_m[0] < self.near_m[1]:
@@ -67,22 +67,22 @@ class PlannerConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """A way to a goal."""
+    """A path to a goal."""
 
     asked_xy: Float[np.ndarray, "2"]
-    """The goal asked for [m]."""
+    """The requested goal [m]."""
     goal_xy: Float[np.ndarray, "2"]
-    """Where the way ends [m]: the goal asked for, or the reachable spot nearest to it."""
+    """End of the path [m]: the requested goal, or the reachable point nearest to it."""
     short_term_goal: Float[np.ndarray, "2"]
     """End of the first straight leg [m]."""
     path: Float[np.ndarray, "n 2"]
-    """Corners of the way (x, y) [m], from the robot to `goal_xy`."""
+    """Corners of the path (x, y) [m], from the robot to `goal_xy`."""
     length_m: float
-    """Length of `path` [m]; inf if no way leads there."""
+    """Length of `path` [m]; inf if the goal is unreachable."""
     reachable: bool
-    """Whether the goal asked for can be reached as far as is known."""
+    """Whether the requested goal can be reached on the current map."""
     field: TravelTime
-    """Cost of the way to `goal_xy` from the surroundings of the robot and of the first metres of the way."""
+    """Cost to `goal_xy` from the surroundings of the robot and of the first metres of the path."""
     clearance: Clearance
     """Distance to obstacles around the robot, as of this decision."""
 
@@ -91,7 +91,7 @@ class Plan:
 class _Far:
     """Field of a goal over the whole map."""
 
-    asked: Float[np.ndarray, "2"]
+    requested: Float[np.ndarray, "2"]
     aim: Float[np.ndarray, "2"]
     goal: Float[np.ndarray, "2"]
     window: CostMap
@@ -99,7 +99,7 @@ class _Far:
 
 
 class Planner:
-    """Plans at every decision, with as much as possible kept from the last one."""
+    """Plans at every decision, and reuses the last plan where possible."""
 
     def __init__(self, config: PlannerConfig = PlannerConfig()):
         self.config = config
@@ -112,13 +112,13 @@ class Planner:
         self._hand_over: np.ndarray | None = None
         self._space_m = 0.0
         self._bumps = True
-        """Whether places where the robot was stopped are no way."""
+        """Whether places where the robot was stopped are obstacles."""
         self._far_age = self._near_age = 0
         self._closely = False
-        """Whether coarse cells have led this way through a neck that is too narrow."""
+        """Whether coarse cells have led to this goal through a passage that is too narrow."""
 
     def plan(self, estimate: MapEstimate, goal_xy: Float[np.ndarray, "2"], *, look: bool = False) -> Plan:
-        """The way from the robot to a goal.
+        """Plan a path from the robot to a goal.
 
         Args:
             estimate: Map and pose.
@@ -126,33 +126,33 @@ class Planner:
             look: Whether it is enough to look at the goal: the path then ends before it where there is room to turn.
 
         Returns:
-            The plan. Where no way leads anywhere, the path stays at the robot and the length is inf.
+            The plan. If nothing is reachable, the path stays at the robot and the length is inf.
 
         Raises:
             ValueError: If the goal is not finite.
         """
-        asked = np.asarray(goal_xy, float)
-        if not np.isfinite(asked).all():
-            raise ValueError(f"goal_xy = {asked}, expected two finite coordinates in metres.")
+        requested = np.asarray(goal_xy, float)
+        if not np.isfinite(requested).all():
+            raise ValueError(f"goal_xy = {requested}, expected two finite coordinates in metres.")
         self._far_age += 1
         self._near_age += 1
         clearance = self._around(estimate)
         old = self._plan
-        gone_m = math.inf if old is None else math.hypot(*(asked - old.asked_xy))
-        self._closely &= gone_m < _SAME_GOAL_M
-        if old is None or gone_m > 0.02 or self._in_the_way(old, clearance, estimate):
-            plan = self._anew(estimate, asked)
+        goal_shift_m = math.inf if old is None else math.hypot(*(requested - old.asked_xy))
+        self._closely &= goal_shift_m < _SAME_GOAL_M
+        if old is None or goal_shift_m > 0.02 or self._is_blocked(old, clearance, estimate):
+            plan = self._plan_from_scratch(estimate, requested)
         elif self._near_age < self.config.near_every and not self._near_hand_over(estimate):
             plan = replace(old, path=onward(old.path, estimate.pose[:2]), clearance=clearance)
         elif self._far is None or self._far_age >= self.config.far_every:
-            plan = self._anew(estimate, asked)
+            plan = self._plan_from_scratch(estimate, requested)
         else:
             plan = self._solve_near(estimate, self._far)
         self._plan = _completed(plan, estimate)
         return self._before_goal(self._plan, estimate) if look else self._plan
 
     def look_closely(self) -> None:
-        """Plan the next way, and those to the same goal that come, on the map's own cells throughout."""
+        """Plan the next path, and later ones to the same goal, on the map's own cells throughout."""
         self._closely = True
         self._near_age, self._far_age = self.config.near_every, self.config.far_every
 
@@ -161,20 +161,20 @@ class Planner:
         if plan.length_m > self.config.look_m:
             return plan
         back = along(plan.path[::-1], estimate.frame.resolution_m, self.config.look_from_m)
-        before_m = gone(back)
+        before_m = arc_length(back)
         bent = np.hypot(*(back - back[0]).T) < 0.95 * before_m
         straight = back[: int(np.argmax(bent))] if bent.any() else back
         room = plan.clearance.at(straight) - self.config.cost.radius_m
         k = int(np.argmax(np.minimum(room, self.config.look_room_m)))
-        corners_m = gone(plan.path)
+        corners_m = arc_length(plan.path)
         path = np.vstack([plan.path[corners_m < corners_m[-1] - before_m[k]], back[k]])
         return _completed(replace(plan, path=path), estimate)
 
     def _around(self, estimate: MapEstimate) -> Clearance:
         return Clearance.around(estimate, self.config.look_m, bumps=self._bumps)
 
-    def _in_the_way(self, plan: Plan, clearance: Clearance, estimate: MapEstimate) -> bool:
-        """Whether something has come up on the way since it was planned, or the robot has left the field."""
+    def _is_blocked(self, plan: Plan, clearance: Clearance, estimate: MapEstimate) -> bool:
+        """Whether an obstacle has appeared on the path since it was planned, or the robot has left the field."""
         here = estimate.pose[:2]
         if math.isinf(float(plan.field.at(here))):
             return True
@@ -191,45 +191,47 @@ class Planner:
             return False
         return math.hypot(*(self._hand_over - estimate.pose[:2])) < 0.4 * self.config.near_m[0]
 
-    def _anew(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan:
-        """A plan for a goal with nothing kept."""
+    def _plan_from_scratch(self, estimate: MapEstimate, requested: Float[np.ndarray, "2"]) -> Plan:
+        """Plan without reuse of previous fields."""
         self._far_age = self._near_age = 0
         self._bumps, self._far, self._hand_over = True, None, None
-        direct = self._solve_directly(estimate, asked)
+        direct = self._solve_directly(estimate, requested)
         if direct is not None:
             return direct
-        self._far = self._solve_far(estimate, asked)
+        self._far = self._solve_far(estimate, requested)
         return self._solve_near(estimate, self._far)
 
     def _costs(
         self, estimate: MapEstimate, low: Float[np.ndarray, "2"], high: Float[np.ndarray, "2"]
     ) -> CostMap:
-        """Costs of a box, of what can be reached in it."""
+        """Costs of the reachable cells of a box."""
         costs = cost_map(cut_box(estimate, low, high, bumps=self._bumps), self.config.cost)
         return costs.reachable_from(estimate.pose[:2])
 
-    def _solve_directly(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> Plan | None:
-        """Plan for a goal near by; None if a better way may lead through elsewhere."""
+    def _solve_directly(self, estimate: MapEstimate, requested: Float[np.ndarray, "2"]) -> Plan | None:
+        """Plan for a nearby goal; None if a better path may leave the box."""
         here, margin = estimate.pose[:2], 2 * self.config.near_margin_m
-        distance = math.hypot(*(asked - here))
+        distance = math.hypot(*(requested - here))
         if distance > self.config.direct_m:
             return None
-        window = self._costs(estimate, np.minimum(here, asked) - margin, np.maximum(here, asked) + margin)
-        cell, goal, gap_m = window.nearest(asked)
+        window = self._costs(
+            estimate, np.minimum(here, requested) - margin, np.maximum(here, requested) + margin
+        )
+        cell, goal, gap_m = window.nearest(requested)
         if gap_m > self.config.cost.radius_m + estimate.frame.resolution_m:
             return None
-        field = ways_to(window, cell)
-        # A way through elsewhere goes out of the box and back.
+        field = travel_time_to(window, cell)
+        # A path outside the box leaves it and returns.
         if not float(field.at(here)) < distance + margin:
             return None
         path = _ends(taut(downhill(field, window.cell(here)), field), here, goal)
-        return self._made(estimate, asked, goal, path, field)
+        return self._make_plan(estimate, requested, goal, path, field)
 
-    def _solve_far(self, estimate: MapEstimate, asked: Float[np.ndarray, "2"]) -> _Far:
+    def _solve_far(self, estimate: MapEstimate, requested: Float[np.ndarray, "2"]) -> _Far:
         """Field of the goal, or of the reachable spot nearest to it, over the whole map."""
         low, high = known_box(estimate)
         reach = self.config.max_far_m
-        aim = np.clip(asked, low - reach, high + reach)
+        aim = np.clip(requested, low - reach, high + reach)
         low, high = np.minimum(low, aim) - self.config.border_m, np.maximum(high, aim) + self.config.border_m
         for self._bumps in (True, False):
             costs = self._costs(estimate, low, high)
@@ -237,42 +239,48 @@ class Planner:
             if gap_m < 0.3:
                 break
         window = costs if self._closely else costs.halved()
-        return _Far(asked=asked, aim=aim, goal=goal, window=window, field=ways_to(window, window.cell(goal)))
+        return _Far(
+            requested=requested,
+            aim=aim,
+            goal=goal,
+            window=window,
+            field=travel_time_to(window, window.cell(goal)),
+        )
 
     def _solve_near(self, estimate: MapEstimate, far: _Far) -> Plan:
-        """Field and way on the map's own cells, up to where the far field takes over."""
+        """Field and path on the map's own cells, up to the start of the far field."""
         self._near_age = 0
         here, margin = estimate.pose[:2], self.config.near_margin_m
-        way = downhill(far.field, far.window.cell(here))
-        k = self._hand_over_index(way, far)
-        whole = k >= len(way) - 1
-        target = far.goal if whole else way[k]
+        route = downhill(far.field, far.window.cell(here))
+        k = self._hand_over_index(route, far)
+        whole = k >= len(route) - 1
+        target = far.goal if whole else route[k]
         aim = np.clip(far.aim, target - 0.5, target + 0.5) if whole else target
-        around = np.vstack([here, target, aim, way[: k + 1]])
+        around = np.vstack([here, target, aim, route[: k + 1]])
         window = self._costs(estimate, around.min(axis=0) - margin, around.max(axis=0) + margin)
         cell, goal, _ = window.nearest(aim)
-        if math.hypot(*(goal - target)) > 0.2 and len(way):
-            # The coarse cells have seen a way where the hull does not fit: look at everything closely.
+        if math.hypot(*(goal - target)) > 0.2 and len(route):
+            # The coarse cells lead through a place where the hull does not fit: use the map's own cells.
             if not self._closely:
                 self._closely = True
-                self._far = self._solve_far(estimate, far.asked)
+                self._far = self._solve_far(estimate, far.requested)
                 return self._solve_near(estimate, self._far)
             low, high = far.window.frame.to_points(np.array([[0, 0], far.window.frame.shape[::-1]]))
             window, whole = self._costs(estimate, low, high), True
             cell, goal, _ = window.nearest(far.aim)
-        near = ways_to(window, cell)
+        near = travel_time_to(window, cell)
         path = _ends(taut(downhill(near, window.cell(here)), near), here, goal)
         self._hand_over = None if whole else goal
         if not whole:
-            near = replace(near, cost_m=near.cost_m + float(far.field.at(way[k])))
-            path = np.vstack([path, _ends(taut(way[k:], far.field), goal, far.goal)[1:]])
+            near = replace(near, cost_m=near.cost_m + float(far.field.at(route[k])))
+            path = np.vstack([path, _ends(taut(route[k:], far.field), goal, far.goal)[1:]])
             goal = far.goal
-        return self._made(estimate, far.asked, goal, path, near)
+        return self._make_plan(estimate, far.requested, goal, path, near)
 
-    def _made(
+    def _make_plan(
         self,
         estimate: MapEstimate,
-        asked: Float[np.ndarray, "2"],
+        requested: Float[np.ndarray, "2"],
         goal: Float[np.ndarray, "2"],
         path: Float[np.ndarray, "n 2"],
         near: TravelTime,
@@ -280,30 +288,30 @@ class Planner:
         clearance = self._around(estimate)
         self._space_m = self._least_space(path, clearance)
         return Plan(
-            asked_xy=asked.copy(),
+            asked_xy=requested.copy(),
             goal_xy=goal,
             short_term_goal=goal,
             path=path,
             length_m=0.0,
-            reachable=math.hypot(*(goal - asked)) < 0.1,
+            reachable=math.hypot(*(goal - requested)) < 0.1,
             field=near,
             clearance=clearance,
         )
 
-    def _hand_over_index(self, way: Float[np.ndarray, "n 2"], far: _Far) -> int:
-        """Which point of the far way the near field leads to: the roomiest within a range of distances."""
-        if len(way) < 2:
-            return max(len(way) - 1, 0)
-        at_m = gone(way)
+    def _hand_over_index(self, route: Float[np.ndarray, "n 2"], far: _Far) -> int:
+        """Index of the point of the far path where the near field ends: the cheapest one within `near_m`."""
+        if len(route) < 2:
+            return max(len(route) - 1, 0)
+        at_m = arc_length(route)
         if at_m[-1] < self.config.near_m[1]:
-            return len(way) - 1
+            return len(route) - 1
         range_ = np.flatnonzero((at_m >= self.config.near_m[0]) & (at_m <= self.config.near_m[1]))
-        iy, ix = far.window.frame.index(way[range_])
+        iy, ix = far.window.frame.index(route[range_])
         return int(range_[int(np.argmin(far.window.cost[iy, ix]))])
 
 
 def _completed(plan: Plan, estimate: MapEstimate) -> Plan:
-    """The plan with what follows from its path."""
+    """The plan with the values that depend on its path."""
     path, here = plan.path, estimate.pose[:2]
     lost = math.isinf(float(plan.field.at(here))) and math.hypot(*(plan.goal_xy - here)) > 0.1
     return replace(

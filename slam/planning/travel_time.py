@@ -18,17 +18,17 @@ from slam.support.compiled import compiled
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TravelTime:
-    """Cost of the way from each cell to a source."""
+    """Cost from each cell to a source."""
 
     frame: GridFrame
     """Where the cells lie in `map`."""
     cost_m: Float[np.ndarray, "ny nx"]
-    """Least cost of a way to the source [m of open floor]; inf where there is none."""
+    """Least cost to the source [m of open floor]; inf where it is unreachable."""
     cost_per_m: Float[np.ndarray, "ny nx"]
     """Cost of a metre in each cell; inf in walls."""
 
     def at(self, points: Float[np.ndarray, "*batch 2"]) -> Float[np.ndarray, "*batch"]:
-        """Cost from points (x, y) [m]; inf outside of the grid and where there is no way."""
+        """Cost from points (x, y) [m]; inf outside of the grid and where the source is unreachable."""
         return self.at_and_downhill(points)[0]
 
     def at_and_downhill(
@@ -84,12 +84,12 @@ def travel_time(
     passable: Bool[np.ndarray, "ny nx"],
     source: tuple[int, int],
 ) -> TravelTime:
-    """Cost of the way from every cell to a source.
+    """Cost from every cell to a source.
 
     Args:
         frame: Where the cells lie in `map`.
         cost: Cost of a metre in each cell, at least 1.
-        passable: Cells through which a way may lead; the source counts as passable.
+        passable: Cells through which a path may lead; the source counts as passable.
         source: Row and column of the source.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Directions in which sources lie that stand still, as a radio tells them."""
+"""Bearings of static sources, as a radio measures them."""
 
 import math
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ class Bearing:
     """Where a source appears from where the robot is.
 
     In line of sight that is the source itself. A reflected path comes from its mirror image, a diffracted one from a
-    corner: those stand still too, but nobody knows where.
+    corner: those are static too, at unknown positions.
     """
 
     source: str
-    """Name of what sends."""
+    """Name of the source."""
     bearing_rad: Annotated[float, Range(-2 * math.pi, 2 * math.pi, "rad")]
     """Azimuth in the robot's frame [rad]."""
     sigma_rad: Annotated[float, Range(1e-6, math.pi, "rad")]
-    """Standard deviation of that [rad], as one measurement tells it."""
+    """Standard deviation of that [rad], of one measurement."""
     range_m: Annotated[float, Range(1e-3, 1e6, "m")]
     """About how far away the source appears [m]."""
     sigma_log_range: Annotated[float, Range(1e-4, 10)]
@@ -37,14 +37,14 @@ class Bearing:
     sigma_m: Annotated[float, Range(1e-4, 1e3, "m")] = 0.05
     """Standard deviation of that [m]."""
     shared_rad: Annotated[float, Range(0, math.pi, "rad")] = 0.0
-    """Standard deviation of an error that bearings have in common as long as the path comes from one direction [rad],
-    beside `sigma_rad`: that of paths which can hardly be told apart."""
+    """Standard deviation of an error that bearings share while the path comes from one direction [rad], in addition to
+    `sigma_rad`: that of paths which can hardly be separated."""
     shared_log_range: Annotated[float, Range(0, 10)] = 0.0
-    """Standard deviation of an error that the logarithms of all distances of one place have in common, beside
-    `sigma_log_range`, unless they are wrong altogether, as off a wall that took power."""
+    """Standard deviation of an error that the logarithms of all distances of one place share, in addition to
+    `sigma_log_range`, unless they are outliers, as after a reflection that took power."""
     apart_rad: Annotated[float, Range(0, math.pi, "rad")] = 0.0
-    """Paths nearer to each other in azimuth than this [rad], and in length than `apart_m`, are one to the receiver."""
+    """The receiver cannot separate paths whose azimuths differ by less [rad], and lengths by less than `apart_m`."""
     apart_m: Annotated[float, Range(0, 1e6, "m")] = 0.0
     """The same of their lengths [m]."""
     place_xy: Float[np.ndarray, "2"] | None = None
-    """Where the source stands in `map` [m], if that is known."""
+    """Position of the source in `map` [m], if known."""

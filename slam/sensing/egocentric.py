@@ -24,7 +24,7 @@ from slam.sensing.projection import Band, CameraModel, back_project
 OBSTACLE, EXPLORED = 0, 1
 #: The published patch: 3.2 m ahead, 1.6 m to each side.
 AHEAD = GridFrame(origin_xy=(0.0, -1.6), resolution_m=0.05, shape=(64, 64))
-#: The heights that the published patch takes for obstacles.
+#: Heights that count as obstacles in the published patch.
 PUBLISHED_BAND = Band(low_m=0.25, high_m=1.50)
 
 
@@ -36,7 +36,7 @@ def egocentric_map(
     Args:
         estimate: The map.
         pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
-        patch: The cells asked for, in the robot's frame.
+        patch: Cells of the result, in the robot's frame.
 
     Returns:
         Channels obstacle and explored. Cells beyond the map are neither.
@@ -64,7 +64,7 @@ def belief_ahead(
     Args:
         estimate: The map.
         pose: x [m], y [m], yaw [rad] in `map`; the estimated pose if None.
-        patch: The cells asked for, in the robot's frame.
+        patch: Cells of the result, in the robot's frame.
         anticipated: Whether to take the anticipated map, if there is one.
     """
     guess = estimate.anticipated_probability if anticipated else None
@@ -85,7 +85,7 @@ def cut_ahead(
         values: The map.
         frame: Where its cells lie.
         pose: x [m], y [m], yaw [rad] in `map`.
-        patch: The cells asked for, in the robot's frame.
+        patch: Cells of the result, in the robot's frame.
         beyond: Value outside of the map.
     """
     c, s = math.cos(pose[2]), math.sin(pose[2])
@@ -113,7 +113,7 @@ def egocentric_view(
         depth: Depth along the camera axis [m].
         camera: Intrinsics and height of the camera.
         band: Heights above the floor that count as obstacles.
-        patch: The cells asked for, in the robot's frame.
+        patch: Cells of the result, in the robot's frame.
 
     Returns:
         Channels obstacle (a point within the band lies over the cell) and explored (any point does).

@@ -1,9 +1,8 @@
-"""What a planar laser scanner (2D lidar) tells: one turn of its beams at one height, all at once.
+"""Scans of a planar laser scanner (2D lidar): one turn of its beams at one height, all at once.
 
-A beam that comes back ended at a surface. One that does not says nothing of itself, since dark, shiny, grazed and
-distant surfaces all send nothing back. Where several neighbours in a row are missing, they are taken to be clear as far
-as the nearer of the two beams beside them went: along a wall that is grazed this is before the wall, and in a hall
-nearly as far as the scanner reaches.
+A returned beam ended at a surface. A missing return alone gives no information, since dark, shiny, grazed and distant
+surfaces return nothing. Where several neighbours in a row are missing, they are assumed clear up to the range of the
+nearer of the two adjacent returns: along a grazed wall this is before the wall, in a hall nearly the scanner's range.
 Left out: the robot's motion within one turn of the scanner, tilt.
 """
 
@@ -46,7 +45,7 @@ class LaserScan:
         return bool(abs(len(self.bearing_rad) * self.step_rad - 2 * np.pi) < 0.5 * self.step_rad)
 
     def nearest(self, bearing_rad: Float[np.ndarray, "*any"]) -> Int[np.ndarray, "*any"]:
-        """Number of the beam nearest to each bearing in the robot's frame [rad]; -1 beside the fan."""
+        """Number of the beam nearest to each bearing in the robot's frame [rad]; -1 outside of the fan."""
         n, first = len(self.bearing_rad), self.bearing_rad[0] - 0.5 * self.step_rad
         beam = ((np.asarray(bearing_rad) - first) % (2 * np.pi) / self.step_rad).astype(np.intp)
         # Rounding: the last turn of a full circle is the last beam's.
@@ -54,7 +53,7 @@ class LaserScan:
 
     @cached_property
     def clear_m(self) -> Float[np.ndarray, " n"]:
-        """How far nothing stands on each beam [m]; 0 where it says nothing."""
+        """Free distance along each beam [m]; 0 where it is unknown."""
         side = _MISSING // 2
         ends = np.pad(~self.hit, side, mode="wrap" if self.all_around else "edge")
         missing = np.lib.stride_tricks.sliding_window_view(ends, _MISSING).all(axis=1)
@@ -67,8 +66,8 @@ class LaserScan:
             if self.all_around
             else (hits[np.maximum(place - 1, 0)], hits[np.minimum(place, len(hits) - 1)])
         )
-        beside = np.minimum(self.range_m[before], self.range_m[after])
-        return np.where(self.hit, self.range_m, np.where(missing, beside, 0.0))
+        nearer_m = np.minimum(self.range_m[before], self.range_m[after])
+        return np.where(self.hit, self.range_m, np.where(missing, nearer_m, 0.0))
 
     def dense(self, range_m: float, between: int = 4) -> Float[np.ndarray, "m 2"]:
         """Points (x forward, y left) [m] within a range, with others in between where neighbours are near."""

@@ -35,9 +35,9 @@ class CameraModel:
     height_m: Annotated[float, Range(0.01, 100, "m")] = 1.25
     """Height above the floor [m]."""
     min_depth_m: Annotated[float, Range(0, 100, "m")] = 0.05
-    """Nearer depths are taken for missing [m]."""
+    """Nearer depths count as missing [m]."""
     max_depth_m: Annotated[float, Range(0.01, 1000, "m")] = 10.0
-    """Farther depths are taken for missing [m]."""
+    """Farther depths count as missing [m]."""
 
     def __post_init__(self) -> None:
         if not self.min_depth_m < self.max_depth_m:
@@ -90,7 +90,7 @@ class Scan:
     """Height of the highest row that saw the nearest surface [m]; 0 where none was seen."""
     far_m: Float32[np.ndarray, " w"]
     """Depth of the surface behind, where the nearest is lower than the camera and something taller follows [m];
-    inf elsewhere."""
+    else inf."""
 
     @property
     def hit(self) -> Bool[np.ndarray, " w"]:

@@ -20,7 +20,7 @@ from robosim.camera.model import CameraConfig
 from robosim.robot.odometry import NoiseModel
 from robosim.simulator import Observation
 from slam.actions import Action
-from slam.mapping.classical import Listener, Mapper
+from slam.mapping.classical import Mapper, RadioMapper
 from slam.poses import between, compose, wrap
 from slam.sensing.bearings import Bearing
 
@@ -130,7 +130,7 @@ class MapperTrack:
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
         """Take in where transmitters appear."""
-        if isinstance(self._mapper, Listener):
+        if isinstance(self._mapper, RadioMapper):
             self._mapper.listen([one for one in bearings if one.source in self._sources])
 
 

@@ -11,7 +11,7 @@ from slam.matching.scan_matching import ScanPoints, points_of_beams
 #: Directions of the beams [rad].
 BEARING = np.radians(np.arange(-135, 135.1, 1.0))
 RANGE_M = 12.0
-#: What is taken for the deviation of a point where none is added [m].
+#: Assumed deviation of a point without added noise [m].
 SIGMA_M = 0.02
 
 
@@ -45,7 +45,7 @@ def seen(reach: np.ndarray) -> tuple[ScanPoints, View]:
 
 
 def along(corners, step_m: float = 0.5, turn_rad: float = math.radians(20)) -> list[np.ndarray]:
-    """Poses on a way through corners, turning on the spot at each."""
+    """Poses on a route through corners, turning on the spot at each."""
     poses = []
     for (x0, y0), (x1, y1) in pairwise(corners):
         yaw = math.atan2(y1 - y0, x1 - x0)

@@ -1,4 +1,4 @@
-"""Known maps drawn by hand: open floor with walls where a test wants them."""
+"""Known maps drawn by hand: open floor with the walls of a test."""
 
 import numpy as np
 
@@ -44,7 +44,7 @@ def divided(gap_cells: int, pose=(-1.5, 0.0, 0.0)) -> MapEstimate:
 
 
 def at_pose(estimate: MapEstimate, pose) -> MapEstimate:
-    """The same map with the robot elsewhere."""
+    """The same map with the robot at another pose."""
     return MapEstimate(
         frame=estimate.frame,
         obstacle_probability=estimate.obstacle_probability,

@@ -90,32 +90,32 @@ class GridWorld:
         return float(np.hypot(*off.T).min(initial=9.0))
 
     def act(self, action: Action) -> float:
-        """Carry out an action, in pieces of 5 mm until the hull touches; the distance gone [m]."""
-        gone = 0.0
+        """Carry out an action, in pieces of 5 mm until the hull touches; the distance driven [m]."""
+        distance = 0.0
         if action is Action.FORWARD and self.slips:
             self.slips -= 1
         elif action in (Action.FORWARD, Action.BACKWARD):
-            gone = self._advance(1 if action is Action.FORWARD else -1)
+            distance = self._advance(1 if action is Action.FORWARD else -1)
         else:
             self.pose[2] += TURN_RAD if action is Action.LEFT else -TURN_RAD
             self.pose[2] = (self.pose[2] + math.pi) % (2 * math.pi) - math.pi
         self._steps += 1
-        moved = np.array([gone, 0.0, 0.0])
-        self.bumps += self.marks.update(self._steps, action, moved, self.pose, self.probability)
+        displacement = np.array([distance, 0.0, 0.0])
+        self.bumps += self.marks.update(self._steps, action, displacement, self.pose, self.probability)
         self.marks.stand(self.pose)
         self.look()
-        return gone
+        return distance
 
     def _advance(self, sign: int) -> float:
-        way, gone = sign * np.array([math.cos(self.pose[2]), math.sin(self.pose[2])]), 0.0
+        direction, distance = sign * np.array([math.cos(self.pose[2]), math.sin(self.pose[2])]), 0.0
         now = self.gap_m(self.pose[:2])
         for _ in range(round(FORWARD_M / 0.005)):
-            after = self.pose[:2] + 0.005 * way
+            after = self.pose[:2] + 0.005 * direction
             gap = self.gap_m(after)
             if gap < self.radius_m - 1e-9 and gap < now:
                 break
-            self.pose[:2], now, gone = after, gap, gone + 0.005
-        return gone
+            self.pose[:2], now, distance = after, gap, distance + 0.005
+        return distance
 
     def estimate(self) -> MapEstimate:
         """What the robot knows."""

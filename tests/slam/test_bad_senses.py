@@ -41,10 +41,10 @@ class Loop:
         action = chosen if action is None else action
         after = compose(self.pose, MOTION[action])
         if (np.abs(after[:2]) < [2.88, 1.88]).all():
-            moved, self.pose = MOTION[action], after
+            displacement, self.pose = MOTION[action], after
         else:
-            moved = np.zeros(3)
-        odometry = moved + self.rng.normal(0, [0.004, 0.004, 0.003])
+            displacement = np.zeros(3)
+        odometry = displacement + self.rng.normal(0, [0.004, 0.004, 0.003])
         depth = see(ROOM.depth(self.pose, size=48))
         self.estimate = self.mapper.update(depth, action, odometry)
         assert np.isfinite(self.estimate.pose).all()
@@ -70,7 +70,7 @@ def test_darkness_comes_and_goes(value):
 
 
 def test_a_robot_that_spins_keeps_its_pose():
-    """144 turns, four times around, whatever the controller wants: off by at most 3 cm and 1 degree."""
+    """144 turns, four times around, whatever the controller commands: off by at most 3 cm and 1 degree."""
     loop = Loop()
     for _ in range(144):
         loop.decide(action=Action.LEFT)

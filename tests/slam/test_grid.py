@@ -82,7 +82,7 @@ def test_a_window_is_a_part_of_the_grid_in_its_place(frame, box):
 
 
 @pytest.mark.parametrize("bad", [{"resolution_m": 0.0}, {"resolution_m": float("nan")}, {"shape": (0, 3)}])
-def test_a_grid_that_cannot_be_is_refused(bad):
+def test_an_impossible_grid_is_rejected(bad):
     """The message names what is wrong."""
     with pytest.raises(ValueError, match=next(iter(bad))):
         GridFrame(origin_xy=(0.0, 0.0), **bad)

@@ -108,8 +108,8 @@ def test_the_shipped_pose_tells_offsets_in_new_homes(tmp_path):
     network, card = load_pose(shipped_network("pose"))
     pairs = read_pairs(collect(CollectConfig(homes=3, steps=25, seed=77), tmp_path, workers=1, console=QUIET))
     scores = pose_scores(PoseModule.of(network), pairs)
-    assert scores["told_m"] < 0.5 * scores["predicted_m"]
-    assert scores["told_deg"] < 0.7 * scores["predicted_deg"]
+    assert scores["estimated_m"] < 0.5 * scores["predicted_m"]
+    assert scores["estimated_deg"] < 0.7 * scores["predicted_deg"]
     assert 0.5 < scores["consistency"] < 2
     assert card["parameters"] < 200_000
     building = make_building(read_plan("flat"))

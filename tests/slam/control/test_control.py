@@ -1,4 +1,4 @@
-"""The controller turns and drives as a plan asks, the same way each time, and does not bump for ever."""
+"""The controller turns and drives as planned, repeats itself exactly, and does not bump forever."""
 
 import itertools
 import math
@@ -77,8 +77,8 @@ def test_it_drives_through_a_door_without_touching_it():
     poses, _ = _follow(estimate, (1.5, -0.5), 60)
     assert np.hypot(*(poses[:, :2] - [1.5, -0.5]).T).min() < 0.2
     obstacles = estimate.frame.centres(estimate.obstacle)
-    ways = np.concatenate([np.linspace(a, b, 6)[:, :2] for a, b in itertools.pairwise(poses)])
-    assert np.hypot(*(ways[:, None] - obstacles[None]).transpose(2, 0, 1)).min() > 0.09
+    points = np.concatenate([np.linspace(a, b, 6)[:, :2] for a, b in itertools.pairwise(poses)])
+    assert np.hypot(*(points[:, None] - obstacles[None]).transpose(2, 0, 1)).min() > 0.09
 
 
 def test_after_repeated_bumps_it_tries_something_else():
@@ -146,7 +146,7 @@ def test_a_turn_that_is_stopped_teaches_nothing():
     pose, goal = estimate.pose, np.array([0.0, -1.5])
     for _ in range(20):
         action = controller.act(pose, planner.plan(at_pose(estimate, pose), goal))
-        # It turns on the spot, whatever it is told: its hull leans against something.
+        # It turns on the spot, whatever the command: its hull leans against something.
         pose = pose + np.array([0.0, 0.0, SWINGS[action][2]])
         goal = pose[:2] + 1.5 * np.array([np.sin(pose[2]), -np.cos(pose[2])])
     np.testing.assert_allclose(controller.motion[[1, 2]], np.array(SWINGS)[[1, 2]], atol=1e-9)

@@ -23,7 +23,7 @@ def _bumps(wall, yaw=0.0, motions=SWINGS) -> set[Action]:
 
 @pytest.mark.parametrize(("surface_m", "bumps"), [(0.325, True), (0.375, False)])
 def test_a_step_bumps_if_the_wall_is_nearer_than_step_and_hull(surface_m, bumps):
-    """36 cm are needed, less 1 cm that a map may err by; a wall behind or beside bars no step."""
+    """36 cm are needed, less 1 cm that a map may err by; a wall behind or at the side bars no step."""
     wall = (surface_m - 0.02, -1.0, surface_m + 0.02, 1.0)
     assert _bumps(wall) == ({Action.FORWARD} if bumps else set())
     assert not _bumps(wall, yaw=math.pi) and not _bumps(wall, yaw=math.pi / 2)
@@ -32,7 +32,7 @@ def test_a_step_bumps_if_the_wall_is_nearer_than_step_and_hull(surface_m, bumps)
 def test_a_turn_bumps_that_swings_the_hull_against_a_wall():
     """A wall 1.5 cm to the left of the hull, and turns that swing it by 2 cm; to the right of a robot that looks back.
 
-    No turn bumps of a base that turns about its middle, or whose turns nobody knows.
+    No turn bumps of a base that turns about its middle, or whose turns are unknown.
     """
     wall = (-1.0, 0.11, 1.0, 0.14)
     assert _bumps(wall) == {Action.LEFT}

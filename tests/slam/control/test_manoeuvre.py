@@ -1,4 +1,4 @@
-"""What goes before turns that would push the hull: held against going through every way to do it, cell by cell."""
+"""Manoeuvres before turns that would push the hull, compared with a search over all of them, cell by cell."""
 
 import numpy as np
 import pytest
@@ -22,7 +22,7 @@ def _easier(walls, turns, motion=MOTION, **options):
 
 
 class _ByCells:
-    """The same floor, gone through cell by cell."""
+    """The same floor, cell by cell."""
 
     def __init__(self, walls):
         estimate = floor(walls=walls)
@@ -52,8 +52,8 @@ class _ByCells:
                 price += 1 + PRICE * self.pushes(pose, 1 if action is Action.LEFT else -1)
             else:
                 price += 1
-                way = self.after(pose, action) - pose
-                parts = [self.room(pose + part * way) for part in (0.25, 0.5, 0.75, 1.0)]
+                shift = self.after(pose, action) - pose
+                parts = [self.room(pose + part * shift) for part in (0.25, 0.5, 0.75, 1.0)]
                 if min(parts) < min(self.room(pose) - 0.011, 0.019):
                     return np.inf
             pose = self.after(pose, action)
@@ -70,7 +70,7 @@ def test_nothing_goes_before_turns_in_the_open():
 
 
 @pytest.mark.parametrize("turns", [18, -18, 12])
-def test_no_way_into_the_open_is_cheaper(turns):
+def test_no_path_into_the_open_is_cheaper(turns):
     """Of all with up to four turns and four steps; none that it gives meets a wall. It costs less than half as much."""
     cells = _ByCells(DEAD_END)
     before, rest = _easier(DEAD_END, turns)
@@ -92,6 +92,6 @@ def test_without_steps_back_it_stays_in_the_dead_end():
     )
 
 
-def test_looking_around_takes_as_many_turns_from_beside():
+def test_looking_around_takes_as_many_turns_from_a_place_nearby():
     before, rest = _easier(DEAD_END, 36, around=True)
     assert Action.BACKWARD in before and rest == 36

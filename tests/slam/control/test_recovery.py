@@ -1,4 +1,4 @@
-"""A robot that meets what its map does not show finds another way, and one that was held goes on.
+"""A robot that meets an obstacle that its map does not show finds another path, and one that was held continues.
 
 Planner, controller and collision marks decide together here, in a world of cells that moves them exactly and stops the
 hull at the first touch. Glass stops the robot and is never on the map.
@@ -57,17 +57,17 @@ def test_after_a_bump_the_plan_leads_round_the_marks():
     after = Planner().plan(world.estimate(), goal)
     marks = world.frame.centres(world.marks.blocked)
     assert len(marks)
-    way = np.concatenate([np.linspace(a, b, 50) for a, b in itertools.pairwise(after.path)])
-    # The robot itself touches what it marked; a step on, the way keeps its distance.
-    way = way[np.hypot(*(way - world.pose[:2]).T) > 0.15]
-    assert np.hypot(*(way[:, None] - marks).transpose(2, 0, 1)).min() > 0.09
+    points = np.concatenate([np.linspace(a, b, 50) for a, b in itertools.pairwise(after.path)])
+    # The robot itself touches its mark; one step on, the path stays away from it.
+    points = points[np.hypot(*(points - world.pose[:2]).T) > 0.15]
+    assert np.hypot(*(points[:, None] - marks).transpose(2, 0, 1)).min() > 0.09
     assert before.length_m == pytest.approx(math.hypot(*(goal - [2.85, 2.0])), rel=0.01)
     assert before.length_m < after.length_m < 1.1 * before.length_m
 
 
 @pytest.mark.parametrize(("half_m", "decisions"), [(0.3, 120), (0.8, 280)])
 def test_a_pane_of_glass_is_passed_round(half_m, decisions):
-    """A pane across the straight way, up to 1.6 m wide: arrived after 58 and 182 decisions (18 without glass).
+    """A pane across the straight path, up to 1.6 m wide: arrived after 58 and 182 decisions (18 without glass).
 
     Marks and the controller's own memory of bumps both help: it takes both to be broken to push for ever.
     """
@@ -84,7 +84,7 @@ def test_when_a_door_is_glass_the_other_one_is_taken():
     world = GridWorld(solid, (1, 2.8, 0), glass=_glass(solid, (3, 2.5, 3.05, 3.1))).know_all()
     poses = _drive(world, (5, 2.8), 150)
     assert _off_m(world, (5, 2.8)) < 0.2
-    assert poses[np.argmax(poses[:, 0] > 3.0), 1] < 1.0, "the way must lead through the open door"
+    assert poses[np.argmax(poses[:, 0] > 3.0), 1] < 1.0, "the path must lead through the open door"
 
 
 @pytest.mark.parametrize(("depth_m", "width_m"), [(0.3, 0.4), (0.5, 0.5)])
@@ -120,10 +120,10 @@ def test_without_marks_a_stuck_robot_walks_off_all_the_same(half_m):
 
 
 @pytest.mark.parametrize(("slips", "decisions"), [(1, 60), (5, 100), (20, 250)])
-def test_after_its_wheels_slipped_the_robot_goes_on_through_the_only_way(slips, decisions):
-    """In a corridor 0.5 m wide marks made in error close the only way; it is tried again all the same.
+def test_after_its_wheels_slipped_the_robot_continues_through_the_only_passage(slips, decisions):
+    """In a corridor 0.5 m wide marks made in error close the only passage; it is tried again all the same.
 
-    A planner that took marks for walls would have no way until they fade after 150 decisions, or later.
+    A planner that treated marks as walls would find no path until they fade after 150 decisions, or later.
     """
     world = GridWorld(hall((6, 3), [(1.5, 0, 4.5, 1.25), (1.5, 1.75, 4.5, 3)]), (2, 1.5, 0)).know_all()
     world.slips = slips
@@ -167,7 +167,7 @@ def test_recovery_is_deterministic():
 
 
 def test_a_robot_pulled_to_and_fro_makes_up_its_mind():
-    """Before a wall, the goal changes sides at every decision: within 40 of them it has gone a step all the same.
+    """Before a wall, the goal changes sides at every decision: within 40 of them it makes a step all the same.
 
     Without going through with a heading it turns left and right until it counts as stuck, after 45. In a tight room the
     swing of the hull in turning does the same with a goal that stays.

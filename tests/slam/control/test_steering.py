@@ -1,4 +1,4 @@
-"""The learned local policy: what it is told is the robot's own view, and what it does with it."""
+"""The learned local policy: its inputs are in the robot's frame, and its outputs are actions."""
 
 import numpy as np
 import pytest
@@ -35,9 +35,9 @@ def senses(pose, goal):
 
 
 def test_the_view_turns_with_the_robot():
-    """In a corridor that looks the same both ways, a robot turned about with its goal behind it is told the same.
+    """In a symmetric corridor, a robot turned about with its goal behind it gets the same inputs.
 
-    Cells are symmetric about the middle, so only rounding of the way over cells is left.
+    Cells are symmetric about the middle, so only rounding of the path over cells is left.
     """
     there, back = senses((0.0, 0.0, 0.0), (2.0, 0.0)), senses((0.0, 0.0, np.pi), (-2.0, 0.0))
     assert there.shape == (INPUTS,)
@@ -46,8 +46,8 @@ def test_the_view_turns_with_the_robot():
     assert np.abs(across - there).max() > 0.5
 
 
-def test_mirrored_it_is_told_the_mirrored():
-    """A goal ahead on the left is told with y positive, on the right with y negative; x is ahead."""
+def test_mirrored_inputs_are_mirrored():
+    """A goal ahead on the left has y positive, on the right with y negative; x is ahead."""
     along = slice(121, 131)
     left = senses((0.0, 0.0, -0.6), (2.0, 0.0))[along].reshape(5, 2)
     right = senses((0.0, 0.0, 0.6), (2.0, 0.0))[along].reshape(5, 2)
@@ -57,7 +57,7 @@ def test_mirrored_it_is_told_the_mirrored():
 
 @pytest.mark.parametrize("action", PUBLISHED)
 def test_it_does_what_the_network_says(action):
-    """Weights that answer one action alone, whatever they are told, have it done; untrained parts say nothing."""
+    """Weights that answer one action alone, whatever the inputs, have it done; untrained parts add nothing."""
     weights = {name: np.zeros_like(w) for name, w in initial_weights(np.random.default_rng(0)).items()}
     weights["2.bias"][action] = 1.0
     estimate = corridor((0.0, 0.0, 0.3))
@@ -65,7 +65,7 @@ def test_it_does_what_the_network_says(action):
     assert LearnedController(weights, ControlConfig()).act(estimate.pose, plan) is action
 
 
-def test_a_wrong_file_is_told(tmp_path):
+def test_a_wrong_file_is_rejected(tmp_path):
     path = tmp_path / "steering.safetensors"
     save_file({"a": np.zeros(2, np.float32)}, path)
     with pytest.raises(

@@ -44,7 +44,7 @@ def test_turns_go_round_a_circle():
 
 
 def test_turns_push_where_they_bring_the_hull_nearer_than_its_room():
-    """A wall to the left: told turn by turn by going through the wall's cells; turns to the right push nowhere.
+    """A wall to the left: compared turn by turn with the wall's cells; turns to the right push nowhere.
 
     The turns that push are among the first nine: after a quarter round the circle leads away from the wall.
     """
@@ -69,9 +69,9 @@ def test_it_looks_around_to_the_side_that_is_free():
     for _ in range(50):
         estimate = floor(pose, walls=wall)
         action = controller.act(pose, Planner().plan(estimate, np.zeros(2)))
-        moved = swung(pose, np.array(SWINGS[action]), 1)
-        assert not pushes(moved, _around(estimate), 0.1)[-1]
-        pose = moved[-1]
+        turned = swung(pose, np.array(SWINGS[action]), 1)
+        assert not pushes(turned, _around(estimate), 0.1)[-1]
+        pose = turned[-1]
         seen.add(round(pose[2] / TURN_RAD) % 36)
     assert len(seen) == 36
 
@@ -96,10 +96,10 @@ def _leaves(reverses: bool, motions=SWINGS) -> tuple[list[Action], int]:
         plan = Planner().plan(estimate, np.array([-2.0, 0.0]))
         action = controller.act(pose, plan)
         done.append(action)
-        moved = swung(pose, np.array(motions[action]), 1)
+        turned = swung(pose, np.array(motions[action]), 1)
         if action in (Action.LEFT, Action.RIGHT):
-            pushed += int(pushes(moved, _around(estimate), 0.1)[-1])
-        pose = moved[-1]
+            pushed += int(pushes(turned, _around(estimate), 0.1)[-1])
+        pose = turned[-1]
         if np.hypot(*(pose[:2] - (-2.0, 0.0))) < 0.3:
             break
     return done, pushed

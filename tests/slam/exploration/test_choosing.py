@@ -56,7 +56,7 @@ def test_numpy_and_torch_agree():
 
 
 @pytest.mark.parametrize("content", [None, {}, {"own.weight": np.zeros((2, HIDDEN), np.float32)}])
-def test_a_wrong_file_is_told(content, tmp_path):
+def test_a_wrong_file_is_rejected(content, tmp_path):
     path = tmp_path / "explorer.safetensors"
     if content is not None:
         save_file(content, path)

@@ -1,6 +1,6 @@
 """Goals are frontiers, exploration sees all that the hull can reach, and then it ends.
 
-Nothing here depends on how short a frontier may be and still count: those asked for are at least 0.5 m long.
+Nothing here depends on how short a frontier may be and still count: those required are at least 0.5 m long.
 """
 
 import itertools
@@ -100,7 +100,7 @@ def test_the_nearest_frontier_may_lie_behind_and_the_cheapest_does_not():
 
 @pytest.mark.parametrize("walls_seen", [True, False])
 def test_a_map_without_frontiers_needs_one_look_around_and_no_more(walls_seen):
-    """Fully known: once around on the spot, 36 turns of 10 degrees and the decision for it, then done for good.
+    """Fully known: once around on the spot, 36 turns of 10 degrees and the decision for it, then exploration has ended.
 
     Also with walls that are known, but from too far to count as seen: nothing is to be found in them.
     """
@@ -108,9 +108,9 @@ def test_a_map_without_frontiers_needs_one_look_around_and_no_more(walls_seen):
     world.explored[world.solid] = walls_seen
     assert not _frontier_cells(world.estimate()).any()
     explorer = FrontierExplorer()
-    asked = [explorer.goal(world.estimate()) for _ in range(50)]
-    assert all((goal == world.pose[:2]).all() for goal in asked[:37])
-    assert asked[37:] == [None] * 13
+    goals = [explorer.goal(world.estimate()) for _ in range(50)]
+    assert all((goal == world.pose[:2]).all() for goal in goals[:37])
+    assert goals[37:] == [None] * 13
 
 
 def test_the_nearest_frontier_is_the_nearer_one_and_gain_prefers_the_larger():
@@ -184,7 +184,7 @@ def test_a_frontier_that_shows_nothing_new_is_given_up():
 
 
 def test_between_two_equal_ends_of_a_corridor_it_makes_up_its_mind():
-    """Started in the middle of 12 m, looking across: each end is gone to once, and the way turns round at most twice.
+    """Started in the middle of 12 m, looking across: each end is visited once, and the path turns round at most twice.
 
     A robot that dithers between the two never gets to either.
     """
@@ -199,7 +199,7 @@ def test_between_two_equal_ends_of_a_corridor_it_makes_up_its_mind():
     assert np.abs(step).sum() < 18, "out to one end and back to the other"
 
 
-def test_the_same_world_is_explored_the_same_way():
+def test_exploration_repeats_itself():
     """Goals and poses bit for bit."""
     first, second = (_explore(GridWorld(*WORLDS["two rooms"]), 30) for _ in range(2))
     np.testing.assert_array_equal(first[0], second[0])
@@ -207,7 +207,7 @@ def test_the_same_world_is_explored_the_same_way():
 
 
 @pytest.mark.parametrize("values", [{"candidates": 0}, {"every": 0}, {"patience": 0}])
-def test_settings_that_cannot_be_are_refused(values):
+def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         ExplorerConfig(**values)

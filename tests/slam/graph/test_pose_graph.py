@@ -29,7 +29,7 @@ def test_what_a_loop_shows_is_spread_over_the_steps_by_their_variances():
 
 
 def _ring(rng: np.random.Generator, count: int = 120) -> tuple[PoseGraph, np.ndarray]:
-    """A square way with noisy steps, and the true poses."""
+    """A square route with noisy steps, and the true poses."""
     true = [np.zeros(3)]
     for k in range(count - 1):
         turn = math.pi / 2 if k % (count // 4) == count // 4 - 1 else 0.0
@@ -65,12 +65,12 @@ def test_it_finds_what_another_solver_finds():
 
     def errors(values: np.ndarray) -> np.ndarray:
         poses = np.vstack([np.zeros(3), values.reshape(-1, 3)])
-        told = []
+        found = []
         for root, one in zip(roots, graph.constraints, strict=True):
             off = between(poses[one.first], poses[one.second]) - one.pose
             off[2] = (off[2] + math.pi) % (2 * math.pi) - math.pi
-            told.append(root @ off)
-        return np.concatenate(told)
+            found.append(root @ off)
+        return np.concatenate(found)
 
     judge = least_squares(errors, np.array(graph.poses[1:]).ravel(), xtol=1e-12, ftol=1e-12)
     graph.solve()
@@ -95,14 +95,14 @@ def test_wrong_loops_lose_their_weight(seed):
 
 
 def test_uncertainty_along_a_chain_is_that_of_many_chains():
-    """Of 4,000 noisy chains with turns, the ends spread as told, within 8 %."""
+    """Of 4,000 noisy chains with turns, the ends spread as estimated, within 8 %."""
     rng = np.random.default_rng(1)
     steps = [np.array([1.0, 0.1, 0.3])] * 6
     graph = PoseGraph(np.array([2.0, -1.0, 0.7]))
     for k, step in enumerate(steps):
         graph.add(compose(graph.poses[-1], step))
         graph.hold(Constraint(first=k, second=k + 1, pose=step, covariance=STEP))
-    told = graph.uncertainty(0)[6]
+    found = graph.uncertainty(0)[6]
     ends = []
     for _ in range(4000):
         pose = np.zeros(3)
@@ -110,10 +110,10 @@ def test_uncertainty_along_a_chain_is_that_of_many_chains():
             pose = compose(pose, step + rng.multivariate_normal(np.zeros(3), STEP))
         ends.append(pose)
     spread = np.cov(np.array(ends).T)
-    np.testing.assert_allclose(np.sqrt(np.diag(told)), np.sqrt(np.diag(spread)), rtol=0.08)
+    np.testing.assert_allclose(np.sqrt(np.diag(found)), np.sqrt(np.diag(spread)), rtol=0.08)
     # From the other end it is the same chain: the inverse of the last pose, seen from there.
     back = graph.uncertainty(6)[0]
-    assert np.linalg.det(back) == pytest.approx(np.linalg.det(told), rel=1e-6)
+    assert np.linalg.det(back) == pytest.approx(np.linalg.det(found), rel=1e-6)
 
 
 def test_a_loop_shortens_the_chain():

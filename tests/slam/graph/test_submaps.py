@@ -1,4 +1,4 @@
-"""Submaps fitted to each other: found where they belong, told apart where they do not, and only as sure as may be."""
+"""Submaps fitted to each other: matched where they belong, rejected otherwise, with a realistic covariance."""
 
 import math
 
@@ -60,7 +60,7 @@ def test_two_rooms_contradict_each_other():
     assert found is None or found.agreement < TrackerConfig().searched_agreement
 
 
-def test_a_corridor_says_nothing_of_the_way_along_it():
+def test_a_corridor_gives_no_information_along_it():
     """Fitted from 0.3 m off along a bare corridor: the place across is known to 4 cm, along it to 1 m at best."""
     corridor = [(-50, -1, 50, -1), (-50, 1, 50, 1)]
     poses = [np.array([x, 0.0, 0.0]) for x in (0.0, 0.5, 1.0)]
@@ -78,16 +78,16 @@ def test_a_corridor_says_nothing_of_the_way_along_it():
     assert turn_rad < math.radians(1)
 
 
-def test_information_of_a_room_is_kept():
+def test_information_of_a_room_is_unchanged():
     """Equal in all directions, it loses what the noise of normals makes, 2 %; a turn counts at 3 m as a shift."""
     scan = ScanPoints(points=np.array([[3.0, 0.0], [0.0, 3.0]]), normals=np.eye(2), weights=np.ones(2))
     information = np.diag([1e5, 1e5, 9e5])
     np.testing.assert_allclose(observed(information, scan), 0.98 * information, rtol=1e-6, atol=1e-6)
-    told_m = math.sqrt(covariance_of(information, scan, 0.002)[0, 0])
-    assert told_m == pytest.approx(math.hypot(0.002, 1 / math.sqrt(0.98e5)), rel=1e-3)
+    found_m = math.sqrt(covariance_of(information, scan, 0.002)[0, 0])
+    assert found_m == pytest.approx(math.hypot(0.002, 1 / math.sqrt(0.98e5)), rel=1e-3)
 
 
-def test_a_corner_to_one_side_tells_the_pose():
+def test_a_corner_to_one_side_determines_the_pose():
     """Two walls 4 m ahead, seen from where shifts and turns are much alike: all is known to 3 cm and half a degree."""
     rng = np.random.default_rng(0)
     at = rng.uniform(-1, 1, 200)
@@ -97,13 +97,13 @@ def test_a_corner_to_one_side_tells_the_pose():
     by_pose = np.column_stack([normals, points[:, 0] * normals[:, 1] - points[:, 1] * normals[:, 0]])
     information = by_pose.T @ by_pose / 0.02**2
     true = np.linalg.inv(information)
-    told = covariance_of(information, scan, 0.002)
-    assert np.all(np.linalg.eigvalsh(told - true) > -1e-9)
-    assert np.sqrt(np.diag(told))[:2].max() < 0.03
-    assert math.sqrt(told[2, 2]) < math.radians(0.5)
+    found = covariance_of(information, scan, 0.002)
+    assert np.all(np.linalg.eigvalsh(found - true) > -1e-9)
+    assert np.sqrt(np.diag(found))[:2].max() < 0.03
+    assert math.sqrt(found[2, 2]) < math.radians(0.5)
 
 
-def test_a_wall_right_ahead_tells_the_turn():
+def test_a_wall_right_ahead_determines_the_turn():
     """From 0.5 m it does so to 1.5 degrees, and nothing of the place along it."""
     wall = [(0.5, -3, 0.5, 3)]
     scan, _ = seen(ranges(wall, np.zeros(3)))

@@ -13,7 +13,7 @@ from slam.poses import between, compose
 from tests.slam.beams import along, ranges, rectangle, seen
 
 MATCHING = MatchConfig(max_range_m=12.0, sigma_m=0.02, outlier_m=0.06, iterations=12)
-# A ring 24 m x 16 m of corridors 2 m wide, with doors' recesses that tell places apart.
+# A ring 24 m x 16 m of corridors 2 m wide, with doors' recesses that distinguish places.
 RING = [
     *rectangle(0, 0, 24, 16),
     *rectangle(2, 2, 22, 14),
@@ -22,21 +22,21 @@ RING = [
     *[side for x in (4, 13, 19) for side in rectangle(x, 15.7, x + 0.9, 16)],
     *[side for y in (6, 11) for side in rectangle(0, y, 0.3, y + 0.9)],
 ]
-WAY = along([(1, 1), (23, 1), (23, 15), (1, 15), (1, 1), (23, 1), (23, 8)])
+ROUTE = along([(1, 1), (23, 1), (23, 15), (1, 15), (1, 1), (23, 1), (23, 8)])
 NOISE = np.diag([0.03, 0.03, 0.02]) ** 2
 
 
 def driven(loops: bool, seed: int = 0) -> tuple[Tracker, np.ndarray]:
-    """The tracker after the way, and distances from the truth [m]."""
+    """The tracker after the route, and distances from ground truth [m]."""
     rng = np.random.default_rng(seed)
     tracker = Tracker(TrackerConfig(loops=loops, match=MATCHING))
-    tracker.reset(WAY[0])
-    tracker.update(*seen(ranges(RING, WAY[0], rng)), np.zeros(3), 1e-10 * np.eye(3))
-    for before, pose in pairwise(WAY):
-        moved = between(before, pose) + rng.multivariate_normal(np.zeros(3), NOISE)
-        tracker.update(*seen(ranges(RING, pose, rng)), moved, NOISE)
+    tracker.reset(ROUTE[0])
+    tracker.update(*seen(ranges(RING, ROUTE[0], rng)), np.zeros(3), 1e-10 * np.eye(3))
+    for before, pose in pairwise(ROUTE):
+        displacement = between(before, pose) + rng.multivariate_normal(np.zeros(3), NOISE)
+        tracker.update(*seen(ranges(RING, pose, rng)), displacement, NOISE)
     tracker.finish()
-    return tracker, np.hypot(*(tracker.poses() - np.array(WAY))[:, :2].T)
+    return tracker, np.hypot(*(tracker.poses() - np.array(ROUTE))[:, :2].T)
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +45,7 @@ def closed():
 
 
 def test_loops_close_and_put_the_past_right(closed):
-    """103 m of way, the second round over the first: 3 cm between places 1 to 5 m apart, 0.6 of that without loops.
+    """103 m, the second round over the first: 3 cm between places 1 to 5 m apart, 0.6 of that without loops.
 
     The heading of the first scan, known to half a degree, moves the far side by 20 cm, loops or not.
     """
@@ -54,17 +54,17 @@ def test_loops_close_and_put_the_past_right(closed):
     assert tracker.closed > 5
     assert off_m.max() < 0.2
     with_loops, without = (
-        compare_trajectories(one.poses(), np.array(WAY)).rpe_m for one in (tracker, matched)
+        compare_trajectories(one.poses(), np.array(ROUTE)).rpe_m for one in (tracker, matched)
     )
     assert with_loops < min(0.03, 0.6 * without)
 
 
 def test_odometry_alone_is_far_off():
     """The same steps added up: metres, so that the test above tests something."""
-    rng, pose = np.random.default_rng(0), WAY[0]
-    for before, after in pairwise(WAY):
+    rng, pose = np.random.default_rng(0), ROUTE[0]
+    for before, after in pairwise(ROUTE):
         pose = compose(pose, between(before, after) + rng.multivariate_normal(np.zeros(3), NOISE))
-    assert math.hypot(*(pose - WAY[-1])[:2]) > 1.0
+    assert math.hypot(*(pose - ROUTE[-1])[:2]) > 1.0
 
 
 def test_one_seed_one_trajectory(closed):
@@ -102,14 +102,14 @@ def test_nothing_seen_leaves_odometry():
 def test_after_scans_that_saw_nothing_the_robot_is_found_again():
     """Four of them, while odometry loses it by 0.6 m: the next scan puts it within 0.1 m of where it is."""
     rng, tracker = np.random.default_rng(0), Tracker(TrackerConfig(match=MATCHING))
-    tracker.reset(WAY[0])
-    tracker.update(*seen(ranges(RING, WAY[0], rng)), np.zeros(3), 1e-10 * np.eye(3))
-    for before, pose in pairwise(WAY[:12]):
+    tracker.reset(ROUTE[0])
+    tracker.update(*seen(ranges(RING, ROUTE[0], rng)), np.zeros(3), 1e-10 * np.eye(3))
+    for before, pose in pairwise(ROUTE[:12]):
         tracker.update(*seen(ranges(RING, pose, rng)), between(before, pose), NOISE)
     for _ in range(4):
         tracker.update(*seen(np.full(271, np.inf)), np.array([0.1, 0.1, 0.0]), np.diag([0.2, 0.2, 0.05]) ** 2)
-    tracker.update(*seen(ranges(RING, WAY[11], rng)), np.zeros(3), NOISE)
-    assert np.hypot(*(tracker.pose - WAY[11])[:2]) < 0.1
+    tracker.update(*seen(ranges(RING, ROUTE[11], rng)), np.zeros(3), NOISE)
+    assert np.hypot(*(tracker.pose - ROUTE[11])[:2]) < 0.1
 
 
 def test_a_jump_leaves_open_what_the_match_does_not_say_by_decimetres_only() -> None:

@@ -32,7 +32,7 @@ X, Y = np.meshgrid((np.arange(64) + 0.5) * 0.05, (np.arange(64) + 0.5) * 0.05 - 
 
 
 def test_clearance_is_the_distance_to_the_wall():
-    """Facing a wall 2.13 m away: (2.13 - x) / 0.1 m in view, cut off at 1, to 1 cm; 0 beside the view of 90 degrees."""
+    """Facing a wall 2.13 m away: (2.13 - x) / 0.1 m in view, cut off at 1, to 1 cm; 0 outside of the view."""
     room = Room(high_xy=(2.13, 5.0), low_xy=(-3.0, -5.0))
     shown = Features().of(room.depth(np.zeros(3), size=128), UNKNOWN)
     view = np.abs(Y) < X - 0.05
@@ -82,10 +82,10 @@ def test_a_predictor_says_what_its_network_says():
             module(torch.randn(4, 7, 64, 64))
     module.eval()
     depth = Room().depth(np.array([0.3, -0.4, 0.5]), size=128)
-    told = MapPredictor(module.network()).predict(scan_from_depth(depth, CameraModel()), UNKNOWN)
+    predicted = MapPredictor(module.network()).predict(scan_from_depth(depth, CameraModel()), UNKNOWN)
     with torch.no_grad():
         expected = module(torch.from_numpy(Features().of(depth, UNKNOWN))[None])[0, OBSTACLE].numpy()
-    np.testing.assert_allclose(told.obstacle, expected, atol=1e-4)
+    np.testing.assert_allclose(predicted.obstacle, expected, atol=1e-4)
     assert 200_000 < module.network().parameters < 1_000_000
 
 
@@ -104,21 +104,21 @@ def test_a_prediction_is_the_same_after_any_copying():
 
 
 def test_scores_count_cells():
-    """Four cells by hand: told 0.9, 0.8, 0.2, 0.4, true 1, 0, 0, 1, all seen.
+    """Four cells by hand: predicted 0.9, 0.8, 0.2, 0.4, true 1, 0, 0, 1, all seen.
 
     Overlap 1 of 3; squares .01 + .64 + .04 + .36 = 1.05 / 4; gaps .1 + .8 + .2 + .6 = 1.7 / 4 with a bin each.
     """
     scores = PatchScores()
-    told = np.array([[0.9, 0.8], [0.2, 0.4]])
+    predicted = np.array([[0.9, 0.8], [0.2, 0.4]])
     true = np.array([[True, False], [False, True]])
     all_cells = np.ones((2, 2), bool)
-    scores.add(told, true, all_cells, all_cells)
+    scores.add(predicted, true, all_cells, all_cells)
     got = scores.result()
     assert got["iou_seen"] == pytest.approx(1 / 3)
     assert got["brier_seen"] == pytest.approx(1.05 / 4)
     assert got["calibration_error_seen"] == pytest.approx(1.7 / 4)
     assert np.isnan(got["iou_hidden"])
-    scores.add(told, true, ~all_cells, all_cells)
+    scores.add(predicted, true, ~all_cells, all_cells)
     assert scores.result()["iou_hidden"] == pytest.approx(1 / 3)
     assert scores.result()["iou_hidden_floor"] == pytest.approx(1 / 3)
 

@@ -15,8 +15,8 @@ OPEN = np.zeros(FRAME.shape, np.float32)
 POSES = [(0.013, 0.021, 0.0), (0.3, -0.4, math.pi / 2), (-0.2, 0.6, 2.1), (0.0, 0.0, -0.7)]
 
 
-def _stop(marks, pose, *, step=1, obstacle=OPEN, gone_m=0.0) -> bool:
-    return marks.update(step, Action.FORWARD, np.array([gone_m, 0.0, 0.0]), np.array(pose, float), obstacle)
+def _stop(marks, pose, *, step=1, obstacle=OPEN, driven_m=0.0) -> bool:
+    return marks.update(step, Action.FORWARD, np.array([driven_m, 0.0, 0.0]), np.array(pose, float), obstacle)
 
 
 def _in_robot(marks, pose):
@@ -32,7 +32,7 @@ def _in_robot(marks, pose):
 def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
     """From the hull to 0.1 m before it, within half a cell's diagonal (0.036 m); the point of contact is marked.
 
-    Nothing beside or behind the robot is, and nothing under it: it must be able to leave.
+    Nothing at its sides or behind it is, and nothing under it: it must be able to leave.
     """
     marks = CollisionMarks(FRAME, CollisionConfig(radius_m=radius_m))
     assert _stop(marks, pose)
@@ -46,7 +46,7 @@ def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
 
 
 @pytest.mark.parametrize(
-    ("action", "gone_m", "stopped"),
+    ("action", "driven_m", "stopped"),
     [
         (Action.FORWARD, 0.0, True),
         (Action.FORWARD, 0.19, True),
@@ -58,11 +58,11 @@ def test_a_stop_marks_the_cells_before_the_hull(pose, radius_m):
         (Action.RIGHT, 0.0, False),
     ],
 )
-def test_only_a_step_that_falls_short_is_a_stop(action, gone_m, stopped):
+def test_only_a_step_that_falls_short_is_a_stop(action, driven_m, stopped):
     """Shorter than 0.2 m of 0.25 m; turns go nowhere by design and mark nothing."""
     marks = CollisionMarks(FRAME)
-    moved = np.array([gone_m, 0.0, 0.0])
-    assert marks.update(1, action, moved, np.zeros(3), OPEN) == stopped
+    displacement = np.array([driven_m, 0.0, 0.0])
+    assert marks.update(1, action, displacement, np.zeros(3), OPEN) == stopped
     assert marks.blocked.any() == stopped
 
 
@@ -101,14 +101,14 @@ def test_marks_widen_while_the_robot_goes_on_bumping_up_to_a_bound():
     assert (np.diff(widths) >= 0).all()
     assert widths[3] > widths[1] > widths[0]
     assert widths[-1] == widths[-2] <= 0.45 + 0.05
-    _stop(marks, (0.0, 0.025, 0.0), step=9, gone_m=FORWARD_M)
+    _stop(marks, (0.0, 0.025, 0.0), step=9, driven_m=FORWARD_M)
     marks.blocked[:] = False
     _stop(marks, (0.0, 0.025, 0.0), step=10)
     assert np.ptp(_in_robot(marks, (0.0, 0.025, 0.0))[:, 1]) == pytest.approx(widths[0])
 
 
 def test_marks_fade_and_a_second_bump_lasts_twice_as_long():
-    """Made at decision 1: there at 150, gone at 151. Made again in the same place at 200: there at 499, gone at 500."""
+    """Made at decision 1: removed at 151. Made again in the same place at 200: there at 499, removed at 500."""
     marks, pose = CollisionMarks(FRAME), (0.0, 0.025, 0.0)
     turn = np.array([0.0, 0.0, 0.1])
 
@@ -119,13 +119,13 @@ def test_marks_fade_and_a_second_bump_lasts_twice_as_long():
     _stop(marks, pose, step=1)
     assert standing(150)
     assert not standing(151)
-    _stop(marks, pose, step=200, gone_m=0.15)
+    _stop(marks, pose, step=200, driven_m=0.15)
     assert standing(499)
     assert not standing(500)
 
 
 def test_the_hull_takes_marks_off_where_it_stands():
-    """Brute force: gone are exactly those whose centres are nearer than the radius."""
+    """Brute force: removed are exactly those whose centres are nearer than the radius."""
     marks = CollisionMarks(FRAME)
     marks.blocked[30:60, 30:60] = True
     before = marks.blocked.copy()
@@ -157,7 +157,7 @@ def test_a_stop_at_the_edge_of_the_map_is_no_error():
 
 
 @pytest.mark.parametrize("values", [{"radius_m": 0.0}, {"short_m": 0.3}, {"short_m": 0.0}])
-def test_settings_that_cannot_be_are_refused(values):
+def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         CollisionConfig(**values)

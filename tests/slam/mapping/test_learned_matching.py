@@ -1,4 +1,4 @@
-"""The learned pose: its loss, its training pairs, and how what it tells is put together with odometry."""
+"""The learned pose: its loss, its training pairs, and how it combines with odometry."""
 
 import math
 
@@ -37,7 +37,7 @@ def _pairs(count: int, seed: int = 0) -> Pairs:
     """A corner of two walls seen as it is: where the map is cut off the true pose, both do not fit."""
     rng = np.random.default_rng(seed)
     y, x = np.indices(AHEAD.shape)
-    beliefs, scans, moved = [], [], []
+    beliefs, scans, displacements = [], [], []
     for _ in range(count):
         wall = (np.abs(x - rng.integers(30, 50)) < 2) | (np.abs(y - rng.integers(15, 50)) < 2)
         belief = np.where(wall, 127, -127).astype(np.int8)
@@ -45,8 +45,8 @@ def _pairs(count: int, seed: int = 0) -> Pairs:
         seen = cut_ahead(belief.astype(np.float32), AHEAD, step, beyond=0.0).astype(np.int8)
         beliefs.append(belief)
         scans.append(np.stack([seen] * 4))
-        moved.append(step)
-    return Pairs(scan=np.array(scans), belief=np.array(beliefs), moved=np.array(moved))
+        displacements.append(step)
+    return Pairs(scan=np.array(scans), belief=np.array(beliefs), displacement=np.array(displacements))
 
 
 def test_pairs_fit_once_the_offset_is_undone():
@@ -66,10 +66,10 @@ def test_pairs_fit_once_the_offset_is_undone():
     assert np.mean(off[-1]) > 2 * np.mean(off[1])
 
 
-def test_it_learns_to_tell_the_offset():
+def test_it_learns_the_offset():
     """300 batches of clean corners: less than 0.6 of the error in place is left, and half of that in heading.
 
-    Measured 0.45 and 0.26. The matrix told is right within a factor of two, and a run is the same again.
+    Measured 0.45 and 0.26. The matrix is right within a factor of two, and a run is the same again.
     """
     size = PoseNetworkConfig(widths=(8, 16, 16, 32), hidden=32)
     recipe = PoseRecipe(network=size, steps=300, batch=32, rate=3e-3)
@@ -106,8 +106,8 @@ def _match(network: PoseNetwork, predicted: np.ndarray, covariance: np.ndarray, 
     return matcher.match(scan, occupancy, predicted, covariance)
 
 
-def test_what_is_told_and_odometry_are_put_together_as_normals():
-    """The network tells the posterior of a likelihood and its training prior, odometry has another, turned one.
+def test_network_and_odometry_combine_as_normals():
+    """The network gives the posterior of a likelihood and its training prior; odometry has another, rotated prior.
 
     The result is the product of that prior and the likelihood in closed form: to 1e-5.
     """

@@ -22,7 +22,7 @@ BIAS = np.array([[0.01, -0.005, 0.003], [0.005, 0.02, -0.004], [-0.004, -0.018, 
 
 
 def _drive(mapper, room, actions, *, bias=None, rng=None, start=START):
-    """Poses, true and estimated, along a way; the displacements carried out are nominal."""
+    """Poses, true and estimated, along a route; the displacements carried out are nominal."""
     pose = start.copy()
     mapper.reset(start)
     mapper.update(room.depth(pose))
@@ -122,14 +122,14 @@ def test_biased_and_noisy_odometry_stays_below_five_centimetres():
     off = np.hypot(*(true - found)[:, :2].T)
     assert off.max() < 0.05
     assert _off_cell_m(room, _obstacles(mapper.estimate())).max() < 0.05
-    reckoned, worst = START, 0.0
+    dead_reckoning, worst = START, 0.0
     for action, pose in zip(ROUND, true[1:], strict=True):
-        reckoned = compose(reckoned, MOTION[action] + BIAS[action])
-        worst = max(worst, float(np.hypot(*(reckoned - pose)[:2])))
+        dead_reckoning = compose(dead_reckoning, MOTION[action] + BIAS[action])
+        worst = max(worst, float(np.hypot(*(dead_reckoning - pose)[:2])))
     assert worst > 0.4, "the readings must need correction"
 
 
-def test_a_bias_that_nobody_calibrated_is_learned():
+def test_an_uncalibrated_bias_is_learned():
     """A step that reads 1 cm long and a turn that reads 2 cm sideways: within 4 mm after two rounds."""
     mapper = ClassicalMapper()
     true, found = _drive(mapper, Room(), ROUND, bias=BIAS)

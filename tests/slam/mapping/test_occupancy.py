@@ -70,9 +70,9 @@ def test_a_wall_entered_in_error_clears_after_contrary_looks(looks):
         _enter(grid, _flat(2.02))
     cleared = []
     for k in range(1, 30):
-        rows, columns, gone = grid.integrate(_flat(2.02, reach_m=4.0), ORIGIN, CAMERA.height_m, DOWN)
+        rows, columns, changed = grid.integrate(_flat(2.02, reach_m=4.0), ORIGIN, CAMERA.height_m, DOWN)
         iy, ix = grid.frame.index(np.array([2.025, 0.025]))
-        if gone[iy - rows.start, ix - columns.start]:
+        if changed[iy - rows.start, ix - columns.start]:
             cleared.append(k)
         if _at(grid, 2.025, 0.025) >= 0:
             still = k
@@ -100,7 +100,7 @@ def test_the_order_of_looks_does_not_matter_below_the_bound():
 
 @pytest.mark.parametrize("yaw", [0.0, 0.3, math.pi / 2, -2.0])
 def test_free_is_what_lies_in_view_before_the_wall(yaw):
-    """Brute force over all cells: in the wedge of view, nearer than the walls and than 5 m, free; elsewhere untouched.
+    """Brute force over all cells: in the wedge of view, nearer than the walls and than 5 m, free; others unchanged.
 
     Cells within two of the borders of wedge and range may be either, and within three of walls: seen at a grazing
     angle, one column takes in that much. No cell is both free and hit by one look.
@@ -193,7 +193,7 @@ def test_a_view_box_holds_everything_that_a_scan_changes():
 
 
 @pytest.mark.parametrize("values", [{"hit": 0.0}, {"miss": -0.1}, {"limit": 0.0}, {"explored_range_m": 9.0}])
-def test_weights_that_cannot_be_are_refused(values):
+def test_impossible_weights_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         OccupancyConfig(**values)

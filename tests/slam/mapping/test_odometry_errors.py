@@ -28,20 +28,20 @@ def test_a_calibration_finds_mean_and_covariance():
         np.testing.assert_allclose(scaled, COVARIANCE / np.outer(deviation, deviation), atol=0.1)
 
 
-def test_the_mean_is_known_as_well_as_its_runs_tell():
-    """Over many calibrations of 25 runs, errors of the mean are as large as the covariance that is kept says."""
+def test_the_covariance_of_the_mean_is_correct():
+    """Over many calibrations of 25 runs, errors of the mean are as large as the stored covariance."""
     rng = np.random.default_rng(1)
-    errors, told = [], []
+    errors, covariances = [], []
     for _ in range(400):
         corrector = OdometryCorrector(calibrated({action: samples(rng, 25) for action in Action}))
         errors.append(corrector.bias[L] - MEAN)
-        told.append(corrector.bias_covariance[L])
-    spread = np.mean([e @ np.linalg.solve(c, e) for e, c in zip(errors, told, strict=True)])
+        covariances.append(corrector.bias_covariance[L])
+    spread = np.mean([e @ np.linalg.solve(c, e) for e, c in zip(errors, covariances, strict=True)])
     # Hotelling's T^2 of 25 samples: 3 * 24 / 21.
     assert spread == pytest.approx(3 * 24 / (25 - 3 - 1), rel=0.15)
 
 
-def test_too_few_runs_are_refused():
+def test_too_few_runs_are_rejected():
     runs = {action: np.zeros((9, 3)) for action in Action}
     with pytest.raises(ValueError, match="forward was run 9 times"):
         calibrated(runs)
@@ -50,8 +50,8 @@ def test_too_few_runs_are_refused():
 def test_odometry_without_errors_is_believed():
     """To a micrometre and a microradian, with no number that is none."""
     corrector = OdometryCorrector(calibrated({action: np.zeros((20, 3)) for action in Action}))
-    moved, covariance = corrector.correct(F, np.array([0.25, 0, 0]))
-    assert (moved == [0.25, 0, 0]).all()
+    displacement, covariance = corrector.correct(F, np.array([0.25, 0, 0]))
+    assert (displacement == [0.25, 0, 0]).all()
     assert 0 < np.linalg.eigvalsh(covariance).min() <= np.linalg.eigvalsh(covariance).max() < 4e-12
 
 
@@ -77,7 +77,7 @@ def test_a_constant_that_drifts_is_followed():
 
 
 def test_a_slip_teaches_nothing():
-    """Wheels that turned on the spot: 10 cm that nobody moved leave the constants as they were."""
+    """Wheels that turned on the spot: 10 cm without motion leave the constants unchanged."""
     rng = np.random.default_rng(4)
     corrector = OdometryCorrector(calibrated({action: samples(rng, 30) for action in Action}))
     before = corrector.bias[F].copy()
@@ -93,7 +93,7 @@ def test_a_slip_teaches_nothing():
         (((float("nan"), 0, 0), (0, 1.0, 0), (0, 0, 1.0)), "three rows of three numbers"),
     ],
 )
-def test_what_is_no_covariance_is_refused(covariance, message):
+def test_invalid_covariances_are_rejected(covariance, message):
     with pytest.raises(ValueError, match=message):
         ActionError(covariance=covariance)
 
@@ -107,7 +107,7 @@ def test_guesses_are_learned_fast():
     assert np.abs(corrector.bias[R, :2] - MEAN[:2]).max() < 2e-3
 
 
-def test_a_step_back_nobody_measured_is_a_step_forward_undone():
+def test_an_unmeasured_step_back_reverses_a_step_forward():
     """Constant parts and motion negated, the random part the same; measured, it is taken as it was found."""
     rng = np.random.default_rng(3)
     errors = {action: samples(rng, 50) for action in (F, L, R)}

@@ -43,10 +43,10 @@ def _push(pose: np.ndarray, x_m: float, y_m: float, turned_deg: float = 0.0) -> 
 
 @pytest.mark.parametrize("direction_deg", range(0, 360, 45))
 def test_a_robot_pushed_by_half_a_metre_finds_itself(direction_deg):
-    """Whichever way: within 3 cm and 1 degree when it has turned by 90 degrees (measured 0.6 cm, 0.1 degrees).
+    """Either side: within 3 cm and 1 degree when it has turned by 90 degrees (measured 0.6 cm, 0.1 degrees).
 
     It faces the middle of a wall at first, where a push to the side shows nothing yet. Matching alone keeps the error
-    of 0.5 m for good.
+    of 0.5 m permanently.
     """
     room = Room()
     mapper, pose = _mapped(room)
@@ -93,7 +93,9 @@ def test_while_the_robot_is_lost_the_map_stays_as_it_was():
         if lost[-1]:
             assert from_robot <= 3, "only the cells under the hull, which are always free"
     assert sum(lost) >= 5, "another room must be noticed"
-    assert sum(lost) <= RelocalizationConfig().tries, "a changed building must not blind the mapper for good"
+    assert sum(lost) <= RelocalizationConfig().tries, (
+        "a changed building must not blind the mapper permanently"
+    )
 
 
 def test_a_new_room_is_no_reason_for_doubt():
@@ -123,7 +125,7 @@ def test_a_bare_wall_is_no_reason_for_doubt():
 
 
 @pytest.mark.parametrize("values", [{"settled": 0.5}, {"search_m": 0.0}, {"contradiction": 2.0}])
-def test_settings_that_cannot_be_are_refused(values):
+def test_impossible_settings_are_rejected(values):
     """By name."""
     with pytest.raises(ValueError, match=next(iter(values))):
         RelocalizationConfig(**values)

@@ -1,4 +1,4 @@
-"""A scan finds the pose at which it was taken, as far as the walls tell it, and no further."""
+"""A scan finds the pose at which it was taken, as far as the walls determine it, and no further."""
 
 import math
 from dataclasses import replace
@@ -101,7 +101,7 @@ def test_a_wall_close_by_holds_the_heading_as_well_as_one_far_away():
         assert 1 / math.sqrt(match.information[2, 2]) < math.radians(0.2)
 
 
-def test_a_wall_at_the_far_end_of_the_range_still_tells_the_heading():
+def test_a_wall_at_the_far_end_of_the_range_still_determines_the_heading():
     """At 7 m points err by 2 cm: 12 m of wall hold the heading within 0.2 degrees, and what is drawn ends before it."""
     surfaces, pose = _before_a_wall(7.0)
     scan = _points(Room(low_xy=(-10.0, -10.0), high_xy=(7.0, 10.0)), pose)
@@ -123,12 +123,12 @@ def test_what_errs_by_more_is_wild_only_farther_away():
         off = replace(scan, points=scan.points + np.array([0.05, 0.0]))
         exact = replace(off, sigma_m=np.full(len(off.points), 1e-3))
         odd = np.arange(len(off.points)) % 3 == 0
-        told, sure = (
+        moderate, sure = (
             replace(scan, points=np.where(odd[:, None], one.points, scan.points), sigma_m=one.sigma_m)
             for one in (replace(off, sigma_m=scan.sigma_m), exact)
         )
-        moved = [match_scan(surfaces, one, pose, TRUST_ODOMETRY_LITTLE).pose[0] for one in (told, sure)]
-        pulls.append(abs(moved[0]) - abs(moved[1]))
+        offsets = [match_scan(surfaces, one, pose, TRUST_ODOMETRY_LITTLE).pose[0] for one in (moderate, sure)]
+        pulls.append(abs(offsets[0]) - abs(offsets[1]))
     assert pulls[0] > 0.002
     assert abs(pulls[1]) < 0.001
 

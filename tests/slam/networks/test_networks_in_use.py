@@ -33,8 +33,8 @@ def test_the_shipped_pose_says_what_pytorch_says():
     patches = shown(3, INPUTS)
     with torch.inference_mode():
         expected = PoseModule.of(network)(torch.from_numpy(patches))
-    for told, wanted in zip(network(patches), expected, strict=True):
-        np.testing.assert_allclose(told, wanted.numpy(), atol=1e-5)
+    for found, wanted in zip(network(patches), expected, strict=True):
+        np.testing.assert_allclose(found, wanted.numpy(), atol=1e-5)
 
 
 @pytest.mark.parametrize("widths", [(4,), (3, 5), (4, 6, 8, 10, 12)])
@@ -61,7 +61,7 @@ def test_shapes_are_those_that_pytorch_makes(widths):
         assert module.network().parameters == counted
 
 
-def test_weights_that_do_not_fit_are_refused():
+def test_weights_that_do_not_fit_are_rejected():
     weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
     with pytest.raises(ValueError, match="other names, shapes"):
         MapNetwork(weights, NetworkConfig(widths=(4, 8)))

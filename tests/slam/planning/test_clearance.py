@@ -22,7 +22,7 @@ def _strewn(density: float) -> tuple[Clearance, np.ndarray]:
 @pytest.mark.parametrize("density", [0.003, 0.01, 0.03])
 @pytest.mark.parametrize("sharp_m", [0.1, 0.18, 0.3])
 def test_cells_are_exact_where_it_decides(density, sharp_m):
-    """The best of five points where their centres leave it open, to a micrometre; elsewhere to 0.71 of a cell."""
+    """The best of five points where their centres leave it open, to a micrometre; otherwise to 0.71 of a cell."""
     clearance, surfaces = _strewn(density)
     found = clearance.cells(sharp_m).ravel()
     centres = clearance.frame.centres(np.ones(clearance.frame.shape, bool))

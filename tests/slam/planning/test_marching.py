@@ -36,11 +36,11 @@ def test_grids_of_one_row_or_column(shape):
 
 
 @pytest.mark.parametrize("source", [(-1, 0), (0, 4), (3, 0)])
-def test_a_source_outside_is_refused(source):
+def test_a_source_outside_is_rejected(source):
     with pytest.raises(ValueError, match="expected a cell of the 3 x 4 grid"):
         march(np.ones((3, 4)), source, 1.0)
 
 
-def test_a_source_in_a_wall_is_refused():
+def test_a_source_in_a_wall_is_rejected():
     with pytest.raises(ValueError, match="expected more than 0"):
         march(np.zeros((3, 4)), (1, 1), 1.0)

@@ -29,7 +29,7 @@ def _gap(estimate: MapEstimate, path) -> float:
 
 
 @pytest.mark.parametrize("goal", [(2.0, 0.0), (1.5, 1.2), (-2.0, -1.3)])
-def test_in_the_open_the_way_is_the_straight_line(goal):
+def test_in_the_open_the_path_is_straight(goal):
     """From start to goal exactly, at most 1 % longer than straight and within 5 cm of the line."""
     plan = Planner().plan(floor(), np.array(goal))
     straight = math.hypot(*goal)
@@ -43,7 +43,7 @@ def test_in_the_open_the_way_is_the_straight_line(goal):
 
 
 @pytest.mark.parametrize("gap_cells", [5, 6, 10])
-def test_a_way_leads_through_a_door_just_wider_than_the_hull(gap_cells):
+def test_a_path_leads_through_a_door_just_wider_than_the_hull(gap_cells):
     """Obstacles are cell centres: n free cells leave (n + 1) cells of 5 cm; 0.3 m for a hull 0.2 m wide at n = 5."""
     estimate = divided(gap_cells)
     plan = Planner().plan(estimate, np.array([1.5, 0.1]))
@@ -55,7 +55,7 @@ def test_a_way_leads_through_a_door_just_wider_than_the_hull(gap_cells):
 
 
 @pytest.mark.parametrize("gap_cells", [0, 1, 2])
-def test_no_way_leads_through_a_door_narrower_than_the_hull(gap_cells):
+def test_no_path_leads_through_a_door_narrower_than_the_hull(gap_cells):
     """At n = 2 the door is 0.15 m wide, and the hull 0.2 m: even with 2 cm of overlap a side it does not fit.
 
     The plan ends on the robot's side, as near to the goal as the wall allows.
@@ -77,7 +77,7 @@ def test_a_larger_hull_does_not_pass_where_a_smaller_one_does():
 
 
 def test_a_goal_in_an_obstacle_is_replaced_by_the_nearest_spot_the_hull_reaches():
-    """A block of 0.8 m x 0.8 m, the goal 0.1 m inside its near face: the way ends in front of that face.
+    """A block of 0.8 m x 0.8 m, the goal 0.1 m inside its near face: the path ends in front of that face.
 
     The hull may come to 0.1 m of the outermost obstacle centre, at x = 0.625; so the end is near (0.5, 0), within
     two cells, and not inside.
@@ -90,8 +90,8 @@ def test_a_goal_in_an_obstacle_is_replaced_by_the_nearest_spot_the_hull_reaches(
     np.testing.assert_allclose(plan.path[-1], plan.goal_xy, atol=1e-6)
 
 
-def test_round_an_obstacle_the_way_is_the_taut_string_about_the_inflated_corner():
-    """A wall from below to y = 0.5 between start and goal bounds the way from both sides.
+def test_round_an_obstacle_the_path_is_the_taut_string_about_the_inflated_corner():
+    """A wall from below to y = 0.5 between start and goal bounds the length from both sides.
 
     At least the string about its bare end, at most 10 % more than about the end inflated by the hull.
     """
@@ -113,12 +113,12 @@ def test_a_goal_off_the_map_gives_a_finite_path(goal):
 
 
 def _niche(pose) -> MapEstimate:
-    """A hall, off which a niche leads along +x from x = 0: 0.3 m wide, 1.5 m deep, 5 cm beside the hull."""
+    """A hall, off which a niche leads along +x from x = 0: 0.3 m wide, 1.5 m deep, 5 cm on each side of the hull."""
     return floor(pose, walls=[(0.0, -2.0, 1.5, -0.1), (0.0, 0.15, 1.5, 2.0)])
 
 
 def test_a_goal_to_be_looked_at_is_looked_at_from_where_the_hull_can_turn():
-    """The goal is 0.7 m deep in a niche with 5 cm beside the hull: the way ends before that, in line with it."""
+    """The goal is 0.7 m deep in a niche with 5 cm on each side of the hull: the path ends before it, in its line."""
     estimate, goal = _niche((-1.5, 0.0, 0.0)), np.array([0.7, 0.02])
     into, look = Planner().plan(estimate, goal), Planner().plan(estimate, goal, look=True)
     np.testing.assert_allclose(into.path[-1], goal, atol=0.03)
@@ -134,7 +134,7 @@ def test_in_the_open_a_goal_is_looked_at_from_itself():
     np.testing.assert_allclose(plan.path[-1], [1.5, 1.2], atol=1e-9)
 
 
-def test_on_a_map_of_nothing_the_way_is_straight():
+def test_on_an_empty_map_the_path_is_straight():
     """All unknown: passable, so the straight line."""
     frame = GridFrame(origin_xy=(-4.0, -4.0), shape=(160, 160))
     nothing = np.zeros(frame.shape, bool)
@@ -151,26 +151,26 @@ def test_on_a_map_of_nothing_the_way_is_straight():
 
 
 def test_a_robot_inside_an_obstacle_is_let_out():
-    """The map errs by 5 cm at a wall: a way out exists all the same."""
+    """The map errs by 5 cm at a wall: a path out exists all the same."""
     plan = Planner().plan(floor((0.0, 1.93, 0.0)), np.array([0.0, 0.0]))
     assert plan.reachable
     assert math.isfinite(plan.length_m)
 
 
-def test_along_the_way_what_remains_gets_shorter():
+def test_along_the_path_the_rest_gets_shorter():
     """Carried along its own path, the planner keeps to it: each 0.1 m less by 0.1 m, within 3 cm."""
     estimate, planner, goal = divided(10), Planner(), np.array([1.5, 0.8])
     plan = planner.plan(estimate, goal)
-    way = _samples(plan.path)
-    gone = np.append(0, np.cumsum(np.hypot(*np.diff(way, axis=0).T)))
-    for s in np.arange(0.1, gone[-1] - 0.2, 0.1):
-        here = way[np.searchsorted(gone, s)]
+    points = _samples(plan.path)
+    arc_length = np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T)))
+    for s in np.arange(0.1, arc_length[-1] - 0.2, 0.1):
+        here = points[np.searchsorted(arc_length, s)]
         now = planner.plan(at_pose(estimate, (*here, 0.0)), goal)
         assert now.reachable
-        assert now.length_m == pytest.approx(gone[-1] - s, abs=0.06)
+        assert now.length_m == pytest.approx(arc_length[-1] - s, abs=0.06)
 
 
-def test_a_goal_that_is_not_finite_is_refused():
+def test_a_goal_that_is_not_finite_is_rejected():
     """Not planned for."""
     with pytest.raises(ValueError, match="goal_xy"):
         Planner().plan(floor(), np.array([math.nan, 0.0]))
@@ -200,7 +200,7 @@ def _driven(estimate: MapEstimate, goal: np.ndarray, decisions: int) -> np.ndarr
 
 
 def test_a_neck_that_only_coarse_cells_pass_is_not_tried_again_and_again():
-    """On the straight way stands a wall with a gap of 0.2 m, which the hull fills; a door is 12 m beside it.
+    """On the straight path stands a wall with a gap of 0.2 m, which the hull fills; a door is 12 m aside.
 
     From far off, on cells twice as large, the gap looks open; before it, it is not. The robot goes there once at most:
     7 m to the gap, 12 m to the door, 14 m from there.

@@ -59,10 +59,10 @@ def test_round_the_end_of_a_wall_the_time_is_the_taut_string():
     # Corners of the free cells that touch the end of the wall: row 40, columns 39.5 and 40.5, in centre coordinates.
     string = CELL * (2 * math.hypot(39.5 - 10, 39.5 - 20) + 1)
     assert field.cost_m[goal] == pytest.approx(string, abs=2 * CELL)
-    assert field.cost_m[goal] > CELL * 40 + 0.5, "the way must not lead through the wall"
+    assert field.cost_m[goal] > CELL * 40 + 0.5, "the path must not lead through the wall"
 
 
-def test_no_way_leads_through_a_closed_wall():
+def test_a_closed_wall_is_impassable():
     """Infinite behind it and in it, finite before it."""
     frame = _frame(20, 30)
     cost, passable = _open(20, 30)
@@ -95,7 +95,7 @@ def test_straight_legs_cost_their_length_and_walls_stop_them():
     np.testing.assert_allclose(field.of_legs(start, ends), [2.0, 2.0, np.inf, np.inf], atol=1e-9)
 
 
-def test_a_source_off_the_grid_is_refused():
+def test_a_source_off_the_grid_is_rejected():
     """And says which."""
     with pytest.raises(ValueError, match="source"):
         travel_time(_frame(5, 5), *_open(5, 5), (5, 0))

@@ -1,4 +1,4 @@
-"""The patch ahead of the robot is the map turned into its frame, or what its camera alone tells of it."""
+"""The patch ahead of the robot is the map turned into its frame, or what its camera alone shows of it."""
 
 import math
 
@@ -52,7 +52,7 @@ def test_at_quarter_turns_the_patch_is_a_turned_cut_of_the_map(quarter):
         2: np.s_[48:112, 36:100],
         -1: np.s_[16:80, 68:132],
     }[quarter]
-    # y is up, so `rot90` turns the other way round than on paper: +1 brings +y to +x.
+    # y is up, so `rot90` turns opposite to its direction on paper: +1 brings +y to +x.
     expected = np.stack([np.rot90(a[cut], quarter) for a in (estimate.obstacle, estimate.explored)])
     np.testing.assert_array_equal(egocentric_map(estimate), expected)
 
@@ -67,12 +67,12 @@ def test_a_robot_at_the_centre_of_a_cell_sees_every_row_once(quarter):
         here = np.array([0.025 - 0.05 * k, 0.025 + 0.05 * (k % 7), quarter * math.pi / 2])
         estimate = _random()
         got = egocentric_map(estimate, here)[OBSTACLE]
-        beside = [
+        others = [
             egocentric_map(estimate, here + np.array([dx, dy, 0.0]))[OBSTACLE]
             for dx in (-0.025, 0.025)
             for dy in (-0.025, 0.025)
         ]
-        assert any((got == other).all() for other in beside)
+        assert any((got == other).all() for other in others)
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_a_robot_at_the_centre_of_a_cell_sees_every_row_once(quarter):
 def test_at_any_angle_it_agrees_with_opencv(pose):
     """`cv2.warpAffine` to the nearest cell, on blobs: but for ties at its 1/1024 of a cell, the same cells.
 
-    Measured 0 of 4096 that differ, bound 0.5 %. A mirrored axis, a turn the wrong way or half a cell of offset
+    Measured 0 of 4096 that differ, bound 0.5 %. A mirrored axis, a turn in the wrong direction or half a cell of offset
     changes more than 3 %.
     """
     estimate = _smooth()

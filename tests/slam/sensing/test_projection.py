@@ -116,7 +116,7 @@ def test_what_passes_over_the_robot_does_not_stop_it():
         (lambda: Band(low_m=2.0, high_m=1.0), "low_m"),
     ],
 )
-def test_impossible_cameras_and_bands_are_refused(make, name):
+def test_impossible_cameras_and_bands_are_rejected(make, name):
     """An angle in radians, too."""
     with pytest.raises(ValueError, match=name):
         make()

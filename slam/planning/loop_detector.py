@@ -1,10 +1,9 @@
-"""Notices a robot that drives round and round near a place, says why, and what is done about it.
+"""Loop detector: recognises a robot that drives in circles, logs the cause, and chooses a remedy.
 
-It drives there for long, and either its way to one and the same goal does not get shorter, or two goals take turns.
-In the first case the way is planned on the map's own cells throughout, since larger cells may lead it to a neck where
-the hull does not fit; in the second the goal that it has is kept for a while. Runs in which neither happens are left
-as they are: nothing is decided here then.
-Left out: a robot that stands and turns. The controller walks off by itself then.
+The robot drives near one place for long, and either its path to the same goal does not get shorter, or two goals
+alternate. In the first case paths are planned on the map's own cells, since larger cells may lead to a passage where
+the hull does not fit; in the second the current goal is held for a while.
+A robot that stands and turns is not detected: the controller handles it.
 """
 
 import logging
@@ -20,60 +19,60 @@ from slam.planning.planner import Plan
 
 logger = logging.getLogger(__name__)
 
-#: So many decisions within this distance of where the robot is [m], with so much way [m], are going round.
+#: A loop is this many decisions within this distance of the robot [m], over at least this path length [m].
 _DECISIONS, _NEAR_M, _DRIVEN_M = 60, 2.0, 2.0
-#: A way that is shorter by less in the second half of them does not get shorter [m].
+#: Least decrease of the path length from the first to the second half of the decisions [m].
 _PROGRESS_M = 0.5
-#: Goals this far apart are different, and one that is nearer is reached [m]; so many of them at most, with so many
-#: changes at least, take turns.
+#: Goals at least this far apart are different, and a nearer one is reached [m]; at most this many goals, with at least
+#: this many changes, alternate.
 _APART_M, _FEW, _CHANGES = 0.5, 2, 5
 
 
 class Remedy(Enum):
-    """What is done about going round."""
+    """Remedies for a loop."""
 
-    PLAN_CLOSELY = "the way does not get shorter; it is planned on the map's own cells from now on"
-    KEEP_GOAL = f"two goals take turns; the present one is kept for {_DECISIONS} decisions"
+    PLAN_CLOSELY = "the path does not get shorter; it is planned on the map's own cells from now on"
+    KEEP_GOAL = f"two goals alternate; the current one is held for {_DECISIONS} decisions"
 
 
 class _Decision(NamedTuple):
-    """What is remembered of a decision."""
+    """Record of a decision."""
 
     here: Float[np.ndarray, "2"]
     goal: Float[np.ndarray, "2"]
     length_m: float
 
 
-class Rounds:
-    """Looks on as decisions are made."""
+class LoopDetector:
+    """Detects loops in a sequence of decisions."""
 
     def __init__(self) -> None:
         self._last: deque[_Decision] = deque(maxlen=_DECISIONS)
-        self._kept: Float[np.ndarray, 2] | None = None
+        self._held_goal: Float[np.ndarray, 2] | None = None
         self._left = 0
 
-    def goal(self, asked: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
-        """The goal to go to, (x, y) [m]: the one asked for, or one that is kept until the robot is there."""
-        if self._kept is None or not self._left or math.hypot(*(self._kept - pose[:2])) < _APART_M:
-            self._kept = None
-            return asked
+    def goal(self, requested: Float[np.ndarray, "2"], pose: Float[np.ndarray, "3"]) -> Float[np.ndarray, "2"]:
+        """The goal (x, y) [m]: the requested one, or one that is held until the robot reaches it."""
+        if self._held_goal is None or not self._left or math.hypot(*(self._held_goal - pose[:2])) < _APART_M:
+            self._held_goal = None
+            return requested
         self._left -= 1
-        return self._kept
+        return self._held_goal
 
     def watch(self, pose: Float[np.ndarray, "3"], goal: Float[np.ndarray, "2"], plan: Plan) -> Remedy | None:
-        """Take in a decision; what is to be done if the robot goes round, which is logged with its cause.
+        """Record a decision; return the remedy if the robot is in a loop, and log the cause.
 
         Args:
-            pose: Where the robot is: x [m], y [m], yaw [rad].
-            goal: Where it was to go [m].
-            plan: The way there.
+            pose: Of the robot: x [m], y [m], yaw [rad].
+            goal: Of the decision (x, y) [m].
+            plan: To that goal.
         """
         self._last.append(_Decision(np.array(pose[:2]), np.array(goal), plan.length_m))
         remedy = self._remedy()
         if remedy is None:
             return None
         logger.warning(
-            "The robot goes round within %g m of (%.2f, %.2f) m for %d decisions, bound for (%.2f, %.2f) m: %s.",
+            "The robot drives in circles within %g m of (%.2f, %.2f) m for %d decisions, bound for (%.2f, %.2f) m: %s.",
             _NEAR_M,
             *pose[:2],
             _DECISIONS,
@@ -82,7 +81,7 @@ class Rounds:
         )
         self._last.clear()
         if remedy is Remedy.KEEP_GOAL:
-            self._kept, self._left = np.array(goal), _DECISIONS
+            self._held_goal, self._left = np.array(goal), _DECISIONS
         return remedy
 
     def _remedy(self) -> Remedy | None:
@@ -95,7 +94,7 @@ class Rounds:
             return None
         goals, changes = self._goals()
         if goals == 1:
-            # Where there is no way at all its length is infinite.
+            # The length of an unreachable goal is infinite.
             length = np.minimum([one.length_m for one in self._last], 1e6)
             half, least = _DECISIONS // 2, length.min()
             on = length[:half].min() - length[half:].min() >= _PROGRESS_M
@@ -103,7 +102,7 @@ class Rounds:
         return Remedy.KEEP_GOAL if goals <= _FEW and changes >= _CHANGES else None
 
     def _goals(self) -> tuple[int, int]:
-        """How many different goals there were, and how often the goal changed."""
+        """Number of different goals, and of changes of the goal."""
         found: list[Float[np.ndarray, 2]] = []
         which = []
         for one in self._last:

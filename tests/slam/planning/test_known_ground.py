@@ -1,4 +1,4 @@
-"""What ways over known ground cost the robot."""
+"""Travel time of the robot over known ground."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 
 from slam.grid import GridFrame
 from slam.planning.cost_map import Box, CostConfig
-from slam.planning.known_ground import ways_from_robot
+from slam.planning.known_ground import travel_time_from_robot
 
 CELL_M = 0.05
 
@@ -27,28 +27,30 @@ def _box(probability: np.ndarray) -> Box:
 
 
 def test_open_floor_costs_its_length():
-    """With nothing in the way a way costs its length: here 3 m along x, and 5 m along a slope of 3 to 4.
+    """Without obstacles the cost is the length: here 3 m along x, and 5 m along a slope of 3 to 4.
 
     Bound 5 cm, half a cell of the halved grid (measured 3.1 cm, from the corner of the source).
     """
-    way = ways_from_robot(_box(np.zeros((120, 120))), CostConfig())
-    assert way.frame.resolution_m == 2 * CELL_M
-    got = way.at(np.array([[4.0, 1.0], [4.0, 5.0]]))
+    travel_time = travel_time_from_robot(_box(np.zeros((120, 120))), CostConfig())
+    assert travel_time.frame.resolution_m == 2 * CELL_M
+    got = travel_time.at(np.array([[4.0, 1.0], [4.0, 5.0]]))
     np.testing.assert_allclose(got, [3.0, 5.0], atol=0.05)
 
 
-def test_unknown_ground_is_a_way_or_none_as_asked():
-    """A strip of unknown cells across the floor: through it a way costs more than its length, or there is none."""
+def test_unknown_ground_is_passable_or_not():
+    """A strip of unknown cells across the floor: through it the cost exceeds the length, or is infinite."""
     probability = np.zeros((120, 120))
     probability[:, 50:70] = 0.5
     box, beyond = _box(probability), np.array([4.5, 1.0])
-    through = float(ways_from_robot(box, CostConfig(unknown_cost=1.5)).at(beyond))
+    through = float(travel_time_from_robot(box, CostConfig(unknown_cost=1.5)).at(beyond))
     assert abs(through - (3.5 + 0.5 * 20 * CELL_M)) < 0.1
-    assert np.isinf(ways_from_robot(box, CostConfig(), through_unknown=False).at(beyond))
-    assert np.isfinite(ways_from_robot(box, CostConfig(), through_unknown=False).at(np.array([2.0, 1.0])))
+    assert np.isinf(travel_time_from_robot(box, CostConfig(), through_unknown=False).at(beyond))
+    assert np.isfinite(
+        travel_time_from_robot(box, CostConfig(), through_unknown=False).at(np.array([2.0, 1.0]))
+    )
 
 
-def test_ways_avoid_what_is_anticipated():
+def test_paths_avoid_anticipated_obstacles():
     """A metre of unknown ground costs 1.5; sure of an obstacle 21.5; half sure 11.5, and nothing where all is known."""
     unknown, known = np.full((80, 80), 0.5), np.zeros((80, 80))
     for probability, anticipated, expected in (
@@ -59,5 +61,7 @@ def test_ways_avoid_what_is_anticipated():
         (known, 1.0, 1.0),
     ):
         box = replace(_box(probability), anticipated=np.full((80, 80), anticipated, np.float32))
-        way = ways_from_robot(box, CostConfig())
-        assert way.at(np.array([3.0, 1.0])) == pytest.approx(2.0 * expected, abs=0.05 * expected + 0.05)
+        travel_time = travel_time_from_robot(box, CostConfig())
+        assert travel_time.at(np.array([3.0, 1.0])) == pytest.approx(
+            2.0 * expected, abs=0.05 * expected + 0.05
+        )
