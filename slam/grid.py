@@ -1,10 +1,10 @@
-"""Where map cells lie, and what a mapper knows about them.
+"""Grid frames and map estimates.
 
 Cells follow ROS: ``grid[iy, ix]`` has y upwards, and the origin is the lower-left corner of cell (0, 0), so that
 the centre of a cell lies half a cell further. A `GridFrame` places such a grid in a frame of coordinates (`map`, or
-a robot's own); a `MapEstimate` is what planners, explorers and controllers are handed at every decision.
+a robot's own); planners, explorers and controllers receive a `MapEstimate` at every decision.
 
-A map that grows keeps its lattice: only whole cells are added, so a cell never changes its place in `map`.
+A growing map adds whole cells only, so a cell never changes its place in `map`.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Control: from a plan to the next action."""
+"""Control: the next action along a plan."""

@@ -1,1 +1,1 @@
-"""Exploration: where to look next."""
+"""Exploration: choice of the next frontier."""

@@ -58,7 +58,7 @@ class ExplorerConfig:
     gain_weight: Annotated[float, Range(0, 1e6)] = 10.0
     """Decisions that a square metre of unseen area is worth."""
     max_gain_m2: Annotated[float, Range(0, 1e6, "m2")] = 5.0
-    """More unseen area than this makes a frontier no better [m^2]."""
+    """Unseen area above which a frontier gets no better [m^2]."""
     keep: Annotated[float, Range(0, 1e6, "decisions")] = 4.0
     """Decisions by which another frontier must be better before the goal is changed."""
     candidates: Annotated[int, Range(1, 10_000, "frontiers")] = 6
@@ -73,7 +73,7 @@ class ExplorerConfig:
 
 @runtime_checkable
 class Explorer(Protocol):
-    """Chooses where to look next."""
+    """Interface of explorers."""
 
     def goal(self, estimate: MapEstimate) -> Float[np.ndarray, "2"] | None:
         """The spot to go to, in `map` [m]; None when nothing is left to see."""
@@ -87,7 +87,7 @@ class FrontierExplorer:
         config: ExplorerConfig = ExplorerConfig(),
         choose: Callable[[Float32[np.ndarray, "n k"]], int] | None = None,
     ):
-        """An explorer that has seen nothing yet.
+        """Make an explorer.
 
         Args:
             config: How frontiers are found and rated.

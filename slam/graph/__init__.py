@@ -1,1 +1,1 @@
-"""Where the robot has been: submaps, constraints between them, loops closed, and the poses that fit all of that."""
+"""Pose graph: submaps, constraints between them, loop closure and optimised poses."""

@@ -26,11 +26,11 @@ class Judge:
     """Rates matches of a scan."""
 
     view: View
-    """How far the scan saw."""
+    """Ranges of the scan."""
     recent: Sequence[tuple[Float[np.ndarray, "3"], View]]
-    """Poses of the last scans, and how far each saw."""
+    """Poses and ranges of recent scans."""
     predicted: Float[np.ndarray, "3"]
-    """Where the scan was taken by odometry: x [m], y [m], yaw [rad]."""
+    """Pose of the scan by odometry: x [m], y [m], yaw [rad]."""
     covariance: Float[np.ndarray, "3 3"]
     """Of that."""
 

@@ -1,8 +1,8 @@
 """Submaps: scans along a few metres of the trajectory, aligned by odometry and matching, and fitted to each other.
 
-Within a submap the poses are as good as they will get; between submaps they are what the graph moves. Whether two
-submaps show the same place is tried by fitting the surfaces of one to those of the other, and judged by what both saw:
-a surface that stands where the other looked through is a contradiction.
+Poses within a submap are fixed; the graph moves submaps. To decide whether two submaps show the same place, the
+surfaces of one are fitted to those of the other and compared: a surface where the other saw free space is a
+contradiction.
 
 The information of a fit is its curvature, minus what the noise of normals alone contributes on a bare wall: a corridor
 gives no information along its axis.
@@ -20,17 +20,17 @@ from slam.matching.levels import SurfaceLevels, matches, most_paired
 from slam.matching.scan_matching import MatchConfig, ScanPoints
 from slam.poses import between, to_map
 
-#: Part of the strongest curvature of a fit that the noise of normals makes in every direction.
+#: Part of the strongest curvature of a fit that the noise of normals adds in every direction.
 _OF_NORMALS = 0.02
-#: Least that a fit is off, as a part of a point's own standard deviation, whatever its curvature says: points err
-#: alike, and submaps are not quite rigid. A turn errs by a fifth of that in radians.
+#: Least standard deviation of a fit relative to that of a point, whatever its curvature: errors of points are
+#: correlated, and submaps are not quite rigid. That of a turn is a fifth of it in radians.
 OF_SCAN, OF_SUBMAP, _TURN = 0.12, 0.3, 0.2
 #: Factor on the standard deviation of fits of submaps, by comparison with ground truth (mean squared error of a fit in
 #: its own variances 7 to 19 in homes, halls and offices, where 3 is expected; in corridors less than 2).
 _OFF = 2.0
-#: Standard deviation of what a fit says nothing of [m].
+#: Standard deviation along directions without information [m].
 _WIDEST_M = 10.0
-#: Points of a submap that are fitted.
+#: Most points of a submap in a fit.
 _FITTED = 800
 #: Views of a submap by which another's surfaces are judged.
 _VIEWS = 10

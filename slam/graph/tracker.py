@@ -56,15 +56,15 @@ class TrackerConfig:
     radio: bool = True
     """Whether sources of a radio are landmarks."""
     match: MatchConfig = field(default_factory=MatchConfig)
-    """How far scans are trusted."""
+    """Settings of scan matching."""
     together_m: Annotated[float, Range(0.001, 10, "m")] = 0.05
-    """Submaps known to lie within this of the present one are matched to [m]."""
+    """Submaps are matched if their position relative to the current one is known to this [m]."""
     together_rad: Annotated[float, Range(1e-4, math.pi, "rad")] = math.radians(1.0)
-    """The same for their turn [rad]."""
+    """The same for their yaw [rad]."""
     drift_m: Annotated[float, Range(0, 10, "m")] = 0.01
     """Drift of matched poses, beyond the covariance of matches, per square root of a metre driven [m]."""
     drift_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.03)
-    """The same for their turn [rad]."""
+    """The same for their yaw [rad]."""
     drift_turn_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(0.12)
     """Drift of their yaw per square root of a radian turned [rad]."""
     overlap: Annotated[int, Range(1, 1_000_000, "surfaces")] = 40
@@ -72,7 +72,7 @@ class TrackerConfig:
     agreement: Annotated[float, Range(0, 1)] = 0.8
     """Part of the surfaces seen by both that must not contradict, where odometry is precise."""
     searched_agreement: Annotated[float, Range(0, 1)] = 0.9
-    """The same where it had to be searched for."""
+    """The same if it had to be searched for."""
 
 
 class _Pending(NamedTuple):
@@ -87,11 +87,11 @@ class _Pending(NamedTuple):
 _SURE_M, _SURE_RAD = 0.25, math.radians(3.0)
 #: Squared difference, in variances, up to which two fits agree.
 _SAME = 16.27
-#: Fits that may confirm each other are of submaps so near in number.
+#: Largest difference between numbers of submaps whose fits may confirm each other.
 _NEAR = 6
-#: Fits tried for a submap of those known to lie near, and of those not.
+#: Most fits per submap with certain neighbours, and with uncertain ones.
 _TRIES = 6
-#: Fits that wait at most.
+#: Most waiting fits.
 _WAITING = 24
 #: Scans after which a submap is closed if a submap within this distance is not known to fit [m].
 _SOON, _NEIGHBOUR_M = 12, 8.0
@@ -264,7 +264,7 @@ class Tracker:
 
     @property
     def closed(self) -> int:
-        """Loops that were closed."""
+        """Number of closed loops."""
         return sum(constraint.loop for constraint in self.graph.constraints)
 
     def finish(self, watched: Callable[[range], Iterable[int]] = iter) -> None:
@@ -288,7 +288,7 @@ class Tracker:
                 break
 
     def poses(self) -> Float[np.ndarray, "n 3"]:
-        """Where all scans were taken: x [m], y [m], yaw [rad] in `map`."""
+        """Poses of all scans: x [m], y [m], yaw [rad] in `map`."""
         anchors = zip(self.graph.poses, self.submaps, strict=True)
         return np.array([compose(anchor, pose) for anchor, submap in anchors for pose in submap.poses])
 
@@ -302,7 +302,7 @@ class Tracker:
         return Judge(view=view, recent=recent, predicted=self.pose, covariance=prior)
 
     def _begin(self) -> bool:
-        """Close the submap, and begin the next where the robot is; whether past poses changed."""
+        """Close the submap, and begin the next at the robot; whether past poses changed."""
         last = len(self.submaps) - 1
         node = self.graph.add(self.pose)
         drift = self._drift()
@@ -326,7 +326,7 @@ class Tracker:
         return has_changed
 
     def _candidates(self, here: int) -> list[tuple[int, int]]:
-        """Submaps that may show the same as one that was closed, the most likely first."""
+        """Submaps that may overlap with a closed one, the most likely first."""
         uncertain = self.graph.uncertainty(here)
         near: list[tuple[float, tuple[int, int]]] = []
         unsure: list[tuple[float, tuple[int, int]]] = []
@@ -345,7 +345,7 @@ class Tracker:
         return not wide and bool(spread[2, 2] < self.config.together_rad**2)
 
     def _circle(self, submap: int) -> tuple[Float[np.ndarray, "2"], float]:
-        """Centre (x, y) [m] in `map` and radius [m] of what a submap shows."""
+        """Centre (x, y) [m] in `map` and radius [m] of a submap's outline."""
         points = self.submaps[submap].outline().points
         anchor = self.graph.poses[submap]
         if not len(points):
@@ -355,7 +355,7 @@ class Tracker:
         return compose(anchor, np.array([*middle, 0.0]))[:2], radius_m
 
     def _try(self) -> bool:
-        """Fit one pair of submaps; whether poses moved."""
+        """Fit one pair of submaps; whether poses changed."""
         here, there = self._queue.pop(0)
         covariance = self.graph.uncertainty(here)[there]
         predicted = between(self.graph.poses[here], self.graph.poses[there])
@@ -385,7 +385,7 @@ class Tracker:
         return self._solve()
 
     def _solve(self) -> bool:
-        """Find the poses that fit best; whether any moved."""
+        """Optimise the graph; whether any pose changed."""
         moved_m = self.graph.solve()
         self.pose = compose(self.graph.poses[-1], self._here)
         if moved_m > _MOVED_M:

@@ -1,6 +1,6 @@
 """Learning: training of mapper, pose and the choice among frontiers.
 
-Training needs PyTorch; what was learnt is used without.
+Training needs PyTorch; inference does not.
 """
 
 try:

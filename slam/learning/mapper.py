@@ -1,11 +1,10 @@
-"""Training the learned mapper on frames with their truth.
+"""Training of the learned mapper on frames with ground truth.
 
-Frames are held as the network sees them, in eighths of a percent (int8), which keeps a hundred thousand of them in
-some gigabytes. Half of the frames of a batch are mirrored, since buildings have no handedness; some lose the map's
-belief, so that the network also knows what to say of a place where it has never been. Learning rate: linear warm-up,
-then a cosine to zero over the number of steps, so a run's length is settled when it begins; it can be interrupted and
-goes on from its checkpoint to the same end. Convolutions are learnt in bfloat16, twice as fast where the processor has
-instructions for it, and used in float32.
+Frames are stored as features in eighths of a percent (int8), so that a hundred thousand of them need some gigabytes.
+Half of the frames of a batch are mirrored, since buildings have no handedness; some lose the map's belief, so that the
+network also learns places where it has never been. Learning rate: linear warm-up, then a cosine to zero over the number
+of steps, so the length of a run is fixed at its start; an interrupted run continues from its checkpoint to the same
+result. Convolutions are trained in bfloat16, twice as fast where the processor supports it, and used in float32.
 """
 
 import math

@@ -1,9 +1,9 @@
 """Training the learned pose on pairs of a map and the frame after it.
 
 The pose at which the frame was taken is known in the map's patch. A predicted pose is drawn around it, normally
-distributed, and the patch is cut there: the network has to say how far off it was. The spread of the draw is the
-network's prior, which its user takes off again (`slam.mapping.learned_matching`). Half of all pairs are mirrored. A
-run takes minutes, so it has no checkpoints.
+distributed, and the patch is cut there: the network estimates the offset. The spread of the draw is the network's
+prior, which `slam.mapping.learned_matching` removes. Half of all pairs are mirrored. A run takes minutes, so it has no
+checkpoints.
 """
 
 import math

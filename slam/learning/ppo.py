@@ -50,14 +50,14 @@ class PpoConfig:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Walk:
-    """What was chosen on one walk, and what came of it."""
+    """Choices of one walk, and their results."""
 
     features: list[Float32[np.ndarray, "_ k"]]
     """Features of the frontiers at each choice."""
     taken: Int[np.ndarray, " n"]
-    """Which was taken."""
+    """Index of the chosen frontier."""
     log_odds: Float[np.ndarray, " n"]
-    """Logarithm of the probability with which it was."""
+    """Logarithm of the probability of that choice."""
     value: Float[np.ndarray, " n"]
     """What was expected then."""
     at: Int[np.ndarray, " n"]

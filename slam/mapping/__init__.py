@@ -1,1 +1,1 @@
-"""Mapping: depth and odometry in, map and pose out."""
+"""Mapping: map and pose from depth and odometry."""

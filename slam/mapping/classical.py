@@ -1,8 +1,8 @@
-"""The classical mapper: depth, a laser's scans and odometry in, map and pose out.
+"""Classical mapper: map and pose from depth images, laser scans and odometry.
 
 At every decision: odometry without its bias predicts the pose, the scan is fitted to the surfaces on the map, and then
-entered at the pose found. Occupancy (where may the robot go), surfaces (where exactly are the walls) and collision
-marks share one grid that grows with the building.
+entered at the pose found. Occupancy (free space), surfaces (exact walls) and collision marks share one grid that
+grows with the building.
 
 Memory: 55 bytes a cell (23 MB for 32 m x 32 m), of a rectangle of at most `max_area_m2`; what lies outside is dropped.
 A pose whose scan contradicts the map is doubted: the robot is searched for farther away, and scans are not entered
@@ -66,22 +66,22 @@ class MapperConfig:
     occupancy: OccupancyConfig = field(default_factory=OccupancyConfig)
     """Weight and reach of the evidence."""
     match: MatchConfig = field(default_factory=MatchConfig)
-    """How far scans are trusted."""
+    """Settings of scan matching."""
     relocalization: RelocalizationConfig = field(default_factory=RelocalizationConfig)
     """When the robot counts as lost."""
     odometry: OdometryConfig = field(default_factory=OdometryConfig)
     """Errors of odometry."""
     tracking: TrackerConfig = field(default_factory=TrackerConfig)
-    """How poses are put together; cells and matching are those above."""
+    """Settings of the tracker; cells and matching are those above."""
 
 
 @runtime_checkable
 class Mapper(Protocol):
-    """What every mapper does."""
+    """Interface of mappers."""
 
     @property
     def collided(self) -> bool:
-        """Whether the last action ended at something."""
+        """Whether the last action ended at an obstacle."""
 
     def reset(self, pose: Float[np.ndarray, "3"]) -> None:
         """Forget everything and begin at a pose: x [m], y [m], yaw [rad] in `map`."""
@@ -92,24 +92,24 @@ class Mapper(Protocol):
         action: Action | None = None,
         odometry: Float[np.ndarray, "3"] | None = None,
     ) -> MapEstimate:
-        """Take in what was seen and measured after an action; see `ClassicalMapper.update`.
+        """Add the measurements after an action; see `ClassicalMapper.update`.
 
         One that takes scans of a laser too has an argument `laser`, which is given where the robot has one.
         """
 
     def estimate(self) -> MapEstimate:
-        """The map and pose as they are now."""
+        """The current map and pose."""
 
 
 @runtime_checkable
 class RadioMapper(Protocol):
-    """What a mapper does that uses a radio's bearings too."""
+    """Interface of mappers that use bearings of a radio too."""
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
-        """Take in where sources appear from the pose of the last update."""
+        """Add bearings of sources from the pose of the last update."""
 
     def transmitters(self) -> dict[str, Transmitter]:
-        """Where sources stand that were seen in line of sight, by name."""
+        """Positions of sources that were in line of sight, by name."""
 
 
 @runtime_checkable
@@ -123,12 +123,12 @@ class PoseMatcher(Protocol):
         predicted: Float[np.ndarray, "3"],
         covariance: Float[np.ndarray, "3 3"],
     ) -> Match:
-        """The pose, given what odometry predicts and how sure it is, axes of `map`."""
+        """The pose, given the prediction of odometry and its covariance, axes of `map`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Frame:
-    """What has to be known of a frame to enter it again at another pose."""
+    """Data needed to enter a frame again at another pose."""
 
     scan: Scan
     points: ScanPoints
@@ -139,7 +139,7 @@ class _Frame:
 
 
 class ClassicalMapper:
-    """Builds a map while finding the robot on it."""
+    """Builds a map and estimates the pose of the robot."""
 
     def __init__(self, config: MapperConfig = MapperConfig(), matcher: PoseMatcher | None = None):
         """Make a mapper.
@@ -170,7 +170,7 @@ class ClassicalMapper:
         self._frames: list[_Frame] = []
         self._entered: list[Float[np.ndarray, 3]] = []
         self.rearranged = False
-        """Whether the last update moved poses of the past, and the map with them."""
+        """Whether the last update changed past poses, and the map with them."""
         self.pose = np.array([pose[0], pose[1], wrap(float(pose[2]))])
         self.collided = False
         self._step = 0
@@ -182,7 +182,7 @@ class ClassicalMapper:
         odometry: Float[np.ndarray, "3"] | None = None,
         laser: LaserScan | None = None,
     ) -> MapEstimate:
-        """Take in what was seen and measured after an action.
+        """Add the measurements after an action.
 
         Args:
             depth: Depth image at the new pose [m]; 0 or not finite where nothing was measured.
@@ -224,7 +224,7 @@ class ClassicalMapper:
             self.config.match,
             self.config.camera.height_m,
         )
-        # A reading that is not a number must not get into the learned bias, where it would stay for ever.
+        # A NaN reading must not enter the learned bias, where it would stay forever.
         if action is not None and odometry is not None and np.isfinite(odometry).all() and not doubted:
             self._learn(action, odometry, start, open_before, match)
         if doubted and not self.relocalizer.lost:
@@ -247,7 +247,7 @@ class ClassicalMapper:
         return self.estimate()
 
     def estimate(self) -> MapEstimate:
-        """The map and pose as they are now."""
+        """The current map and pose."""
         return MapEstimate(
             frame=self.frame,
             obstacle_probability=_read_only(self.occupancy.probability),
@@ -258,7 +258,7 @@ class ClassicalMapper:
         )
 
     def listen(self, bearings: Sequence[Bearing]) -> None:
-        """Take in where sources of a radio appear from the pose of the last update.
+        """Add bearings of radio sources from the pose of the last update.
 
         Poses move, and the map with them, in updates that come after. A robot that is lost says nothing.
         """
@@ -266,13 +266,13 @@ class ClassicalMapper:
             self.tracker.listen(bearings)
 
     def transmitters(self) -> dict[str, Transmitter]:
-        """Where sources stand that were seen in line of sight, by name."""
+        """Positions of sources that were in line of sight, by name."""
         return self.tracker.transmitters()
 
     def _measured(
         self, action: Action | None, odometry: Float[np.ndarray, "3"] | None
     ) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3 3"]]:
-        """Displacement without bias, and its covariance; nothing moved if odometry is missing or not finite."""
+        """Displacement without bias, and its covariance; zero if odometry is missing or not finite."""
         if action is None:
             return np.zeros(3), 1e-14 * np.eye(3)
         if odometry is None or not np.isfinite(odometry).all():
@@ -320,7 +320,7 @@ class ClassicalMapper:
             self._enter(frame, pose)
 
     def _stand(self, pose: Float[np.ndarray, "3"]) -> None:
-        """Nothing stands where the hull does."""
+        """Mark the cells under the hull as free."""
         self.occupancy.stand(pose, self.config.radius_m - 0.5 * self.config.resolution_m)
 
     def _make_room(self, low_xy: tuple[float, float], high_xy: tuple[float, float]) -> None:
@@ -353,7 +353,7 @@ def _read_only(array: np.ndarray) -> np.ndarray:
 
 
 def view_of_laser(scan: LaserScan) -> View:
-    """How far a laser's scan saw in each direction."""
+    """Range of a laser scan in each direction."""
     return View(
         bearing_rad=scan.bearing_rad,
         range_m=np.where(scan.hit, scan.range_m, -np.maximum(scan.clear_m, 1e-9)),
@@ -361,7 +361,7 @@ def view_of_laser(scan: LaserScan) -> View:
 
 
 def view_of_scan(scan: Scan) -> View:
-    """How far a depth camera's scan saw in each direction."""
+    """Range of a depth camera's scan in each direction."""
     slant = np.hypot(1.0, scan.left)
     reach = np.where(scan.hit, scan.depth_m, -scan.clear_m) * slant
     return View(bearing_rad=np.arctan(scan.left)[::-1].astype(float), range_m=reach[::-1].astype(float))

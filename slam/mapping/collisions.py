@@ -24,7 +24,7 @@ from slam.support.checks import Range, checked
 @dataclass(frozen=True, kw_only=True)
 @checked
 class CollisionConfig:
-    """When a step counts as stopped, and what is marked."""
+    """When a step counts as stopped, and which cells are marked."""
 
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
@@ -37,7 +37,7 @@ class CollisionConfig:
     max_width_m: Annotated[float, Range(0.01, 5, "m")] = 0.45
     """Width to which the strip grows [m]; it begins as one cell."""
     patience: Annotated[int, Range(1, 1_000_000, "stops")] = 3
-    """Stops in a row at a place that the map explains before the place is marked all the same."""
+    """Consecutive stops at an obstacle of the map before the place is marked too."""
     memory_steps: Annotated[int, Range(1, 1_000_000, "decisions")] = 150
     """Decisions for which a first mark lasts; doubled at each further bump in the same place."""
 

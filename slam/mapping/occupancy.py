@@ -1,11 +1,11 @@
-"""Occupancy by log-odds: what a scan makes more, and less, likely to stand in each cell.
+"""Occupancy grid: log-odds of obstacles, updated by scans.
 
-A cell in front of the surface that its image column sees is free, the cells where surfaces are seen are occupied, and
-what lies behind stays as it was. Evidence adds up as log-odds within bounds, so a wall entered in error
-clears again after some looks. Cells are looked up in the scan, in one compiled pass (not rays drawn on the map).
+Cells before the surface of their image column are free, cells with surfaces are occupied, and cells behind do not
+change. Log-odds are bounded, so an erroneous wall clears after some scans. Cells are looked up in the scan in one
+compiled pass (no rays are drawn on the map).
 
-A level camera looks over low things when it is near them. A cell is therefore cleared only from where the
-obstacle would have been seen, which needs the height of the obstacle's top to be remembered.
+A level camera looks over low obstacles when it is near them. A cell is therefore cleared only from a place where the
+obstacle would be visible, which requires the stored height of its top.
 Reference: Elfes, Using occupancy grids for mobile robot perception and navigation, Computer 22(6), 1989.
 """
 
@@ -31,9 +31,9 @@ class OccupancyConfig:
     hit: Annotated[float, Range(1e-6, 1000)] = 1.2
     """Log-odds added where a surface is seen."""
     miss: Annotated[float, Range(1e-6, 1000)] = 0.4
-    """Log-odds taken off where nothing stands before the surface."""
+    """Log-odds subtracted before the surface."""
     limit: Annotated[float, Range(0.01, 1000)] = 4.0
-    """Bound of the log-odds: how firmly a cell can be believed."""
+    """Bound of the log-odds."""
     free_range_m: Annotated[float, Range(0.01, 1000, "m")] = 5.0
     """Free space and surfaces farther than this are not entered [m]."""
     explored_range_m: Annotated[float, Range(0.01, 1000, "m")] = 3.2
@@ -86,7 +86,7 @@ class OccupancyGrid:
 
         Args:
             scan: The scan.
-            pose: Where it was taken: x [m], y [m], yaw [rad].
+            pose: Of the robot: x [m], y [m], yaw [rad].
             camera_height_m: Height of the camera [m].
             down: Fall of the lowest image row per metre of depth.
 
@@ -99,7 +99,7 @@ class OccupancyGrid:
         x, y, yaw = (float(value) for value in pose)
         place, range_m = _Place(x, y, yaw, *frame.origin_xy, frame.resolution_m), self.config.free_range_m
         _mark(scan.left, scan.depth_m, scan.top_m, range_m, place, hit, top_m)
-        # What stands behind something low is as high as the camera at least.
+        # A surface seen behind a low one is at least as high as the camera.
         _mark(scan.left, scan.far_m, np.full_like(scan.top_m, 9.0), range_m, place, hit, top_m)
         inner, outer = self._clear(scan)
         _look(

@@ -35,32 +35,32 @@ from slam.support.checks import Range, checked
 @dataclass(frozen=True, kw_only=True)
 @checked
 class RelocalizationConfig:
-    """When a robot counts as lost, and how it is looked for."""
+    """When a robot counts as lost, and how it is searched for."""
 
     contradiction: Annotated[float, Range(0, 1)] = 0.2
     """Share of a scan in firmly free space above which the pose is doubted."""
     settled: Annotated[float, Range(1e-6, 1)] = 0.08
-    """Share below which a pose found is believed."""
+    """Share below which a new pose is accepted."""
     near_m: Annotated[float, Range(0, 10, "m")] = 0.12
     """A point this near to an obstacle of the map does not contradict it [m]."""
     min_points: Annotated[int, Range(1, 1_000_000, "points")] = 20
-    """Scans with fewer points say nothing."""
+    """Scans with fewer points are ignored."""
     search_m: Annotated[float, Range(0.01, 100, "m")] = 0.8
     """Half side of the square that is searched [m]."""
     search_rad: Annotated[float, Range(1e-3, math.pi, "rad")] = math.radians(30.0)
     """Headings to both sides that are searched first [rad]; all of them after `narrow_tries`."""
     patience: Annotated[int, Range(0, 1_000_000, "frames")] = 2
-    """Doubted frames in a row before the robot is looked for, where odometry is sure of the pose."""
+    """Doubted frames in a row before the search begins, if odometry is certain of the pose."""
     sure_m: Annotated[float, Range(0, 100, "m")] = 0.1
-    """It is where its standard deviation is below this [m]."""
+    """Odometry is certain if its standard deviation is below this [m]."""
     same_m: Annotated[float, Range(0, 100, "m")] = 0.15
-    """Places found from two frames are one if they lie this near to each other [m]."""
+    """Places found from two frames agree if they are this near to each other [m]."""
     same_rad: Annotated[float, Range(0, math.pi, "rad")] = math.radians(5.0)
     """The same for their headings [rad]."""
     narrow_tries: Annotated[int, Range(0, 1_000_000, "frames")] = 6
     """Frames searched for small turns only."""
     tries: Annotated[int, Range(1, 1_000_000, "frames")] = 20
-    """Frames after which the map is taken to be wrong rather than the pose: scans are entered again."""
+    """Frames after which the map counts as wrong rather than the pose: scans are entered again."""
 
     def __post_init__(self) -> None:
         if not self.settled < self.contradiction:
@@ -71,9 +71,9 @@ class RelocalizationConfig:
 
 #: Steps of the lattice of poses [m, rad], points of the scan used, and poses refined.
 STEP_M, STEP_RAD, POINTS, REFINED = 0.1, math.radians(4.0), 48, 12
-#: What a metre, or a radian, away from the pose believed takes off the score of a pose found.
+#: Decrease of the score of a pose per metre, or radian, from the estimated one.
 FAR_PRICE = 0.2
-#: The same for the score of a pose on the lattice: little, but of equal places the nearest must come first.
+#: The same for poses on the lattice: small, so that the nearest of equal places comes first.
 LATTICE_PRICE = 0.05
 #: Distance from an obstacle at which a point scores exp(-1/2) [m].
 _BLUR_M = 0.1
@@ -82,7 +82,7 @@ _FIRMLY_FREE, _FIRMLY_SOLID = 0.25, 0.85
 
 
 class Surroundings:
-    """Distances to obstacles, and what is firmly free, in a window of the map."""
+    """Distances to obstacles, and certainly free cells, in a window of the map."""
 
     def __init__(
         self,
@@ -106,12 +106,12 @@ class Surroundings:
     def contradiction(
         self, pose: Float[np.ndarray, "3"], points: Float[np.ndarray, "n 2"], near_m: float
     ) -> float:
-        """Share of surface points, seen from a pose, that cannot be where they are on this map.
+        """Share of surface points, seen from a pose, that contradict this map.
 
         Args:
             pose: x [m], y [m], yaw [rad].
             points: Points in the robot's frame [m].
-            near_m: How far points may be off [m].
+            near_m: Tolerance of points [m].
         """
         world = to_map(pose, points)
         iy, ix, inside = _cells(self.frame, world)
@@ -128,19 +128,19 @@ class Surroundings:
 def _cells(
     frame: GridFrame, points: Float[np.ndarray, "*batch 2"]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Row, column, and whether a point lies on the grid; 0, 0 where it does not."""
+    """Row, column, and whether a point lies on the grid; 0, 0 outside."""
     iy, ix = frame.index(points)
     inside = np.asarray(frame.inside(iy, ix))
     return np.where(inside, iy, 0), np.where(inside, ix, 0), inside
 
 
 def _thinned(points: Float[np.ndarray, "n 2"]) -> Float[np.ndarray, "m 2"]:
-    """Evenly chosen points of a scan, enough to judge a pose by."""
+    """Evenly chosen points of a scan, enough to judge a pose."""
     return points[np.linspace(0, len(points) - 1, min(POINTS, len(points))).astype(int)]
 
 
 class Relocalizer:
-    """Judges every pose that scan matching finds, and looks for a better one where it contradicts the map."""
+    """Judges every pose of scan matching, and searches for a better one if it contradicts the map."""
 
     def __init__(self, config: RelocalizationConfig = RelocalizationConfig()) -> None:
         self.config = config
@@ -151,7 +151,7 @@ class Relocalizer:
         self._tried = 0
         self._found: Float[np.ndarray, 3] | None = None
         self.lost = False
-        """Whether the last pose was doubted and no better one found: its scan must not be entered."""
+        """Whether the last pose was doubted and no better one found; its scan must not be entered."""
 
     def judge(
         self,
@@ -223,7 +223,7 @@ class Relocalizer:
         surfaces: SurfaceGrid,
         matching: MatchConfig,
     ) -> Match | None:
-        """The refined pose that contradicts the map least; None if even that contradicts it too much."""
+        """The refined pose with least contradiction; None if that is too much."""
         config = self.config
         narrow = self._tried <= config.narrow_tries
         candidates = _lattice(
@@ -235,7 +235,7 @@ class Relocalizer:
             match = match_scan(surfaces, points, candidate, covariance, matching)
             doubt = around.contradiction(match.pose, points.points, config.near_m)
             share = float(match.paired.mean())
-            # Along a bare wall all places are as good: the nearest one then.
+            # Along a bare wall all places are equally good: choose the nearest.
             far = math.hypot(*(match.pose - pose)[:2]) + abs(wrap(match.pose[2] - pose[2]))
             score = share - doubt - FAR_PRICE * far
             # Far from the map a scan contradicts nothing: it must also lie on surfaces.

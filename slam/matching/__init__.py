@@ -1,1 +1,1 @@
-"""Fitting a scan to surfaces: points, normals, and the pose at which they come to lie on each other."""
+"""Scan matching: the pose at which the points of a scan lie on surfaces."""

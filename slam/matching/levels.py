@@ -1,8 +1,8 @@
-"""Surfaces at two levels: fine cells to fit by, coarse ones that draw near what is off, and a lattice to search on.
+"""Surfaces at two levels, fine and coarse cells, and a lattice for search.
 
-A pose known to some centimetres is fitted to the fine cells at once; one known to some decimetres is drawn near by the
-coarse ones first; where even that is not known, poses on a lattice are scored by how near the scan comes to surfaces,
-and the best few are fitted (correlative scan matching).
+A pose known to some centimetres is fitted to the fine cells at once; one known to some decimetres is fitted to the
+coarse cells first. Beyond that, poses on a lattice are scored by the distance of the scan to surfaces, and the best few
+are fitted (correlative scan matching).
 Reference: Olson, Real-time correlative scan matching, ICRA 2009.
 """
 
@@ -104,8 +104,8 @@ def matches(
         scan: Points and normals in the robot's frame.
         predicted: x [m], y [m], yaw [rad].
         covariance: Of the prediction, axes of `map` [m^2, m rad, rad^2].
-        config: How far scans are trusted.
-        rated: Which matches to the coarse cells are worth fitting to the fine ones: those it gives most.
+        config: Settings of scan matching.
+        rated: Rating of matches to the coarse cells; the best are fitted to the fine cells.
         loosened: Factor on the covariance by which a fit may deviate, if the prediction is so certain that it cannot be
             confused with another.
 

@@ -1,15 +1,15 @@
-"""Where the robot is, from how its scan fits the surfaces already on the map.
+"""Scan matching: the pose at which a scan fits the surfaces of the map.
 
-Each scan point is paired with the map surface that has the same orientation and lies nearest, and the pose is moved so
-that the points come to lie on their surfaces (distance along the normal only, so points may slide along a wall).
+Each scan point is paired with the nearest map surface of the same orientation, and the pose is changed until the points
+lie on their surfaces (distance along the normal only, so points may slide along a wall).
 Gauss-Newton minimises
 
     sum_i w_i (n_i . (R p_i + t - m_i))^2 / sigma^2  +  d^T Lambda d,
 
-where d is the departure from the pose that odometry predicts and Lambda the inverse of its covariance. Where the scan
-says nothing, as along a bare corridor, the prior alone decides and the pose does not slide. Wild pairs are
-weighted down (Cauchy).
-Left out: matching without overlap, which leaves the prediction as it is; the graph (`slam.graph`) closes loops.
+where d is the deviation from the pose that odometry predicts and Lambda the inverse of its covariance. Where the scan
+gives no information, as along a bare corridor, the prior alone decides and the pose does not slide. Outliers get small
+weights (Cauchy).
+Left out: matching without overlap, which returns the prediction; the graph (`slam.graph`) closes loops.
 Reference: Censi, An ICP variant using a point-to-line metric, ICRA 2008; Kohlbrecher et al., SSRR 2011.
 """
 
@@ -32,31 +32,31 @@ _JUMP_M, _SLANT, _STRAIGHT_M = 0.3, 2.0, 0.06
 #: A pair counts half at no less than so many standard deviations of its point.
 _WILD = 2.0
 
-#: How far beams point from where they are said to [rad]: it moves what is grazed far away off its surface.
+#: Error of the direction of beams [rad]: it shifts far points on grazed surfaces.
 _AIM_RAD = 0.0017
 
 
 @dataclass(frozen=True, kw_only=True)
 @checked
 class MatchConfig:
-    """How far scans are trusted."""
+    """Settings of scan matching."""
 
     sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.01
-    """Standard deviation of one point from its surface [m], of a laser or a submap; neighbouring points err alike, so
-    larger than the sensor's own."""
+    """Standard deviation of one point from its surface [m], of a laser or a submap; errors of neighbouring points are
+    correlated, so it is larger than the sensor's own."""
     depth_sigma_m: Annotated[float, Range(1e-6, 10, "m")] = 0.001
     """The same for a column of a depth camera's image, right before it [m]."""
     depth_sigma_per_m3: Annotated[float, Range(0, 10, "m/m3")] = 6e-5
-    """How much that grows with the cube of the range [m/m^3]: triangulation errs by its square, and a wall that is
+    """Its growth with the cube of the range [m/m^3]: errors of triangulation grow with the square, and a wall that is
     farther away covers fewer of the column's rows."""
     outlier_m: Annotated[float, Range(1e-6, 10, "m")] = 0.03
-    """Residual at which a pair counts half, or two standard deviations of its point: wild pairs lie beyond [m]."""
+    """Residual at which a pair counts half, or two standard deviations of its point: outliers lie beyond [m]."""
     iterations: Annotated[int, Range(1, 1000, "steps")] = 6
     """Most Gauss-Newton steps."""
     max_range_m: Annotated[float, Range(0.01, 1000, "m")] = 8.0
     """Farther points are left out [m]; in a hall only far points determine the heading."""
     min_pairs: Annotated[int, Range(1, 1_000_000, "points")] = 8
-    """With fewer paired points the prediction stands."""
+    """With fewer paired points the prediction is returned."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,9 +70,9 @@ class ScanPoints:
     weights: Float[np.ndarray, " n"]
     """Share of a cell that the point stands for, at most 1: many near points crowd into one cell."""
     sigma_m: Float[np.ndarray, " n"] | None = None
-    """Standard deviation of each from its surface [m]; None where `MatchConfig.sigma_m` says it for all."""
+    """Standard deviation of each from its surface [m]; None for `MatchConfig.sigma_m`."""
     loose: Float[np.ndarray, "m 2"] | None = None
-    """Points without a normal: edges, posts, what is grazed. They help to search, not to fit."""
+    """Points without a normal, as of edges, posts and grazed surfaces; used for search, not for fits."""
 
     def at(self, pose: Float[np.ndarray, "3"]) -> "ScanPoints":
         """The same points in `map`, seen from a pose: x [m], y [m], yaw [rad]."""

@@ -1,10 +1,9 @@
 """Sub-cell surfaces: for each map cell, mean and spread of the points seen in it, and their mean normal.
 
-A wall cell of 0.05 m says only to 0.05 m where its wall is; the mean of the points that fell into it says it to a
-millimetre. Normals point to where the robot stood, which keeps apart the two sides of a thin wall. For the
-hull, what counts is how far a rough or sharp surface sticks out: the mean moved along the normal by the spread of
-the points. All is summed over all observations, without forgetting: old surfaces stand fast and hold the map against
-drift.
+A cell of 0.05 m locates a wall to 0.05 m; the mean of the points in it to a millimetre. Normals point towards the
+robot, which separates the two sides of a thin wall. For the hull, the front of a rough or sharp surface counts: the
+mean, shifted along the normal by the spread of the points. Sums include all observations, without forgetting: old
+surfaces stay and prevent drift of the map.
 Reference: the cell statistics of the normal distributions transform, Biber and Strasser, IROS 2003.
 """
 

@@ -1,9 +1,9 @@
 """The network of the learned mapper: a small U-Net on the patch ahead.
 
 From the channels of `slam.networks.features` to two logits for each cell: that an obstacle stands in it, seen or not,
-and that it is seen. Four scales, 0.05 to 0.4 m a cell; the coarse ones know the room's shape, the fine ones where
-exactly the wall is. Skip connections are added rather than stacked, which halves the work at the fine scales.
-Here it is used; `slam.learning.map_module` is what is trained.
+and that it is seen. Four scales, 0.05 to 0.4 m per cell: coarse ones for the room's shape, fine ones for the
+exact place of walls. Skip connections are added rather than stacked, which halves the work at the fine scales.
+This module runs the network; `slam.learning.map_module` trains it.
 
 Reference: Ronneberger et al., U-Net, MICCAI 2015; Ramakrishnan et al., Occupancy anticipation, ECCV 2020.
 """

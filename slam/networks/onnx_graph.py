@@ -1,9 +1,8 @@
-"""Networks as ONNX models: what a small runtime for inference reads, written without its tools.
+"""Networks as ONNX models, written without the packages that export models.
 
-An ONNX model is a protocol buffer: fields as (number, wire type, content), whole numbers in base 128, lengths before
-what has one. The few messages that a network of convolutions needs are written here, field by field, so that trained
-weights are used as they lie in their file, without the packages that export models.
-Left out: whatever the networks here do not need; types other than float32.
+An ONNX model is a protocol buffer: fields as (number, wire type, content), integers in base 128, with length prefixes.
+This module writes the few messages that a convolutional network needs, so that weights are used directly from their
+file. Left out: other operators, and types other than float32.
 Reference: ONNX 1.14, `onnx/onnx.proto` (IR version 8, operator set 13).
 """
 

@@ -1,4 +1,4 @@
-"""Trained weights as arrays: what is checked of them, and how normalisation is merged into convolutions."""
+"""Trained weights as arrays: checks, and normalisation merged into convolutions."""
 
 from collections.abc import Mapping
 
@@ -6,12 +6,12 @@ import numpy as np
 from jaxtyping import Float32
 
 Weights = Mapping[str, np.ndarray]
-#: What batch normalisation adds to variances; PyTorch's own.
+#: Added to variances by batch normalisation; PyTorch's default.
 _EPSILON = 1e-5
 
 
 def check_weights(weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> None:
-    """See that weights are those of a network.
+    """Check that weights fit a network.
 
     Args:
         weights: By name, float32; counts of batches are whole numbers.

@@ -31,7 +31,7 @@ class CostConfig:
     radius_m: Annotated[float, Range(0.01, 5, "m")] = 0.10
     """Radius of the hull [m]."""
     slack_m: Annotated[float, Range(0, 1, "m")] = 0.005
-    """Space that must be left on each side of the hull where something has stopped the robot [m]."""
+    """Least space on each side of the hull where something has stopped the robot [m]."""
     overlap_m: Annotated[float, Range(0, 1, "m")] = 0.02
     """How far the hull may reach into obstacles of the map [m]: maps err."""
     comfort_m: Annotated[float, Range(0.001, 10, "m")] = 0.12
@@ -54,7 +54,7 @@ class CostMap:
     """Cost per metre of the cells of a box."""
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the cells."""
     cost: Float32[np.ndarray, "ny nx"]
     """Cost per metre, at least 1."""
     passable: Bool[np.ndarray, "ny nx"]
@@ -136,21 +136,21 @@ class Box:
     """A box of a map estimate; what lies beyond the map is unknown."""
 
     frame: GridFrame
-    """Where the cells lie."""
+    """Frame of the cells."""
     probability: Float32[np.ndarray, "ny nx"]
-    """Belief in an obstacle; 0.5 where nothing is known."""
+    """Probability of an obstacle; 0.5 in unknown cells."""
     explored: Bool[np.ndarray, "ny nx"]
     """Cells that the camera has seen."""
     anticipated: Float32[np.ndarray, "ny nx"]
-    """Belief in an obstacle where nothing was seen, if the mapper anticipates; else 0.5."""
+    """Predicted probability of an obstacle in unseen cells, if the mapper predicts; else 0.5."""
     obstacle: Bool[np.ndarray, "ny nx"]
-    """Cells where something stands, or stopped the robot."""
+    """Cells with an obstacle, or where the robot was stopped."""
     blocked: Bool[np.ndarray, "ny nx"]
-    """Cells where something stopped the robot, as far as that is to count."""
+    """Cells where the robot was stopped, if these count."""
     offset_m: Float32[np.ndarray, "ny nx 2"] | None
     """Surface inside each obstacle cell, from its centre [m]."""
     pose: Float[np.ndarray, "3"]
-    """Where the robot is."""
+    """Pose of the robot: x [m], y [m], yaw [rad]."""
 
 
 def cut_box(
@@ -234,7 +234,7 @@ def _let_out(
     frame: GridFrame,
     pose: Float[np.ndarray, "3"],
 ) -> None:
-    """Where the map says that the robot stands too near to obstacles, open the cells around with more space."""
+    """If the robot stands too near to obstacles on the map, make cells around with more space passable."""
     iy, ix = (int(k) for k in frame.index(pose[:2]))
     ny, nx = frame.shape
     if not (0 <= iy < ny and 0 <= ix < nx) or passable[iy, ix]:

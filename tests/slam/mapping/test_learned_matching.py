@@ -76,8 +76,8 @@ def test_it_learns_the_offset():
     network, curve = train_pose(_pairs(200), recipe)
     scores = pose_scores(network, _pairs(60, seed=1))
     assert curve[-1]["loss"] < curve[0]["loss"]
-    assert scores["told_m"] < 0.6 * scores["predicted_m"]
-    assert scores["told_deg"] < 0.5 * scores["predicted_deg"]
+    assert scores["estimated_m"] < 0.6 * scores["predicted_m"]
+    assert scores["estimated_deg"] < 0.5 * scores["predicted_deg"]
     assert 0.5 < scores["consistency"] < 2
     twice = [train_pose(_pairs(20), PoseRecipe(network=size, steps=5, batch=4))[0] for _ in range(2)]
     for a, b in zip(*(network.parameters() for network in twice), strict=True):
