@@ -1,8 +1,8 @@
-"""The simulated half of an episode: a robot in a building, what it does and what it senses.
+"""Simulation of a robot in a building: its motion and its sensors.
 
-Noise enters in three places: what the robot does differs from what it was told (actuation), what its odometry says
-differs from what it did (sensing), both after Active Neural SLAM, and its depth camera errs. Whoever drives it sees an
-`Observation` only; the true pose is for judging.
+Noise has three sources: actuation (the motion differs from the command) and odometry (the measured motion differs from
+the true one), both after Active Neural SLAM, and the depth camera. Each step returns an `Observation`; the true pose is
+for judging only.
 """
 
 from collections.abc import Mapping
@@ -49,14 +49,14 @@ class SimulatorConfig:
     physics: PhysicsPart = "dynamic"
     """dynamic: MuJoCo with wheels and contacts. kinematic: a disk that stops at walls, much faster."""
     camera: CameraPart = "pyrender"
-    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. plan: a ray a column, fastest,
+    """pyrender: OpenGL by OSMesa. embree: ray casting, slower, needs no OpenGL. plan: one ray per column, fastest,
     schematic colours. none: the robot has no camera."""
     image: CameraConfig = field(default_factory=CameraConfig)
     """Size and optics of the camera's pictures."""
     lidar: LidarPart = "none"
-    """2D lidar beside the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx or ring-64."""
+    """2D lidar with the camera or, with --camera none, instead of it: rplidar-a1, lds-01, ust-10lx or ring-64."""
     laser: LidarConfig = field(default_factory=LidarConfig)
-    """Height of the lidar's beams, and how much they err."""
+    """Height and errors of the lidar's beams."""
     robot: RobotConfig = field(default_factory=RobotConfig)
     """The robot's body."""
     noise: NoiseModel = field(default_factory=NoiseModel)
@@ -64,7 +64,7 @@ class SimulatorConfig:
     depth_noise: DepthNoise = field(default_factory=DepthNoise)
     """Noise of the depth camera."""
     radio: RadioLinkConfig = field(default_factory=RadioLinkConfig)
-    """How the target sends, and how the robot measures."""
+    """Transmitter of the target, and receiver of the robot."""
     recognition: RecogniserPart = "marker"
     """marker: by the ArUco marker in the picture. perfect: at its true place whenever it is in view."""
 
@@ -83,15 +83,15 @@ class Observation:
 
     rgb: UInt8[np.ndarray, "h w 3"]
     depth: Float[np.ndarray, "h w"]
-    """Metres along the camera's axis, as measured; 0 where nothing was."""
+    """Measured depth along the camera's axis [m]; 0 where nothing was measured."""
     odometry: Float[np.ndarray, "3"]
     """Measured motion since the last observation in the robot's frame: dx [m], dy [m], dyaw [rad]."""
     paths: PathEstimates | None = None
     """Estimated radio paths from the target, arrivals in the robot's frame; None without a radio."""
     anchors: Mapping[str, PathEstimates] = field(default_factory=dict)
-    """The same from other transmitters, by their names; none without a radio."""
+    """The same from other transmitters, by name; none without a radio."""
     target: Float[np.ndarray, "2"] | None = None
-    """Where the camera sees the target: x ahead, y left [m]; None if it does not, or does not look for it."""
+    """Where the camera sees the target: x ahead, y left [m]; None if it does not."""
     laser: LaserScan | None = None
     """What the lidar measured; None without one."""
 
@@ -113,14 +113,14 @@ class Simulator:
         uses_radio: bool = False,
         uses_camera: bool = False,
     ) -> None:
-        """Build the scene: the walls' collision shapes, and the picture of the building with its light.
+        """Build the scene: collision shapes, and the lit building for the camera.
 
         Args:
             building: Where.
             config: What is simulated.
             watch: Collects the time by stage.
             uses_radio: Whether the robot has a radio.
-            uses_camera: Whether the target is looked for in pictures.
+            uses_camera: Whether the target is searched for in pictures.
         """
         self.building = building
         self.config = config or SimulatorConfig()
@@ -162,7 +162,7 @@ class Simulator:
     def reset(self, task: Task, rng: np.random.Generator) -> Observation:
         """Put the robot at the task's start and the target in its place; all noise is drawn from `rng`."""
         self._rng = rng
-        # Of their own: whether there is a radio, a lidar or noise of depth changes no other noise.
+        # Separate generators: a radio, a lidar or noise of depth changes no other noise.
         self._radio_rng, self._depth_rng, *anchor_rngs = rng.spawn(2 + len(task.anchors))
         (self._lidar_rng,) = rng.spawn(1)
         if self._camera is None or self._target != tuple(task.target):
@@ -177,7 +177,7 @@ class Simulator:
         return self._observe(np.zeros(3))
 
     def step(self, action: Action) -> tuple[Observation, Motion]:
-        """Do one discrete action, as well as the noisy actuators can."""
+        """Do one discrete action, with actuation noise."""
         commanded = self.config.noise.actuation(action, self._rng)
         before = self.pose
         with self.watch.stage("physics"):
@@ -186,10 +186,10 @@ class Simulator:
         return self._observe(self.config.noise.sense(action, moved, self._rng)), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
-        """Drive with a forward speed and a turn rate for a while.
+        """Drive with a forward speed and a turn rate for a time.
 
-        The noise model is one of discrete actions: here odometry is scaled from the action that is nearest
-        in kind, by the share of it that was done.
+        The noise model is that of discrete actions: odometry noise is scaled from that of the most similar action, by
+        the share of it that was done.
         """
         before = self.pose
         with self.watch.stage("physics"):
@@ -209,7 +209,7 @@ class Simulator:
 
     @property
     def true_laser(self) -> LaserScan | None:
-        """What the lidar would measure here if it did not err, for judging; None without one."""
+        """The lidar's scan without noise, for judging; None without one."""
         return None if self._lidar is None else self._lidar.true_scan(self.pose)
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 from robosim.episode import EpisodeConfig
-from robosim.live.export import export
+from robosim.live.page_export import export
 from robosim.live.recorded import read_recording
 from robosim.plans.files import read_plan
 from robosim.run import record_episode

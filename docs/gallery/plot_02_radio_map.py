@@ -9,7 +9,7 @@ arrival. Behind a door, arrows point at the door instead of the transmitter, whi
 import matplotlib.pyplot as plt
 
 from robosim import RadioConfig, RadioScene, read_plan, receiver_grid
-from robosim.drawing.radio import draw_arrival, draw_power
+from robosim.drawing.radio_pictures import draw_arrival, draw_power
 
 config = RadioConfig()
 scene = RadioScene(read_plan("flat"), config)

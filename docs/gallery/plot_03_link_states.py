@@ -10,7 +10,7 @@ round a corner are in outage.
 import matplotlib.pyplot as plt
 
 from robosim import BuildingConfig, RadioConfig, RadioScene, read_plan, receiver_grid
-from robosim.drawing.radio import draw_state
+from robosim.drawing.radio_pictures import draw_state
 from wireless import TracerConfig
 
 plan, walls = read_plan("office"), BuildingConfig(tolerance_m=0.05)

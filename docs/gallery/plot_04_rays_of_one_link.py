@@ -9,7 +9,7 @@ The delay profile shows when each path arrives, and with which power.
 import matplotlib.pyplot as plt
 
 from robosim import RadioConfig, RadioScene, read_plan
-from robosim.drawing.radio import draw_rays
+from robosim.drawing.radio_pictures import draw_rays
 
 scene = RadioScene(read_plan("flat"), RadioConfig())
 tx, rx = scene.places(((7.0, 7.0), (11.5, 11.5)), "places")

@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from robosim import RadioConfig, RadioScene, read_plan
-from robosim.drawing.links import draw_directions
-from robosim.drawing.radio import draw_rays
+from robosim.drawing.direction_pictures import draw_directions
+from robosim.drawing.radio_pictures import draw_rays
 from wireless import Rays, Sounder, estimator_named, terminal_named
 
 scene = RadioScene(read_plan("flat"), RadioConfig())

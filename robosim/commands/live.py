@@ -67,11 +67,10 @@ def live(
     with Page(host, port, f"robosim live: {name}") as page:
         if folder is not None:
             page.look_back(folder)
-        elif isinstance(floor_plan, StoreysPlan):
-            page.explore_storeys(floor_plan, config.building, LinkSettings.of(config))
         elif floor_plan is not None:
             page.explore(floor_plan, config.building, LinkSettings.of(config))
-            page.search(EpisodeConfig(), config.building)
+            if not isinstance(floor_plan, StoreysPlan):
+                page.search(EpisodeConfig(), config.building)
         emit_result({"url": page.url, "shown": name})
         console.print(
             Text.assemble("Open ", (page.url, "bold"), " in a browser. Ctrl-C ends it."), soft_wrap=True
@@ -83,7 +82,7 @@ def live(
 
 def _export(folder: Path, file: Path) -> None:
     """Write the episode of a folder as a page."""
-    from robosim.live.export import export
+    from robosim.live.page_export import export
     from robosim.live.recorded import check_results, is_episode, read_recording
 
     check_results(folder)

@@ -24,8 +24,8 @@ from robosim.datasets.link_formats import (
 )
 from robosim.datasets.link_grid import UNIT_RX, LinkGrid
 from robosim.datasets.link_progress import link_progress
-from robosim.drawing.radio import choose_link, plot_grid, plot_rays
-from robosim.drawing.storeys import plot_storeys
+from robosim.drawing.radio_pictures import choose_link, plot_grid, plot_rays
+from robosim.drawing.storeys_picture import plot_storeys
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import ReceiverGrid, check_step

@@ -1,4 +1,4 @@
-"""What explains a picture that OpenCV draws: a legend, a scale bar, and where north is."""
+"""Legend, scale bar and north arrow of pictures that OpenCV draws."""
 
 from collections.abc import Sequence
 from typing import Literal, NamedTuple
@@ -29,7 +29,7 @@ class Entry(NamedTuple):
 
 
 def legend(entries: Sequence[Entry], width: int, height: int) -> UInt8[np.ndarray, "height width 3"]:
-    """A panel that names what is drawn; entries that do not fit below each other are left out.
+    """A legend; entries that do not fit are left out.
 
     Args:
         entries: From the top to the bottom.
@@ -62,7 +62,7 @@ def _sign(panel: np.ndarray, entry: Entry, at: tuple[int, int]) -> None:
 
 
 def draw_scale(canvas: np.ndarray, px_per_m: float) -> None:
-    """A bar of a round length with that length, in the lower left corner of a map; north, +y, is up beside it."""
+    """Draw a scale bar of a round length in the lower left corner of a map, and an arrow to the north (+y)."""
     height, width = canvas.shape[:2]
     length = bar_m(width / px_per_m)
     x, y, far = 10, height - 12, round(10 + length * px_per_m)
@@ -78,5 +78,5 @@ def draw_scale(canvas: np.ndarray, px_per_m: float) -> None:
 
 
 def write(canvas: np.ndarray, text: str, at: tuple[int, int], size: float = _SMALL) -> None:
-    """Write a line of text from a place on [pixels: column, row of its foot]."""
+    """Write a line of text that begins at a place [pixels: column, row of its foot]."""
     cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, size, _INK, 1, cv2.LINE_AA)

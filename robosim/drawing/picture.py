@@ -137,9 +137,9 @@ class Picture:
         """Entries of the legend, for all that an episode with such a step shows."""
         entries = [
             Entry("true wall", WALL_BLUE),
-            Entry("true way", TRUE_GREEN),
-            Entry("way as estimated", ESTIMATE_ORANGE),
-            Entry("planned way", PATH_PURPLE),
+            Entry("true trajectory", TRUE_GREEN),
+            Entry("estimated trajectory", ESTIMATE_ORANGE),
+            Entry("planned path", PATH_PURPLE),
             Entry("goal", PATH_PURPLE, "cross"),
             Entry("The robot's map"),
             Entry("floor seen", FREE_WHITE, "area"),
@@ -158,9 +158,9 @@ class Picture:
         if step.decided.belief is not None:
             entries.append(Entry("where it may be", _tint_of(0.5), "area"))
         if step.estimated.measurement is not None:
-            entries.append(Entry("Arrivals, by told state"))
+            entries.append(Entry("Arrivals, by link state"))
             entries += [Entry(STATE_NAMES[state], STATE_COLOURS[state], "arrow") for state in LinkState]
-        return [*entries, Entry("Depth in the corner:"), Entry("the nearer the lighter")]
+        return [*entries, Entry("Depth in the corner:"), Entry("the nearer, the lighter")]
 
     def _lines(self, step: Step) -> list[str]:
         """Text below the camera: status, goal and reason."""

@@ -1,4 +1,4 @@
-"""What explains a plan that matplotlib draws: a legend beside it, a scale bar and north below it."""
+"""Legend, scale bar and north arrow of plans that matplotlib draws."""
 
 from collections.abc import Sequence
 
@@ -38,15 +38,15 @@ def heading(text: str) -> Artist:
 def explain(
     axes: Axes, keys: Sequence[Artist], title: str | None = None, *, after: Sequence[Artist] = ()
 ) -> None:
-    """Set a legend beside a plan, and a scale bar and an arrow to the north below it.
+    """Add a legend next to a plan, and a scale bar and an arrow to the north below it.
 
-    What the axes show must be set before.
+    Set the limits of the axes before.
 
     Args:
         axes: In metres.
-        keys: Of what is drawn beside what has a label already; they stand before it.
+        keys: Entries before those of the axes' labelled artists.
         title: Of the legend.
-        after: Keys that stand after it.
+        after: Entries after them.
     """
     drawn, _ = axes.get_legend_handles_labels()
     inside = axes.get_legend()

@@ -28,7 +28,7 @@ LEGEND_INCHES = 1.9
 
 
 def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapEstimate) -> None:
-    """Draw plan, built map, both trajectories and the target of an episode, if that was looked for."""
+    """Draw plan, built map and both trajectories of an episode, and the target if it was searched for."""
     figure, axes = plan_axes(building)
     estimate.plot(axes, robot=False)
     building.draw_walls(axes)
@@ -47,7 +47,7 @@ def plot_episode(path: Path, building: Building, log: EpisodeLog, estimate: MapE
 
 
 def plot_plan(path: Path, building: Building, places: Reach) -> None:
-    """Draw a plan's walls and what parts of its floor a hull can drive through, each in its own colour."""
+    """Draw a plan's walls and the parts of its floor that a hull can reach, each in its own colour."""
     figure, axes = plan_axes(building)
     building.draw_walls(axes)
     area_m2 = (

@@ -1,6 +1,6 @@
-"""How long a scale bar is."""
+"""Length of a scale bar."""
 
-#: Lengths that one may have [m].
+#: Lengths to choose from [m].
 BARS_M = (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500)
 
 

@@ -1,4 +1,4 @@
-"""Time lines below a picture: SNR and link state, or the floor seen where there is no radio."""
+"""Time lines below a picture: SNR and link state, or coverage where there is no radio."""
 
 import math
 
@@ -11,7 +11,7 @@ from wireless.paths import LinkState
 
 #: Room for names and numbers on the left, and beyond the last decision on the right [pixels].
 _LEFT, _RIGHT = 74, 12
-#: Decisions that fit at first; twice as many each time they do not.
+#: Decisions that fit at first; doubled whenever they do not fit.
 _FIRST_SPAN = 100
 #: Range of SNR that is drawn, and its marks [dB].
 _SNR_DB, _MARKS_DB = (-10.0, 60.0), (0, 20, 40, 60)
@@ -24,7 +24,7 @@ class Timeline:
     """Grows by one decision at a time."""
 
     def __init__(self, width: int, height: int, states: dict[int, Colour]) -> None:
-        """Nothing drawn so far.
+        """Begin without decisions.
 
         Args:
             width: Of the picture [pixels].
@@ -36,25 +36,27 @@ class Timeline:
         for state, colour in states.items():
             self._colours[int(state)] = colour
         self._snr_db: list[float] = []
-        self._told: list[int] = []
+        self._estimated: list[int] = []
         self._true: list[int] = []
         self._seen: list[float] = []
 
-    def add(self, snr_db: float, told: LinkState | None, true: LinkState | None, coverage: float) -> None:
-        """Append a decision; NaN and None for what is not known."""
+    def add(
+        self, snr_db: float, estimated: LinkState | None, true: LinkState | None, coverage: float
+    ) -> None:
+        """Append a decision: SNR [dB], estimated and true link state, coverage; NaN and None where unknown."""
         self._snr_db.append(snr_db)
-        self._told.append(255 if told is None else int(told))
+        self._estimated.append(255 if estimated is None else int(estimated))
         self._true.append(255 if true is None else int(true))
         self._seen.append(coverage)
 
     def draw(self) -> UInt8[np.ndarray, "height width 3"]:
-        """The picture as far as it goes."""
+        """The picture up to the last decision."""
         canvas = np.full((self._height, self._width, 3), 255, np.uint8)
         foot = self._height - 18
-        if any(state != 255 for state in self._told):
+        if any(state != 255 for state in self._estimated):
             top = foot - 36
             self._lane(canvas, "SNR [dB]", (8, top - 6), _SNR_DB, _MARKS_DB, np.array(self._snr_db))
-            self._ribbon(canvas, "told state", top, self._told)
+            self._ribbon(canvas, "estimated", top, self._estimated)
             self._ribbon(canvas, "true state", top + 18, self._true)
         else:
             self._lane(canvas, "seen [%]", (8, foot), (0, 100), (0, 50, 100), 100 * np.array(self._seen))
@@ -63,7 +65,7 @@ class Timeline:
 
     @property
     def _span(self) -> int:
-        """Decisions that the picture is wide."""
+        """Decisions that fit into the width."""
         return _FIRST_SPAN * 2 ** max(0, math.ceil(math.log2(max(len(self._seen), 1) / _FIRST_SPAN)))
 
     def _x(self, i: float) -> float:
@@ -79,7 +81,7 @@ class Timeline:
         marks: tuple[int, ...],
         values: Float[np.ndarray, " n"],
     ) -> None:
-        """A line over the decisions between two rows of the picture; broken where there is no value."""
+        """A curve between two rows of the picture; interrupted where there is no value."""
         write(canvas, name, (4, (rows[0] + rows[1]) // 2 + 4))
 
         def height(value: np.ndarray) -> np.ndarray:

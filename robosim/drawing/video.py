@@ -1,4 +1,4 @@
-"""Video by PyAV, which brings its own ffmpeg."""
+"""Video files, written by PyAV with its own ffmpeg."""
 
 import contextlib
 import os
@@ -15,9 +15,9 @@ from robosim.support.files import partial_path
 
 
 class VideoWriter:
-    """An H.264 MP4 file, there under its name once closed.
+    """An H.264 MP4 file, which takes its name when it is closed.
 
-    A video that stops early (an interrupt, an error in the loop that draws) is playable too, if it is closed.
+    A video that ends early, by an interrupt or an error, can be played too, if it is closed.
     """
 
     def __init__(self, path: Path, size: tuple[int, int], fps: int = 20) -> None:
@@ -60,10 +60,10 @@ class VideoWriter:
         self._sink.check()
 
     def close(self) -> None:
-        """Finish the file and give it its name; without a frame there will be no file.
+        """Finish the file and give it its name; without frames no file is written.
 
         Raises:
-            OSError: If it could not be written; no file is left then.
+            OSError: If it could not be written; no file remains then.
         """
         try:
             if not self._empty:
@@ -79,10 +79,10 @@ class VideoWriter:
 
 
 class _Sink:
-    """A file that ffmpeg writes to, and that never fails there.
+    """A file for ffmpeg whose methods never fail.
 
-    On a full disk ffmpeg ends in a segmentation fault when it closes the file. It is told that all went well, and the
-    error is raised where it can be handled.
+    On a full disk ffmpeg crashes with a segmentation fault when it closes the file. So errors are stored here, and
+    raised where they can be handled.
     """
 
     def __init__(self, partial: Path, path: Path) -> None:
@@ -90,15 +90,15 @@ class _Sink:
         self._error: OSError | None = None
 
     def write(self, content: bytes) -> int:
-        """Write, or do not."""
+        """Write, unless an error has occurred."""
         return self._try(lambda: self._file.write(content), len(content))
 
     def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        """Go to a place in the file."""
+        """Set the position."""
         return self._try(lambda: self._file.seek(offset, whence), 0)
 
     def tell(self) -> int:
-        """The place in the file."""
+        """The position."""
         return self._try(self._file.tell, 0)
 
     def _try(self, action: Callable[[], int], otherwise: int) -> int:
@@ -110,22 +110,22 @@ class _Sink:
                 self._error = error
         return otherwise
 
-    def _flushed(self) -> int:
+    def _flush(self) -> int:
         self._file.flush()
         return 0
 
     def check(self) -> None:
-        """Raise what went wrong."""
+        """Raise the error, if there is one."""
         if self._error is not None:
             raise self._error
 
     def close(self) -> None:
-        """End the file, and raise what went wrong."""
-        self._try(self._flushed, 0)
+        """Close the file; raise the error, if there is one."""
+        self._try(self._flush, 0)
         self.check()
         self._file.close()
 
     def abandon(self) -> None:
-        """End the file, whole or not."""
+        """Close the file, complete or not."""
         with contextlib.suppress(OSError):
             self._file.close()

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import PercentFormatter
 
-from robosim.evaluation.scores import CLASSES, Estimate, Summary
+from robosim.evaluation.search_scores import CLASSES, Estimate, Summary
 from wireless.support.counting import counted
 
 #: Okabe and Ito's colours, in the order that policies come in.

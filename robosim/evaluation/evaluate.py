@@ -1,8 +1,8 @@
-"""A whole evaluation: the suite, its episodes, their scores, and what is written of them.
+"""A whole evaluation: the suite, its episodes, their scores, and the files of results.
 
-Below the folder: `suite.yaml` (what was searched), `settings.json` (how), `episodes/` (each episode whole), and from
-these `episodes.parquet` (one row an episode), `timing.parquet` (its seconds; all else is the same for the same seed),
-`summary.json`, `report.html` and its pictures.
+The folder holds `suite.yaml` (the tasks), `settings.json`, `episodes/`, and from these `episodes.parquet` (one row per
+episode), `timing.parquet` (seconds by stage; all else is the same for the same seed), `summary.json`, `report.html` and
+its pictures.
 """
 
 from collections.abc import Sequence
@@ -15,13 +15,13 @@ from rich.text import Text
 from robosim.episode import EpisodeConfig, check_weights
 from robosim.evaluation.ablations import POLICY, configured, place_of
 from robosim.evaluation.episodes import draw_plan, make_jobs
+from robosim.evaluation.job_runs import run_jobs
 from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.report import summary_rows
-from robosim.evaluation.results import Evaluation, write_results
+from robosim.evaluation.report import Evaluation, summary_rows
+from robosim.evaluation.results import write_results
 from robosim.evaluation.rows import read_job_head
-from robosim.evaluation.scores import Summary, score, summarise
+from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
-from robosim.evaluation.sweep import sweep
 from robosim.plans.files import find_plans
 from robosim.policies.goals import SEEKERS
 from robosim.support.progress import told_units
@@ -30,10 +30,10 @@ from robosim.support.workers import Workers
 
 
 def check_policies(names: Sequence[str]) -> tuple[str, ...]:
-    """Policies by their names; if none is given all that seek the target, without variants of one.
+    """Policies by name, in the order of tables; if none is given all that search for the target, without variants.
 
     Raises:
-        ValueError: If there is none of that name.
+        ValueError: If there is no policy of a name.
     """
     for name in names:
         POLICY.check("policies", name)
@@ -55,16 +55,16 @@ def find_suite(
 
     Args:
         plans: A suite file; or plan files, folders of them and names of shipped ones.
-        config: What says how plans become buildings and how large the robot is.
-        targets: Tasks of each plan, 10 if not given.
-        seed: What they are drawn from, 0 if not given.
-        reader: Who reads the plans, of `robosim.parts.READER`, by name or `module:Name`.
+        config: How plans become buildings, and the size of the robot.
+        targets: Tasks per plan, 10 if not given.
+        seed: Seed of the tasks, 0 if not given.
+        reader: Reader of the plans, of `robosim.parts.READER`, by name or `module:Name`.
         workers: Processes at once.
         cluster: Address of a dask scheduler that is used instead.
         console: Where progress is shown.
 
     Raises:
-        ValueError: If a suite comes with plans, targets or a seed beside it, or two plans have one name.
+        ValueError: If a suite is given together with plans, targets or a seed, or two plans have one name.
         MapError: If a plan cannot be read or has no room for the robot.
     """
     if any(is_suite(plan) for plan in plans):
@@ -103,18 +103,18 @@ def evaluate(
     cluster: str | None = None,
     options: str = "",
 ) -> Evaluation:
-    """Run every task by the oracle and every policy, score them, and write everything.
+    """Run every task by the oracle and every policy, score the episodes, and write all results.
 
     Args:
-        suite: What is searched.
+        suite: The tasks.
         out: Folder of the results; episodes that it holds are not run again.
         config: How episodes run, but for policy and seed.
-        policies: Who chooses the goals; the oracle comes first, asked for or not.
-        repeats: Episodes of each task and policy, with other noise.
-        workers: Processes at once; the results do not depend on it.
+        policies: Goal policies; the oracle is always run, and comes first.
+        repeats: Episodes of each task and policy, each with different noise.
+        workers: Processes at once; the results do not depend on their number.
         console: Where progress is shown.
         cluster: Address of a dask scheduler that runs the episodes instead.
-        options: What is typed after `robosim episode` for the same configuration.
+        options: Options of `robosim episode` for the same configuration.
 
     Raises:
         FolderError: If the folder holds episodes of another configuration, or another process is at work in it.
@@ -125,26 +125,24 @@ def evaluate(
     for policy in policies:
         check_weights(configured(config, policy))
     suite.check_places()
-    everyone = (
-        "oracle",
-        *(name for name in dict.fromkeys(policies) if name != "oracle"),
-    )
-    made_by = code_digest(everyone)
-    jobs = make_jobs(suite, config, everyone, repeats, made_by)
+    names = ("oracle", *(name for name in dict.fromkeys(policies) if name != "oracle"))
+    made_by = code_digest(names)
+    jobs = make_jobs(suite, config, names, repeats, made_by)
     with run_folder(out, "evaluate", settings_of(suite, config), grows=("plans", "tasks")):
         write_suite(suite, out / "suite.yaml")
-        errors = sweep(jobs, out, workers=workers, console=console, cluster=cluster)
-        kept = [(job, read_job_head(job.file(out))) for job in jobs if job.file(out).is_file()]
-        judged = {(job.task.plan, job.task.number) for job, _ in kept if job.policy == "oracle"}
-        kept = [(job, head) for job, head in kept if (job.task.plan, job.task.number) in judged]
-        rows = score([head.row for _, head in kept])
+        errors = run_jobs(jobs, out, workers=workers, console=console, cluster=cluster)
+        done = [(job, read_job_head(job.file(out))) for job in jobs if job.file(out).is_file()]
+        # Without the oracle's episode a task has no difficulty and no relative times.
+        rated = {(job.task.plan, job.task.number) for job, _ in done if job.policy == "oracle"}
+        done = [(job, head) for job, head in done if (job.task.plan, job.task.number) in rated]
+        rows = score([head.row for _, head in done])
         result = Evaluation(
-            jobs=[job for job, _ in kept],
+            jobs=[job for job, _ in done],
             rows=rows,
-            timing=[head.timing for _, head in kept],
+            timing=[head.timing for _, head in done],
             summaries=summarise(rows),
             errors=errors,
-            foreign=sum(head.made_by != made_by for _, head in kept),
+            foreign=sum(head.made_by != made_by for _, head in done),
         )
         if rows:
             write_results(result, out, config=config, options=options, workers=workers, console=console)

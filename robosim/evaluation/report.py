@@ -1,16 +1,26 @@
-"""The page of an evaluation: one HTML file with its pictures inside, which opens anywhere and needs nothing else."""
+"""The page of an evaluation: one HTML file with its pictures inside, which needs no other file."""
 
 import base64
-from collections.abc import Mapping, Sequence
+import shlex
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from robosim.episode import EpisodeConfig
+from robosim.evaluation.comparison import Compared, subject_of
+from robosim.evaluation.episodes import Job
+from robosim.evaluation.job_runs import Failure
 from robosim.evaluation.plain_names import plain_name
-from robosim.evaluation.scores import Estimate, Summary
-from robosim.support.files import whole_file
+from robosim.evaluation.rows import read_job_episode
+from robosim.evaluation.search_scores import Estimate, Summary
+from robosim.support.assets import shipped_plans
+from robosim.support.files import write_whole
+from wireless.support.counting import counted
 
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1080px; margin: 2em auto; padding: 0 1em }
@@ -18,131 +28,159 @@ h1 { font-size: 1.5em } h2 { font-size: 1.15em; margin-top: 2em }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: 13px }
 td, th { padding: .2em .8em; text-align: right; border-bottom: 1px solid #eee; white-space: nowrap }
 th { border-bottom: 1px solid #999; font-weight: 600 }
-td:first-child, th:first-child, td.name, .list th { text-align: left }
+td:first-child, th:first-child, .summary td:nth-child(2), .list td, .list th { text-align: left }
 tr.first td { border-top: 1px solid #999 }
 img { max-width: 100% } figure { margin: 1em 0 } figcaption { color: #555; font-size: 13px }
 section { border-top: 1px solid #ccc; margin-top: 1.5em } h3 { font-size: 1em } .lost { color: #a33 }
 code { font: 12px/1.4 ui-monospace, monospace; background: #f5f5f5; overflow-wrap: anywhere; padding: .1em .3em }
 .wide { overflow-x: auto } .warn { color: #a33 } small { color: #777 }
 """
-
-
-@dataclass(frozen=True)
-class TaskEpisode:
-    """An episode of a task, as the page tells it."""
-
-    cells: Sequence[str]
-    """As `TASK_HEADS`."""
-    arrived: bool
-    goals: str
-    """Of how many decisions the goal was what, in words."""
-    command: str
-    """What to type to run it again."""
-
-
-@dataclass(frozen=True)
-class TaskPage:
-    """One task, as the page shows it."""
-
-    title: str
-    what: str
-    """Which policy did what, in a line."""
-    episodes: Sequence[TaskEpisode]
-    picture: Path | None
-    """The ways of two policies; None for tasks beyond the first ones."""
-
-
-#: What is told of each episode of a task.
-TASK_HEADS = (
-    "policy", "arrived", "actions", "x oracle", "way [m]", "shortest [m]", "SPL", "floor seen [%]", "collisions",
+#: Columns of the episodes of a task.
+_TASK_HEADS = (
+    "policy", "arrived", "actions", "x oracle", "path [m]", "shortest [m]", "SPL", "floor seen [%]", "collisions",
 )  # fmt: skip
+#: Columns that name an episode.
+IDENTITY = ("plan", "task", "policy", "repeat", "seed")
 
 
 @dataclass(frozen=True)
-class Page:
-    """What the page tells."""
+class Evaluation:
+    """Results of an evaluation; jobs, rows and timing have one entry per episode."""
 
-    title: str
-    lead: Sequence[str]
-    """Lines on what was run."""
-    warnings: Sequence[str]
-    summaries: Sequence[Summary]
-    pictures: Sequence[tuple[Path, str]]
-    """PNG files and captions."""
-    means: Mapping[str, Mapping[str, float]]
-    """By policy: means of the table's columns."""
-    seconds: Mapping[str, Mapping[str, float]]
-    """By policy: mean seconds of an episode by stage."""
-    decisions_per_s: Mapping[str, float]
-    """By policy: decisions a second, over the time of all stages but making the scene."""
-    order: str
-    """In which order tasks stand."""
-    tasks: Sequence[TaskPage]
+    jobs: list[Job]
+    rows: list[dict[str, Any]]
+    """Identity and scores."""
+    timing: list[dict[str, Any]]
+    """Seconds by stage."""
+    summaries: list[Summary]
+    errors: list[Failure]
+    """Episodes that raised an error."""
+    foreign: int
+    """Episodes that other code or other versions of packages have run."""
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a reader must know before trusting the numbers."""
+        lines = [f"{f.job.name} failed and is left out: {f.error}" for f in self.errors]
+        if self.foreign:
+            lines.append(
+                f"{self.foreign} of {len(self.rows)} episodes were run by other code or other versions of packages. "
+                "Delete the folder `episodes` to run all of them again."
+            )
+        return lines
+
+    def indices(self) -> dict[str, list[int]]:
+        """Numbers of the episodes of each policy."""
+        policies = dict.fromkeys(row["policy"] for row in self.rows)
+        return {p: [i for i, row in enumerate(self.rows) if row["policy"] == p] for p in policies}
 
 
-def write_report(page: Page, path: Path) -> None:
-    """Write the page; pictures become part of it."""
-    parts = [
-        f"<h1>{escape(page.title)}</h1>",
-        *(f"<p>{escape(line)}</p>" for line in page.lead),
-        *(f'<p class="warn">{escape(line)}</p>' for line in page.warnings),
+def write_report(
+    result: Evaluation,
+    out: Path,
+    *,
+    config: EpisodeConfig,
+    options: str,
+    charts: Sequence[tuple[Path, str]],
+    tasks: Sequence[Compared],
+    pictures: Mapping[Compared, Path],
+) -> None:
+    """Write `report.html`; pictures become part of it.
+
+    Args:
+        result: What to report.
+        out: Folder of the evaluation.
+        config: How episodes ran, but for policy and seed.
+        options: Options of `robosim episode` for the same configuration.
+        charts: PNG files with their captions.
+        tasks: All tasks, in the order in which they are listed.
+        pictures: PNG files of some tasks.
+    """
+    own = result.indices()
+    seconds = {p: means([result.timing[i] for i in indices]) for p, indices in own.items()}
+    rates = {p: stages.pop("decisions_per_s", 0.0) for p, stages in seconds.items()}
+    plans, count = {row["plan"] for row in result.rows}, len({(r["plan"], r["task"]) for r in result.rows})
+    title = f"Evaluation of {', '.join(own)}"
+    lead = (
+        f"{counted(count, 'task')} in {counted(len(plans), 'floor plan')}, {counted(len(result.rows), 'episode')}. "
+        f"Physics {config.simulator.physics}, camera {config.simulator.camera}, noise level "
+        f"{config.simulator.noise.level:g}, at most {counted(config.max_steps, 'step')}."
+    )
+    order = (
+        f"Tasks that {subject_of(list(own))} failed come first, then those where it lost most to the best of the other "
+        f"policies. The first {len(pictures)} have a picture: both trajectories on one map, with the true walls, and "
+        "below it the estimated link state and what the goal was at each decision."
+    )
+    list_rows = [
+        [f'<a href="#task-{i}">{escape(_title(result, task))}</a>', escape(_outcome(result, task))]
+        for i, task in enumerate(tasks)
+    ]
+    heads, lines = summary_rows(result.summaries)
+    first = [i for i in range(1, len(lines)) if lines[i][0] != lines[i - 1][0]]
+    speed = ", ".join(f"{policy} {rate:.1f}" for policy, rate in rates.items())
+    body = [
+        f"<h1>{escape(title)}</h1><p>{escape(lead)}</p>",
+        *(f'<p class="warn">{escape(line)}</p>' for line in result.warnings),
         "<h2>Summary</h2>",
-        _summary_table(page.summaries),
+        _table(heads, [map(escape, line) for line in lines], "summary", dict.fromkeys(first, "first")),
         "<p><small>Brackets are 95 % intervals: Wilson's for arrival, bootstrap over tasks for the rest. Times are "
         "steps relative to the oracle's on the same task, and x shortest the median relative to a robot that knows the "
         "building, where that was run; never: fewer episodes than that arrive.</small></p>",
-        *(_figure(picture, caption) for picture, caption in page.pictures),
-        f"<h2>Task by task</h2><p>{escape(page.order)}</p>",
-        _task_list(page.tasks),
-        *(_task(number, task) for number, task in enumerate(page.tasks)),
+        *(
+            f"<figure>{_image(file, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
+            for file, caption in charts
+        ),
+        f"<h2>Task by task</h2><p>{escape(order)}</p>",
+        _table(("task", "in short"), list_rows, "list"),
+        *(_section(result, i, task, options, out, pictures.get(task)) for i, task in enumerate(tasks)),
         "<h2>Where the time goes</h2><p>Mean seconds of an episode, by stage.</p>",
-        _wide_table(page.seconds, "{:.2f}"),
-        "<p>Decisions a second, without the time that making building, robot and radio ready takes: "
-        + escape(", ".join(f"{policy} {rate:.1f}" for policy, rate in page.decisions_per_s.items()))
-        + ".</p>",
-        "<h2>Means of all episodes</h2>",
-        _wide_table(page.means, "{:.3g}"),
+        _columns_table(seconds, "{:.2f}"),
+        "<p>Decisions per second, without the time to prepare building, robot and radio: "
+        f"{escape(speed)}.</p><h2>Means of all episodes</h2>",
+        _columns_table({p: means([result.rows[i] for i in indices]) for p, indices in own.items()}, "{:.3g}"),
     ]
-    body = "\n".join(parts)
-    head = f'<meta charset="utf-8"><title>{escape(page.title)}</title><style>{_STYLE}</style>'
-    with whole_file(path) as partial:
-        partial.write_text(
-            f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{body}\n</body></html>\n',
-            encoding="utf-8",
-        )
+    head = f'<meta charset="utf-8"><title>{escape(title)}</title><style>{_STYLE}</style>'
+    page = f'<!doctype html>\n<html lang="en"><head>{head}</head>\n<body>\n{chr(10).join(body)}\n</body></html>\n'
+    write_whole(out / "report.html", page.encode())
 
 
 def summary_rows(summaries: Sequence[Summary]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Heads and lines of the summary table; with times relative to `shortest` where that was run."""
     limit = any(not np.isnan(summary.limit_median.value) for summary in summaries)
     heads = (
-        "policy",
-        "tasks are",
-        "tasks",
-        "arrived %",
-        "rel. time, median",
-        "rel. time, 80 %",
-        *(["x shortest, median"] if limit else []),
-        "mean SPL",
-    )
+        "policy", "tasks are", "tasks", "arrived %", "rel. time, median", "rel. time, 80 %",
+        *(["x shortest, median"] if limit else []), "mean SPL",
+    )  # fmt: skip
     lines = [
         (
-            summary.policy,
-            summary.difficulty,
-            str(summary.tasks),
-            _percent(summary.arrival_rate),
-            _times(summary.time_median),
-            _times(summary.time_p80),
-            *([_times(summary.limit_median)] if limit else []),
-            "{:.3f} [{:.3f}, {:.3f}]".format(*summary.spl),
+            s.policy, s.difficulty, str(s.tasks),
+            "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in s.arrival_rate)),
+            _times(s.time_median), _times(s.time_p80), *([_times(s.limit_median)] if limit else []),
+            "{:.3f} [{:.3f}, {:.3f}]".format(*s.spl),
         )
-        for summary in summaries
-    ]
+        for s in summaries
+    ]  # fmt: skip
     return heads, lines
 
 
-def _percent(rate: Estimate) -> str:
-    return "{:.1f} [{:.1f}, {:.1f}]".format(*(100 * value for value in rate))
+def replay_command(job: Job, options: str) -> str:
+    """The command that runs an episode again, with its video."""
+    plan = next((name for name, file in shipped_plans().items() if file == job.plan_file), str(job.plan_file))
+    start, target = (",".join(f"{v!r}" for v in place) for place in (job.task.start, job.task.target))
+    words = f"--start {start} --target {target} --goal {job.policy} --seed {job.config.seed} {options}"
+    reader = "" if job.reader == "auto" else f" --reader {job.reader}"
+    return f"robosim episode {shlex.quote(plan)} {words}".strip() + reader
+
+
+def means(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+    """Means of the columns that hold numbers, over the rows that have one."""
+    found = {}
+    for name in dict.fromkeys(name for row in rows for name in row if name not in IDENTITY):
+        values = [row[name] for row in rows if isinstance(row.get(name), (bool, int, float))]
+        finite = [float(value) for value in values if np.isfinite(value)]
+        if finite:
+            found[name] = float(np.mean(finite))
+    return found
 
 
 def _times(time: Estimate) -> str:
@@ -150,68 +188,91 @@ def _times(time: Estimate) -> str:
     return f"{value} [{low}, {high}]"
 
 
-def _summary_table(summaries: Sequence[Summary]) -> str:
-    rows, before = [], None
-    heads, lines = summary_rows(summaries)
-    for policy, name, *cells in lines:
-        first = ' class="first"' if before is not None and before != policy else ""
-        before = policy
-        rows.append(
-            f'<tr{first}><td>{escape(policy)}</td><td class="name">{name}</td>'
-            + "".join(f"<td>{cell}</td>" for cell in cells)
-            + "</tr>"
-        )
-    return _table(heads, rows)
+def _title(result: Evaluation, task: Compared) -> str:
+    again = f", repetition {task.repeat}" if task.repeat else ""
+    return f"{task.plan}, task {task.task}{again} ({result.rows[task.episodes[0]]['difficulty']})"
 
 
-def _wide_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
+def _outcome(result: Evaluation, task: Compared) -> str:
+    """How the two policies that are compared ended, in a line."""
+    words = []
+    for row in (result.rows[i] for i in (task.subject, task.rival) if i is not None):
+        if row["arrived"]:
+            words.append(f"{row['policy']} arrives after {row['arrived_at_step']} actions")
+        else:
+            end = f"{row['ended']} after {row['steps']}, {row['final_distance_m']:.1f} m away"
+            words.append(f"{row['policy']} {end}")
+    times = f": {task.loss:.2f} times as many" if np.isfinite(task.loss) and task.loss > 0 else ""
+    return f"{', '.join(words)}{times}"
+
+
+def _section(
+    result: Evaluation, number: int, task: Compared, options: str, out: Path, picture: Path | None
+) -> str:
+    """A task: its picture, all its episodes, and how to run each again."""
+    rows, title = [result.rows[i] for i in task.episodes], _title(result, task)
+    items = []
+    for i in task.episodes:
+        job = result.jobs[i]
+        kinds = Counter(reason.kind.value for reason in read_job_episode(job.file(out)).reasons)
+        goals = ", ".join(f"{kind} {count}" for kind, count in kinds.most_common()) or "no decision"
+        command = f"<code>{escape(replay_command(job, options))}</code>"
+        items.append(f"<li><b>{escape(job.policy)}</b>: {escape(goals)}<br>{command}</li>")
+    lost = {i: "lost" for i, row in enumerate(rows) if not row["arrived"]}
+    return (
+        f'<section id="task-{number}"><h3>{escape(title)}</h3><p>{escape(_outcome(result, task))}</p>'
+        f"{_image(picture, title) if picture else ''}{_table(_TASK_HEADS, map(_cells, rows), rows_of=lost)}"
+        f"<details><summary>Goals, and how to run each again</summary><ul>{''.join(items)}</ul></details></section>"
+    )
+
+
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Of `_TASK_HEADS`."""
+    time = row["relative_time"]
+    return (
+        escape(row["policy"]),
+        "yes" if row["arrived"] else "no",
+        str(row["arrived_at_step"] if row["arrived"] else row["steps"]),
+        f"{time:.2f}" if np.isfinite(time) else "-" if np.isnan(time) else "never",
+        f"{row['path_length_m']:.1f}",
+        f"{row['shortest_m']:.1f}",
+        f"{row['spl']:.2f}",
+        f"{100 * row['coverage']:.0f}",
+        str(row["collisions"]),
+    )
+
+
+def _columns_table(columns: Mapping[str, Mapping[str, float]], form: str) -> str:
     """A table with a column for each policy and a line for each name."""
-    names = list(dict.fromkeys(name for values in columns.values() for name in values))
+    names = dict.fromkeys(name for values in columns.values() for name in values)
     rows = [
-        f"<tr><td>{escape(plain_name(name))}</td>"
-        + "".join(
-            f"<td>{form.format(values[name]) if name in values else ''}</td>" for values in columns.values()
-        )
-        + "</tr>"
+        [escape(plain_name(name)), *(form.format(v[name]) if name in v else "" for v in columns.values())]
         for name in names
     ]
     return _table(("", *columns), rows)
 
 
-def _table(heads: Sequence[str], rows: Sequence[str]) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
-    return f'<div class="wide"><table><tr>{head}</tr>\n' + "\n".join(rows) + "</table></div>"
+def _table(
+    heads: Sequence[str],
+    rows: Iterable[Iterable[str]],
+    kind: str = "",
+    rows_of: Mapping[int, str] | None = None,
+) -> str:
+    """A table of cells of HTML.
 
-
-def _figure(picture: Path, caption: str) -> str:
-    return f"<figure>{_image(picture, caption)}<figcaption>{escape(caption)}</figcaption></figure>"
-
-
-def _task_list(tasks: Sequence[TaskPage]) -> str:
-    rows = [
-        f'<tr><td><a href="#task-{number}">{escape(task.title)}</a></td><td class="name">{escape(task.what)}</td></tr>'
-        for number, task in enumerate(tasks)
+    Args:
+        heads: Text above the columns.
+        rows: Cells.
+        kind: Its class.
+        rows_of: Classes of some rows, by number.
+    """
+    classes = rows_of or {}
+    lines = [
+        f'<tr class="{classes.get(i, "")}">' + "".join(f"<td>{cell}</td>" for cell in row) + "</tr>"
+        for i, row in enumerate(rows)
     ]
-    return f'<div class="list">{_table(("task", "in short"), rows)}</div>'
-
-
-def _task(number: int, task: TaskPage) -> str:
-    """A task: its picture, all its episodes, and how to run each again."""
-    rows = []
-    for episode in task.episodes:
-        lost = "" if episode.arrived else ' class="lost"'
-        name, *cells = map(escape, episode.cells)
-        rows.append(f"<tr{lost}><td>{name}</td>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>")
-    image = _image(task.picture, task.title) if task.picture else ""
-    told = "".join(
-        f"<li><b>{escape(episode.cells[0])}</b>: {escape(episode.goals)}<br><code>{escape(episode.command)}</code></li>"
-        for episode in task.episodes
-    )
-    return (
-        f'<section id="task-{number}"><h3>{escape(task.title)}</h3><p>{escape(task.what)}</p>{image}'
-        f"{_table(TASK_HEADS, rows)}<details><summary>Goals, and how to run each again</summary><ul>{told}</ul>"
-        "</details></section>"
-    )
+    head = "".join(f"<th>{escape(name)}</th>" for name in heads)
+    return f'<div class="wide {kind}"><table><tr>{head}</tr>\n{chr(10).join(lines)}</table></div>'
 
 
 def _image(path: Path, text: str) -> str:

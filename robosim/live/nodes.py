@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.live.colours import linear
+from robosim.live.scene_colours import linear
 from robosim.support.colours import Colour
 from slam.grid import GridFrame
 

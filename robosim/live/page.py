@@ -12,16 +12,14 @@ import numpy as np
 
 from robosim.building.building import BuildingConfig
 from robosim.episode import EpisodeConfig
+from robosim.live.building_scene import FIELD_DEG, Scenery, light, view_from_above
 from robosim.live.client import COVERED
 from robosim.live.link_model import LinkModel, LinkSettings
+from robosim.live.page_html import page_head
 from robosim.live.radio_panel import RadioPanel
 from robosim.live.results_panel import ResultsPanel
-from robosim.live.scenery import FIELD_DEG, Scenery, light, view_from_above
 from robosim.live.search_panel import SearchPanel
 from robosim.live.server import close_server, open_server
-from robosim.live.storeys_model import StoreysModel
-from robosim.live.storeys_panel import StoreysPanel
-from robosim.live.tables import page_head
 from robosim.plans.floorplan import FloorPlan
 from robosim.plans.storey_plans import StoreysPlan
 
@@ -102,11 +100,13 @@ class Page:
         self.server.gui.set_panel_label(title)
         self._about.content = page_head(title, about) + said
 
-    def explore(self, plan: FloorPlan, building: BuildingConfig, settings: LinkSettings) -> RadioPanel:
-        """Add the tab `Radio` for a floor plan.
+    def explore(
+        self, plan: FloorPlan | StoreysPlan, building: BuildingConfig, settings: LinkSettings
+    ) -> RadioPanel:
+        """Add the tab `Radio` for a building of one or several storeys.
 
         Raises:
-            MapError: If the plan has no free area.
+            MapError: If a plan has no free area.
             ValueError: If a setting does not fit.
         """
         model = LinkModel(plan, building, settings)
@@ -114,30 +114,14 @@ class Page:
             radio = self.radio = RadioPanel(
                 self.server, model, building, on_plan=lambda: self.show("Radio"), on_about=self.entitle
             )
-            self._add_inside(radio)
+            above = self.server.gui.add_button("See it from above")
+            above.on_click(lambda event: self._welcome(event.client) if event.client else None)
+            if len(model) == 1:
+                self._add_inside(radio)
         self._closers.append(radio.close)
-        self._modes["Radio"] = Mode(folder, radio.show, lambda: [radio.scenery])
+        self._modes["Radio"] = Mode(folder, radio.show, lambda: radio.sceneries)
         self.show("Radio")
         return radio
-
-    def explore_storeys(
-        self, plan: StoreysPlan, building: BuildingConfig, settings: LinkSettings
-    ) -> StoreysPanel:
-        """Add the tab `Radio` for a building of several storeys.
-
-        Raises:
-            MapError: If a plan has no free area.
-            ValueError: If a setting does not fit.
-        """
-        model = StoreysModel(plan, building, settings)
-        with self._folder("Radio") as folder:
-            panel = StoreysPanel(self.server, model, building)
-            above = self.server.gui.add_button("See it from above")
-        above.on_click(lambda event: self._welcome(event.client) if event.client else None)
-        self._closers.append(panel.close)
-        self._modes["Radio"] = Mode(folder, panel.show, lambda: panel.sceneries)
-        self.show("Radio")
-        return panel
 
     def search(self, config: EpisodeConfig, building: BuildingConfig) -> SearchPanel:
         """Add the tab `Search` in the building that is explored.
@@ -242,9 +226,7 @@ class Page:
             self._welcome(client)
 
     def _add_inside(self, radio: RadioPanel) -> None:
-        above = self.server.gui.add_button("See it from above")
         inside = self.server.gui.add_button("See it over the robot's shoulder")
-        above.on_click(lambda event: self._welcome(event.client) if event.client else None)
 
         @inside.on_click
         def _(event: Any) -> None:

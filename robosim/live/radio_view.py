@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from robosim.live.colours import (
+from robosim.live.building_scene import STEP_M
+from robosim.live.nodes import Nodes
+from robosim.live.radio_map import Field
+from robosim.live.scene_colours import (
     ESTIMATED_ARRIVAL,
     ROBOT_COLOUR,
     TRUE_ARRIVAL,
@@ -16,9 +19,6 @@ from robosim.live.colours import (
     linear,
     power_colours,
 )
-from robosim.live.field import Field
-from robosim.live.nodes import Nodes
-from robosim.live.scenery import STEP_M
 from robosim.radio.measurement import Measurement
 from robosim.recording.rerun_recording import ray_kind, rays
 from wireless.paths import Paths
@@ -51,7 +51,7 @@ class RadioView:
         self._levels_m: dict[Who, float] = {"transmitter": height_m, "robot": height_m}
         self._scene.add_frame(root, show_axes=False)
         self._nodes = Nodes(server.scene, root)
-        self.handles = {
+        self.handles: dict[Who, Any] = {
             "transmitter": self._handle("transmitter", TX_COLOUR),
             "robot": self._handle("robot", ROBOT_COLOUR),
         }
@@ -71,12 +71,12 @@ class RadioView:
         return handle
 
     def on_drag(self, moved: Callable[[Who, Float[np.ndarray, "2"], bool], None]) -> None:
-        """Have a function told of where a handle is dragged to [m], and whether it was let go."""
+        """Call a function with the place to which a handle is dragged [m], and whether it was let go."""
         for who, handle in self.handles.items():
-            self._listen(who, handle, moved)  # type: ignore[arg-type]
+            self._watch(who, handle, moved)
 
-    def _listen(self, who: Who, handle: Any, moved: Callable[[Who, np.ndarray, bool], None]) -> None:
-        # On the page's own loop, so that the last place is the last one told.
+    def _watch(self, who: Who, handle: Any, moved: Callable[[Who, np.ndarray, bool], None]) -> None:
+        # On the page's own loop, so that places come in order.
         async def drag(event: Any) -> None:
             eye = np.array(event.client.camera.position)
             at = on_level(eye, np.array(event.end_position), self._levels_m[who])
@@ -85,15 +85,9 @@ class RadioView:
 
         handle.on_drag(drag)
 
-    def place(self, who: Who, at: Float[np.ndarray, "2"], level_m: float | None = None) -> None:
-        """Put a handle at a place [m].
-
-        Args:
-            who: Whose.
-            at: Where [m].
-            level_m: Height above the lowest floor [m], as on an upper storey; that of the antennas if not given.
-        """
-        self._levels_m[who] = self.height_m if level_m is None else level_m
+    def place(self, who: Who, at: Float[np.ndarray, "2"], level_m: float) -> None:
+        """Put a handle at a place [m], at a height above the lowest floor [m]."""
+        self._levels_m[who] = level_m
         self.handles[who].position = (float(at[0]), float(at[1]), self._levels_m[who])
 
     def show_heading(self, yaw_rad: float) -> None:

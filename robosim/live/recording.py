@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.recording.episode_file import RecordedEpisode
-from robosim.recording.step_codec import NO_RADIO, decode_belief, decode_map, decode_step
+from robosim.recording.step_codec import decode_belief, decode_map, decode_step
 from robosim.step import Step
 
 
@@ -46,16 +46,15 @@ class Recording:
         """Append a step, as encoded by `encode_step`."""
         snr_db = row["arrival"][0, 2] if len(row["arrival"]) else np.nan
         probability = row["state_probability"]
-        believed = np.nan if np.isnan(probability).any() else float(np.argmax(probability))
-        true = np.nan if row["true_state"] == NO_RADIO else float(row["true_state"])
+        state = np.nan if np.isnan(probability).any() else float(np.argmax(probability))
         error_cm = 100 * np.hypot(*(row["estimate"] - row["pose"])[:2])
         with self._lock:
             self._rows.append(row)
-            self._lines.append((snr_db, believed, true, error_cm, *row["pose"][:2], *row["estimate"][:2]))
+            self._lines.append((snr_db, state, error_cm, *row["pose"][:2], *row["estimate"][:2]))
 
-    def time_lines(self) -> Float[np.ndarray, "n 4"]:
-        """SNR [dB], estimated and true link state, position error [cm] at each step; NaN where unknown."""
-        return self._table()[:, :4]
+    def time_lines(self) -> Float[np.ndarray, "n 3"]:
+        """SNR [dB], estimated link state and position error [cm] at each step; NaN where unknown."""
+        return self._table()[:, :3]
 
     def trajectories(self, count: int) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n 2"]]:
         """True and estimated positions of the first steps [m].
@@ -64,11 +63,11 @@ class Recording:
             count: How many.
         """
         table = self._table()[:count]
-        return table[:, 4:6], table[:, 6:]
+        return table[:, 3:5], table[:, 5:]
 
-    def _table(self) -> Float[np.ndarray, "n 8"]:
+    def _table(self) -> Float[np.ndarray, "n 7"]:
         with self._lock:
-            return np.array(self._lines, float).reshape(-1, 8)
+            return np.array(self._lines, float).reshape(-1, 7)
 
 
 def recording_of(episode: RecordedEpisode, title: str) -> Recording:

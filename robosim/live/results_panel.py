@@ -9,9 +9,9 @@ import numpy as np
 
 from robosim.live.client import LIST, OPTION
 from robosim.live.latest import Latest, close_all
+from robosim.live.page_html import block
 from robosim.live.player import Player
 from robosim.live.recorded import Searched, is_episode, read_recording, read_searches
-from robosim.live.tables import block
 from wireless.support.counting import counted
 
 if TYPE_CHECKING:

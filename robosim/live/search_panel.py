@@ -89,7 +89,7 @@ class SearchPanel:
     def stop(self) -> None:
         """End what runs; what was recorded stays."""
         self._end()
-        self.player.arrived()
+        self.player.update()
 
     def _fill(self, gui: Any) -> None:
         with gui.add_folder("What is searched"):
@@ -160,7 +160,7 @@ class SearchPanel:
             jobs.append(
                 (
                     title,
-                    SearchJob(plan=radio.plan, config=own, start=start, target=target),
+                    SearchJob(plan=radio.building.plan, config=own, start=start, target=target),
                     BY_HAND if by_hand else GO,
                 )
             )
@@ -197,7 +197,7 @@ class SearchPanel:
                 else ""
             )
             self._on_view()
-        self.player.arrived()
+        self.player.update()
 
     def _let_go(self, playing: bool) -> None:
         for search in self.searches:

@@ -16,10 +16,10 @@ from robosim.drawing.plan_view import (
     TRUE_GREEN,
 )
 from robosim.layers import BLOCKED, FREE, GUESS, GUESS_LEVELS, OBSTACLE, TOP_LEVEL, Layer
+from robosim.live.building_scene import STEP_M, Scenery
 from robosim.live.nodes import Nodes, of_each_end
 from robosim.live.radio_view import arrival_fan, ray_segments
 from robosim.live.recording import Recording
-from robosim.live.scenery import STEP_M, Scenery
 from robosim.step import Step
 from robosim.support.colours import STATE_COLOURS
 from slam.grid import GridFrame

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from jaxtyping import Float
 
-from robosim.live.colours import ROBOT_COLOUR, TX_COLOUR
+from robosim.live.building_scene import Scenery
 from robosim.live.radio_view import on_level
-from robosim.live.scenery import Scenery
+from robosim.live.scene_colours import ROBOT_COLOUR, TX_COLOUR
 
 if TYPE_CHECKING:
     import viser

@@ -26,7 +26,7 @@ from robosim.episode import EpisodeConfig, run_episode
 from robosim.episode_log import EpisodeLog
 from robosim.evaluation.episodes import Job, make_jobs, task_of
 from robosim.evaluation.evaluate import find_suite
-from robosim.evaluation.scores import bootstrap
+from robosim.evaluation.search_scores import bootstrap
 from robosim.policies.belief import BeliefConfig, TargetBelief
 from robosim.step import Step
 from tests.benchmarks.harness import DEFAULT, Options, console, figure_of, run_units

@@ -21,7 +21,7 @@ from robosim.episode import EpisodeConfig
 from robosim.evaluation.episodes import Job, make_jobs, run_job
 from robosim.evaluation.evaluate import find_suite
 from robosim.evaluation.rows import read_job_head
-from robosim.evaluation.scores import bootstrap
+from robosim.evaluation.search_scores import bootstrap
 from robosim.radio.link import RadioLinkConfig
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from tests.benchmarks.harness import DEFAULT, Options, console, quartiles, run_units

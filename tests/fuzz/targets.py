@@ -21,7 +21,7 @@ from robosim.environments.collect import collect_searches
 from robosim.episode import EpisodeConfig
 from robosim.evaluation.manifest import settings_of
 from robosim.evaluation.rows import read_job_episode, read_job_head
-from robosim.evaluation.scores import score, summarise
+from robosim.evaluation.search_scores import score, summarise
 from robosim.evaluation.suite import is_suite, read_suite
 from robosim.live.own_plan import MOST_BYTES, plan_of
 from robosim.live.recorded import read_recording, read_searches
@@ -236,7 +236,7 @@ def _replay(folder: Path, file: Path) -> None:
 
 
 def _evaluate(folder: Path, file: Path) -> None:
-    with _only_reading("robosim.evaluation.evaluate.sweep"):
+    with _only_reading("robosim.evaluation.evaluate.run_jobs"):
         suite, out = str(folder / "suite.yaml"), str(folder)
         main(["evaluate", suite, "--policies", "snr", "los-or-first", "--workers", "1", "--out", out])
 
@@ -245,7 +245,7 @@ def _evaluate_finished(folder: Path, file: Path) -> None:
     """All episodes are there, and their rows are scored."""
     with (
         _only_reading("robosim.evaluation.evaluate.write_results"),
-        patch("robosim.evaluation.evaluate.sweep", lambda *a, **k: []),
+        patch("robosim.evaluation.evaluate.run_jobs", lambda *a, **k: []),
     ):
         suite, out = str(folder / "suite.yaml"), str(folder)
         main(["evaluate", suite, "--policies", "snr", "los-or-first", "--workers", "1", "--out", out])
@@ -318,14 +318,14 @@ def _scans(folder: Path, file: Path) -> None:
 def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
-        patch("robosim.drawing.logs.draw_maps", lambda *a: None),
-        patch("robosim.drawing.logs.draw_ways", lambda *a: None),
+        patch("robosim.drawing.log_maps.draw_maps", lambda *a: None),
+        patch("robosim.drawing.log_maps.draw_ways", lambda *a: None),
     ):
         main(["slam", str(file), "--out", str(folder / "out")])
 
 
 def _calibrate(folder: Path, file: Path) -> None:
-    with patch("robosim.drawing.odometry.draw_errors", lambda *a: None):
+    with patch("robosim.drawing.odometry_errors.draw_errors", lambda *a: None):
         main(["calibrate", str(file), "--out", str(folder / "out")])
 
 

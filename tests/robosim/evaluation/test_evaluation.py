@@ -16,12 +16,12 @@ from rich.console import Console
 from robosim.building.building import make_building
 from robosim.building.reach import reach
 from robosim.episode import EpisodeConfig
-from robosim.evaluation import episodes, results, sweep
+from robosim.evaluation import episodes, job_runs, results
 from robosim.evaluation.evaluate import evaluate
 from robosim.evaluation.manifest import code_digest, settings_of
-from robosim.evaluation.results import replay_command
+from robosim.evaluation.report import replay_command
 from robosim.evaluation.rows import name_of
-from robosim.evaluation.scores import bootstrap, difficulty, score, summarise, wilson
+from robosim.evaluation.search_scores import bootstrap, difficulty, score, summarise, wilson
 from robosim.evaluation.suite import Suite, SuiteTask, draw_tasks, name_plans, read_suite, write_suite
 from robosim.plans.files import write_ros
 from robosim.simulator import SimulatorConfig
@@ -235,7 +235,7 @@ def test_a_stopped_run_goes_on_and_comes_to_the_same(suite, tmp_path, monkeypatc
         ran.append(job.name)
         return episodes.run_job(job)
 
-    monkeypatch.setattr(sweep, "run_job", counted)
+    monkeypatch.setattr(job_runs, "run_job", counted)
     stop_at = 2
     with pytest.raises(KeyboardInterrupt):
         _evaluate(suite, tmp_path / "a")

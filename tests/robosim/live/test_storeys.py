@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from robosim.building.building import BuildingConfig
-from robosim.live.link_model import LinkSettings
-from robosim.live.storeys_model import StoreysModel
+from robosim.live.link_model import LinkModel, LinkSettings
 from robosim.plans.storey_plans import StoreyPlan, StoreysPlan
 from tests.plans import room
 
@@ -21,7 +20,7 @@ def plan() -> StoreysPlan:
 
 
 def test_places_are_on_their_storeys(plan):
-    model = StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+    model = LinkModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
     assert len(model) == 2
     assert [model.level_m(k) for k in (0, 1)] == [1.5, 4.35]
     assert np.all((model.first_place(0) > 0.9) & (model.first_place(0) < 3.1)), "below the opening"
@@ -31,23 +30,25 @@ def test_places_are_on_their_storeys(plan):
 
 def test_what_goes_through_the_opening_is_direct(plan):
     """From below the opening to above it the direct path is as long as the points are apart."""
-    model = StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
-    tx, rx = np.array([2.0, 2.0, 1.5]), np.array([2.4, 2.2, 4.35])
-    paths = model.paths(tx, rx)
+    model = LinkModel(plan, BuildingConfig(), LinkSettings(height_m=1.5))
+    tx, rx = np.array([2.0, 2.0]), np.array([2.4, 2.2])
+    paths = model.paths(tx, rx, (0, 1))
     assert paths.order[0] == 0
-    assert paths.delay_s[0] * 299_792_458 == pytest.approx(np.linalg.norm(rx - tx), rel=1e-9)
+    assert paths.delay_s[0] * 299_792_458 == pytest.approx(
+        np.linalg.norm(model.antenna(rx, 1) - model.antenna(tx)), rel=1e-9
+    )
 
 
 def test_antennas_that_do_not_fit_are_refused(plan):
     with pytest.raises(
         ValueError, match=r"expected antennas between floor and ceiling of each storey, 0 to 2.6 m"
     ):
-        StoreysModel(plan, BuildingConfig(), LinkSettings(height_m=2.8))
+        LinkModel(plan, BuildingConfig(), LinkSettings(height_m=2.8))
 
 
 def test_handles_go_from_storey_to_storey(page, plan):
     """The list of paths and the handle follow; hidden storeys are."""
-    panel = page.explore_storeys(plan, BuildingConfig(), LinkSettings())
+    panel = page.explore(plan, BuildingConfig(), LinkSettings())
     assert panel.settle(60)
     assert panel.storey == {"transmitter": 0, "robot": 1}
     before = panel._paths.content
@@ -58,5 +59,6 @@ def test_handles_go_from_storey_to_storey(page, plan):
     assert panel._view.handles["robot"].position == pytest.approx((2.2, 2.1, 1.5))
     panel.move("transmitter", np.array([2.0, 2.0]), 1)
     assert panel.settle(60)
-    assert panel.places["transmitter"] == pytest.approx([2.0, 2.0, 4.35])
+    assert panel.places["transmitter"] == pytest.approx([2.0, 2.0])
+    assert panel._view.handles["transmitter"].position == pytest.approx((2.0, 2.0, 4.35))
     assert [one.height_m for one in panel.sceneries] == [2.6, 3.0]

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from robosim.live.building_scene import FIELD_DEG, view_from_above
 from robosim.live.client import COVERED
-from robosim.live.scenery import FIELD_DEG, view_from_above
 
 
 @pytest.mark.parametrize(("aspect", "covered"), [(0.46, COVERED), (0.85, 0.0), (1.24, 0.0), (1.78, 0.0)])

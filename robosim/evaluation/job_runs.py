@@ -1,8 +1,8 @@
-"""Many episodes on any number of workers, going on where a run was stopped.
+"""Runs many episodes on any number of workers, and resumes a run that was stopped.
 
-Each episode is written whole once it is done, by this process alone; one whose file is there is not run again. What
-an episode comes to depends on its job only, so that the number of workers and the order in which they finish change
-nothing. An episode that fails is told and left out; the others go on, and the next run tries it again.
+Each episode is written whole when it is done, by this process alone; an episode whose file exists is not run again. A
+result depends on its job only, not on the number of workers or the order in which they finish. An episode that fails is
+reported and left out; the others go on, and the next run tries it again.
 """
 
 import traceback
@@ -22,7 +22,7 @@ from robosim.support.workers import Workers
 
 @dataclass(frozen=True)
 class Failure:
-    """An episode that raised an error instead of ending."""
+    """An episode that raised an error."""
 
     job: Job
     error: str
@@ -31,10 +31,10 @@ class Failure:
     """Where it happened."""
 
 
-def sweep(
+def run_jobs(
     jobs: Sequence[Job], out: Path, *, workers: int, console: Console, cluster: str | None = None
 ) -> list[Failure]:
-    """Run all episodes that are not kept yet, each into its file.
+    """Run all episodes whose file does not exist yet.
 
     Args:
         jobs: Episodes, ordered by plan.

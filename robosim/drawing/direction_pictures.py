@@ -1,9 +1,9 @@
-"""Pictures of what a receiver measures of one link: power over directions, beside its rays.
+"""Picture of what a receiver measures of one link: power over directions.
 
-Power is that of the strongest delay, for each beam of the transmitter and each azimuth that the receiver looks
-to: the array that faces there, its ports matched to a level wave. Both antennas' gains are in it. True paths are
-circles, the larger the stronger, estimated ones crosses with their rank; where paths lie closer than a beam, a
-receiver sees the sum of their fields.
+Power is that of the strongest delay, for each beam of the transmitter and each azimuth at the receiver: received by the
+array that faces there, with its ports matched to a level wave, and with both antennas' gains. True paths are circles,
+the larger the stronger; estimated ones are crosses with their rank. Of paths closer than a beam, a receiver sees the
+sum of their fields.
 """
 
 import numpy as np

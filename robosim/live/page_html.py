@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from robosim.live.colours import (
+from robosim.live.scene_colours import (
     ESTIMATED_ARRIVAL,
     POWER_DBM,
     ROBOT_COLOUR,

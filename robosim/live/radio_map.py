@@ -1,6 +1,6 @@
-"""A map of radio over the whole floor, coarse at first, finer while one watches.
+"""A map of radio over the whole floor, coarse at first, then finer.
 
-Each level is traced in rows of receivers, so that a newer request never waits for more than one of them.
+Each level is traced in parts, so that a newer request waits for one part at most.
 """
 
 from collections.abc import Callable, Iterator
@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from robosim.live.colours import angle_colours, power_colours, state_colours
 from robosim.live.link_model import LinkModel
+from robosim.live.scene_colours import angle_colours, power_colours, state_colours
 from robosim.radio.receivers import ReceiverGrid
 
 FieldKind = Literal["off", "received power", "link state", "direction of arrival"]
@@ -44,7 +44,7 @@ def fields(
         model: Where.
         tx: The transmitter's place [m].
         kind: What is shown.
-        stale: Whether nobody wants them any more; asked some hundred times a second.
+        stale: Whether they are not wanted any more; called some hundred times per second.
     """
     for step_m in STEPS_M:
         try:
@@ -67,7 +67,7 @@ def fields(
 def _colours(
     model: LinkModel, tx: Float[np.ndarray, "2"], places: Float[np.ndarray, "n 3"], kind: FieldKind
 ) -> UInt8[np.ndarray, "n 4"]:
-    paths = model.tracer.trace(np.array([[*tx, model.settings.height_m]]), places, workers=1)
+    paths = model.tracer.trace(model.antenna(tx)[None], places, workers=1)
     first = paths.select(paths.rank == 0)
     rgba = np.zeros((len(places), 4), np.uint8)
     rgba[first.rx, 3] = 255

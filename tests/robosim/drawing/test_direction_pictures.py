@@ -1,4 +1,4 @@
-"""Pictures of links: power where the paths are."""
+"""Power over directions: where the paths are, by the link budget."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from robosim.building.building import make_building
-from robosim.drawing.links import draw_directions, power_over_directions
+from robosim.drawing.direction_pictures import draw_directions, power_over_directions
 from robosim.radio.receivers import receiver_grid
 from tests.plans import two_rooms
 from wireless import LinkState, PathEstimates, Rays, Sounder, Tracer, terminal_named
@@ -70,8 +70,8 @@ def test_silence_shows_the_noise(sounder):
 
 def test_picture_marks_true_and_estimated_paths(sounder, paths):
     """A circle for each true path within 30 dB of the strongest, a cross for each estimate, in degrees."""
-    link = np.flatnonzero(paths.link_state().ravel() == LinkState.LOS)[0]
-    mine = paths.select(paths.link == link)
+    in_sight = np.flatnonzero(paths.link_state().ravel() == LinkState.LOS)
+    mine = paths.select(paths.link == in_sight[0])
     found = PathEstimates(
         aoa_rad=np.array([[0.5, -2.0, 0.0]]),
         aod_rad=np.array([[1.0, 3.0, 0.0]]),

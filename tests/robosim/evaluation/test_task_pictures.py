@@ -3,7 +3,7 @@
 import matplotlib.pyplot as plt
 import numpy as np
 
-from robosim.evaluation.ways import GOAL_COLOURS, ways_figure
+from robosim.evaluation.task_pictures import GOAL_COLOURS, trajectories_figure
 from robosim.policies.reason import ARRIVAL, EXPLORE, GoalKind
 from tests import kept
 from tests.steps import write_episode
@@ -23,7 +23,7 @@ def _episode(folder, policy, steps, *, arrived=True):
 
 def test_both_ways_are_on_one_map(tmp_path):
     one, other = _episode(tmp_path, "fused", 60), _episode(tmp_path, "snr", 25, arrived=False)
-    figure = ways_figure([one, other])
+    figure = trajectories_figure([one, other])
     plan, below = figure.axes
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
     np.testing.assert_allclose(drawn["fused: arrives at 60"], one.poses[:, :2])
@@ -34,7 +34,7 @@ def test_both_ways_are_on_one_map(tmp_path):
     names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert "true walls" in names
     assert names[-5:] == [
-        "link state as told:",
+        "estimated link state:",
         "higher-order NLOS",
         "goal:",
         "arrival followed",

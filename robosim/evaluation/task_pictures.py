@@ -1,4 +1,4 @@
-"""One task as a picture: the ways of two policies on one map, and below them what led them; from their logs alone."""
+"""Picture of a task: trajectories of two policies on one map, and below it their link states and goals."""
 
 from collections.abc import Sequence
 
@@ -24,9 +24,9 @@ from robosim.support.colours import STATE_COLOURS, STATE_NAMES, TARGET, WALL, cs
 from robosim.task.tasks import ARRIVAL_M
 from wireless.paths import LinkState
 
-#: Line of the policy that is looked at, and of the other.
-_WAYS = (("#0072B2", "-", 2.0), ("#E69F00", "--", 1.6))
-#: Decisions between the numbers along a way.
+#: Lines of the two policies.
+_LINES = (("#0072B2", "-", 2.0), ("#E69F00", "--", 1.6))
+#: Decisions between the numbers along a trajectory.
 _EVERY = 50
 #: Colour of each kind of goal, after Okabe and Ito (2008).
 GOAL_COLOURS = {
@@ -41,11 +41,11 @@ GOAL_COLOURS = {
 }
 
 
-def ways_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
+def trajectories_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
     """One or two episodes of a task on one map, each with its link states and kinds of goals below.
 
     Args:
-        episodes: The one that is looked at, and perhaps another.
+        episodes: One or two.
     """
     size, (low, high) = _extent(episodes)
     figure, (plan, below) = plt.subplots(
@@ -59,8 +59,8 @@ def ways_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
     plan.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="y [m]")
     plan.set_facecolor("0.85")
     _draw_building(plan, episodes)
-    for episode, style in zip(episodes, _WAYS, strict=False):
-        _draw_way(plan, episode, style)
+    for episode, style in zip(episodes, _LINES, strict=False):
+        _draw_trajectory(plan, episode, style)
     row = episodes[0].head.row
     plan.plot(*row["start"][:2], "o", color="k", ms=6, label="start")
     plan.plot(*row["target"], "*", color=TARGET, ms=14, mec="k", mew=0.5, label="target")
@@ -68,7 +68,7 @@ def ways_figure(episodes: Sequence[RecordedEpisode]) -> Figure:
     keys = [*wall_keys(furnished=False)]
     keys.append(Line2D([], [], marker=".", ls="", color="0.25", label=f"every {_EVERY} decisions"))
     states, kinds = _draw_ribbons(below, episodes)
-    after = [heading("link state as told:")] if states else []
+    after = [heading("estimated link state:")] if states else []
     after += [Patch(color=css(STATE_COLOURS[s]), label=STATE_NAMES[s]) for s in states]
     after += [heading("goal:"), *(Patch(facecolor=GOAL_COLOURS[kind], label=kind.value) for kind in kinds)]
     explain(plan, keys, after=after)
@@ -99,32 +99,32 @@ def _draw_building(axes: Axes, episodes: Sequence[RecordedEpisode]) -> None:
     axes.add_collection(LineCollection(closed, colors=WALL, linewidths=0.9, zorder=2))
 
 
-def _draw_way(axes: Axes, episode: RecordedEpisode, style: tuple[str, str, float]) -> None:
+def _draw_trajectory(axes: Axes, episode: RecordedEpisode, style: tuple[str, str, float]) -> None:
     row, (colour, dashes, width) = episode.head.row, style
-    way = episode.poses[:, :2]
+    places = episode.poses[:, :2]
     end = f"arrives at {row['arrived_at_step']}" if row["arrived"] else f"{row['ended']} at {row['steps']}"
-    axes.plot(*way.T, dashes, color=colour, lw=width, zorder=4, label=f"{row['policy']}: {end}")
-    axes.plot(*way[-1], "s", color=colour, mec="k", ms=6, zorder=5)
-    for i in range(_EVERY, len(way), _EVERY):
-        axes.plot(*way[i], ".", color="0.25", ms=5, zorder=6)
+    axes.plot(*places.T, dashes, color=colour, lw=width, zorder=4, label=f"{row['policy']}: {end}")
+    axes.plot(*places[-1], "s", color=colour, mec="k", ms=6, zorder=5)
+    for i in range(_EVERY, len(places), _EVERY):
+        axes.plot(*places[i], ".", color="0.25", ms=5, zorder=6)
         axes.annotate(
-            str(i), tuple(way[i]), (3, 3), textcoords="offset points", fontsize=6, color=colour, zorder=6
+            str(i), tuple(places[i]), (3, 3), textcoords="offset points", fontsize=6, color=colour, zorder=6
         )
 
 
 def _draw_ribbons(axes: Axes, episodes: Sequence[RecordedEpisode]) -> tuple[list[LinkState], list[GoalKind]]:
-    """Told link state and kind of goal over the decisions, and which of them there are."""
+    """Estimated link state and kind of goal at each decision; returns those that occur."""
     states: set[LinkState] = set()
     kinds: set[GoalKind] = set()
     longest, names = max(len(one.goals) for one in episodes), []
     for k, episode in enumerate(episodes):
         policy = episode.head.row["policy"]
-        told = [LinkState(state) for state in episode.link_states.tolist() if state != NO_RADIO]
+        found = [LinkState(state) for state in episode.link_states.tolist() if state != NO_RADIO]
         goals = [reason.kind for reason in episode.reasons]
-        states |= set(told)
+        states |= set(found)
         kinds |= set(goals)
         rows = (
-            (f"{policy}: link state", np.array([STATE_COLOURS[s] for s in told], np.uint8)),
+            (f"{policy}: link state", np.array([STATE_COLOURS[s] for s in found], np.uint8)),
             (f"{policy}: goal", _rgb([GOAL_COLOURS[kind] for kind in goals])),
         )
         for place, (name, colours) in enumerate(rows):

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 
 from robosim.drawing.scale import bar_m
-from robosim.live.colours import FLOOR, WALL, WALL_EDGE
+from robosim.live.scene_colours import FLOOR, WALL, WALL_EDGE
 from robosim.live.walls import facing_free, floor_mesh, upper_edges, wall_mesh
 
 if TYPE_CHECKING:

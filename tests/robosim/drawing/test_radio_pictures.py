@@ -9,7 +9,7 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 
 from robosim.building.building import make_building
-from robosim.drawing.radio import (
+from robosim.drawing.radio_pictures import (
     choose_link,
     conditions,
     draw_arrival,

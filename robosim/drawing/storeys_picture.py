@@ -11,7 +11,7 @@ from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
 from robosim.building.multi_storey import Storeys
-from robosim.drawing.radio import RX_COLOUR, TX_COLOUR, WALL, conditions
+from robosim.drawing.radio_pictures import RX_COLOUR, TX_COLOUR, WALL, conditions
 from robosim.support.figures import save_figure
 from wireless.paths import Paths
 from wireless.support.counting import counted

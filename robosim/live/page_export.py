@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from robosim.live.building_scene import FIELD_DEG, light, view_from_above
 from robosim.live.client import before_client
 from robosim.live.lean import SCRIPT as LEAN
+from robosim.live.page_html import search_legend
 from robosim.live.recording import Recording
-from robosim.live.scenery import FIELD_DEG, light, view_from_above
 from robosim.live.search_view import SearchView
 from robosim.live.server import HOST, close_server, open_server
-from robosim.live.tables import search_legend
 from robosim.support.checks import check_number
 from robosim.support.files import write_whole
 
