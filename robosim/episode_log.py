@@ -211,7 +211,7 @@ class EpisodeLog:
 
     def _times(self) -> Float[np.ndarray, " n"]:
         """Simulated time at each pose [s]."""
-        # evo asks for increasing times, also where a blocked robot gave up at once.
+        # evo requires increasing times, also where a blocked robot gave up at once.
         steps = [max(motion.duration_s, 1e-3) for motion in self.motions]
         return np.concatenate([[0.0], np.cumsum(steps)])
 
