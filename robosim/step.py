@@ -1,8 +1,8 @@
 """One step of an episode: what was sensed, estimated and decided, and what is true.
 
 Mapper and goal policy are given parts of `sensed` and `estimated`, never a `Step`, so that none of them can use the
-truth. Code that draws, records or judges an episode is given steps: from the running loop (`robosim.episode`), or from a
-recorded episode (`robosim.recording.episode_file`).
+truth. Code that draws, records or judges an episode is given steps: from the running loop (`robosim.episode`), or from
+a recorded episode (`robosim.recording.episode_file`).
 """
 
 from dataclasses import dataclass
