@@ -35,7 +35,7 @@ def _short_types(app, what, name, obj, options, signature, returned):
     def short(text: str | None) -> str | None:
         if text is None:
             return None
-        text = _PART.sub("part", text)
+        text = _PART.sub("str | object", text)
         text = re.sub(r"\b(?:jaxtyping|numpy|np|collections\.abc|pathlib|typing)\.", "", text)
         return re.sub(r"\[ndarray, '([^']*)'\]", lambda m: f"[ndarray, '{m[1].strip()}']", text)
 

@@ -186,14 +186,13 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
     task = make_task(places, rng, start=job.start, target=job.target)
     since = monotonic()
 
-    def begin(log: EpisodeLog) -> None:
-        target = task.target if log.seeks_target else None
-        pipe.send(("begun", (building_rings(building), target, building.height_m)))
+    def begin() -> None:
+        pipe.send(("begun", (building_rings(building), task.target, building.height_m)))
 
     def send(log: EpisodeLog, step: Step) -> Action | None:
         nonlocal since
         if not step.number:
-            begin(log)
+            begin()
         paths = step.true.paths
         pipe.send(("step", {**encode_step(step), "paths": paths and paths.strongest(MOST_RAYS)}))
         action = gate.wait(since)
@@ -202,6 +201,6 @@ def _run(job: SearchJob, gate: Gate, pipe: Connection) -> None:
 
     log, _ = run_episode(building, places, task, config, send)
     if not log.steps:
-        begin(log)
+        begin()
     length_m = log.result()["path_length_m"]
     pipe.send(("ended", f"{log.ended} after {counted(log.steps, 'step')} and {length_m:.1f} m"))

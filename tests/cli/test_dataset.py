@@ -173,7 +173,7 @@ def test_another_command_leaves_the_folder_alone(made, plan_file, fails):
         ("--generated -1", "generated is -1"),
         ("nowhere.yaml", "no such file"),
         ("{plan} --tx-per-plan 0", "tx_per_plan is 0, expected a whole number from 1"),
-        ("{plan} --grid 0", "grid is 0.0, expected 0.01 to 100 m"),
+        ("{plan} --grid 0", "grid_m is 0.0, expected 0.01 to 100 m"),
         ("{plan} --grid 50", "grid is 50 m, and no receiver fits"),
         ("{plan} --workers 0", "workers is 0"),
         ("{plan} --seed -1", "seed is -1"),

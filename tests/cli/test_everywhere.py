@@ -190,14 +190,14 @@ def test_errors_leave_standard_output_to_results(capsys):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_command_hands_over_its_result(name):
-    """Each calls `tell` or `tell_file`, so that none is silent with --json."""
+    """Each calls `emit_result` or `emit_result_file`, so that none is silent with --json."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(FUNCTIONS[name])))
     called = {
         node.func.id
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
     }
-    assert called & {"tell", "tell_file"}
+    assert called & {"emit_result", "emit_result_file"}
 
 
 def test_a_reader_that_has_seen_enough_is_no_error(plan_file, tmp_path):

@@ -76,7 +76,7 @@ def test_places_and_storeys_that_are_none_are_refused(house, capsys):
         (["--tx", "1,1,2.6", "--rx", "1,2"], "expected one within a storey: 0 to 2.5, 2.8 to 5.3 m"),
         (["--tx", "9,1", "--rx", "1,2"], "outside of the free space of house_storey_0"),
         (["--tx", "1,1", "--rx", "1,2", "--storey", "2"], "storey is 2, expected 0, the lowest, to 1"),
-        (["--tx", "1,1", "--rx", "1,2", "--resolution", "0.1"], "--resolution is of single floor plans"),
+        (["--tx", "1,1", "--rx", "1,2", "--resolution", "0.1"], "--resolution is for single floor plans"),
     ):
         with pytest.raises(SystemExit):
             main(["trace", str(house), *options])

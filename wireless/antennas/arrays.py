@@ -46,7 +46,8 @@ class Array:
         reach = np.abs(self.position_wl[:, None] - self.position_wl).max(initial=0.0)
         direction, share = sphere(48 + int(8 * reach))
         plain = self.plain_signature(direction)
-        return (plain * share[:, None]).T @ plain.conj()
+        # Not a product of matrices: libraries split its sum over threads, so that the last bits depend on the cores.
+        return np.einsum("ka,kb->ab", plain * share[:, None], plain.conj())
 
     @cached_property
     def decoupling(self) -> Complex[np.ndarray, "n n"]:

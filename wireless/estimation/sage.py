@@ -147,8 +147,8 @@ class SageEstimator:
 def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
     """Orthonormal rows, as many for each array, that level waves excite among its beams; filled up with zeros.
 
-    Eigenvectors of a small matrix rather than singular vectors of a tall one, which libraries split over threads: their
-    last bits would depend on the number of cores.
+    Eigenvectors of a small matrix rather than singular vectors of a tall one, and a plain sum rather than a product of
+    matrices: libraries split both over threads, and the last bits would depend on the number of cores.
     """
     ring = np.linspace(-np.pi, np.pi, 720, endpoint=False)
     response = sounder.tx_response(ring)
@@ -156,7 +156,7 @@ def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
     for array in range(len(sounder.tx.platform.face_rad)):
         mine = np.flatnonzero(sounder.tx.beam_array == array)
         seen = response[:, mine]
-        energy, mode = np.linalg.eigh(seen.conj().T @ seen)
+        energy, mode = np.linalg.eigh(np.einsum("ka,kb->ab", seen.conj(), seen))
         found = mode[:, energy > 1e-6 * energy[-1]].T[::-1]
         rows.append(np.zeros((len(found), sounder.tx.n_beams), complex))
         rows[-1][:, mine] = found

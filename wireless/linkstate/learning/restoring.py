@@ -1,4 +1,4 @@
-"""A network and its optimiser, put back into a state that was kept: whole, and such as training can go on from."""
+"""Restore a network and its optimiser from a stored state, with checks that training can continue from it."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,46 +11,49 @@ _LARGEST = 1e6
 _MOST_STEPS = 1e9
 
 
-def restore_network(network: torch.nn.Module, kept: Mapping[str, Any]) -> None:
-    """Put a network into a state that was kept.
+def restore_network(network: torch.nn.Module, state: Mapping[str, Any]) -> None:
+    """Load a stored state into a network.
 
     Raises:
-        ValueError: If a weight is no number, or one that no training comes to.
-        RuntimeError: If names or shapes are others.
+        ValueError: If a weight is NaN, infinite or too large for any training.
+        RuntimeError: If names or shapes differ.
     """
-    check_weights(kept)
-    network.load_state_dict(dict(kept))
+    check_weights(state)
+    network.load_state_dict(dict(state))
 
 
-def check_weights(kept: Mapping[str, Any]) -> None:
-    """See that tensors hold what weights can be.
+def check_weights(state: Mapping[str, Any]) -> None:
+    """Check that tensors hold plausible weights.
 
     Raises:
         ValueError: If one does not.
     """
-    for name, value in kept.items():
+    for name, value in state.items():
         if not (isinstance(value, torch.Tensor) and bool((value.abs() <= _LARGEST).all())):
             raise ValueError(f"{name} has values that are no weights")
 
 
-def restore_optimiser(optimiser: torch.optim.Optimizer, kept: Mapping[str, Any]) -> None:
-    """Put an optimiser of Adam's kind into a state that was kept.
+def restore_optimiser(optimiser: torch.optim.Optimizer, state: Mapping[str, Any]) -> None:
+    """Load a stored state into an optimiser of Adam's kind.
 
     Raises:
         ValueError: If the state is of other options or of weights of other shapes, which would show at a step only.
     """
     options = [_options(group) for group in optimiser.param_groups]
-    optimiser.load_state_dict(dict(kept))
+    optimiser.load_state_dict(dict(state))
     if [_options(group) for group in optimiser.param_groups] != options:
         raise ValueError("its optimiser has other options")
     for weight in (weight for group in optimiser.param_groups for weight in group["params"]):
         shapes = {"step": torch.Size([]), "exp_avg": weight.shape, "exp_avg_sq": weight.shape}
-        state = optimiser.state.get(weight, {})
-        if state and {name: getattr(value, "shape", None) for name, value in state.items()} != shapes:
+        weight_state = optimiser.state.get(weight, {})
+        if (
+            weight_state
+            and {name: getattr(value, "shape", None) for name, value in weight_state.items()} != shapes
+        ):
             raise ValueError("the state of its optimiser fits no weights")
-        if not all(bool((value.abs() < _MOST_STEPS).all()) for value in state.values()):
+        if not all(bool((value.abs() < _MOST_STEPS).all()) for value in weight_state.values()):
             raise ValueError("the state of its optimiser has values that no training comes to")
-        if state and not (state["step"] >= 0 and bool((state["exp_avg_sq"] >= 0).all())):
+        if weight_state and not (weight_state["step"] >= 0 and bool((weight_state["exp_avg_sq"] >= 0).all())):
             raise ValueError("the state of its optimiser has negative values")
 
 

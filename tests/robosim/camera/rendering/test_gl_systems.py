@@ -18,7 +18,6 @@ ROOT = Path(__file__).resolve().parents[4]
 RENDERING_TESTS = (
     "robosim/camera/test_cameras.py",
     "robosim/camera/rendering/test_gl_platforms.py",
-    "benchmarks/test_render.py",
 )
 # Far more than the half minute that they take, for a busy machine; and less than for ever.
 LIMIT_S = 1800.0
