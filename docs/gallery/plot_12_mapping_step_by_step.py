@@ -18,17 +18,17 @@ places = robosim.reach(building, 0.1)
 task = robosim.make_task(places, np.random.default_rng(3))
 simulated = robosim.SimulatorConfig(physics="kinematic", depth_noise=robosim.DepthNoise(level=1.0))
 config = robosim.EpisodeConfig(goal="explore", mapper="classical", max_steps=251, simulator=simulated)
-decisions = []
+steps = []
 log, _ = robosim.run_episode(
-    building, places, task, config, lambda _, d: decisions.append((d.estimate, d.view.odometry))
+    building, places, task, config, lambda _, step: steps.append((step.estimated.map, step.sensed.odometry))
 )
 true, estimated, by_odometry = np.array(log.poses), np.array(log.estimates), [task.start]
-for _, motion in decisions[1:]:
+for _, motion in steps[1:]:
     by_odometry.append(compose(by_odometry[-1], motion))
 
 figure, axes = plt.subplots(2, 2, figsize=(10, 9), layout="constrained")
 for place, step in zip(axes.flat, (20, 80, 250), strict=False):
-    decisions[step][0].plot(place, robot=False)
+    steps[step][0].plot(place, robot=False)
     building.plot(place)
     place.plot(*true[: step + 1, :2].T, color="#009E73", lw=3)
     place.plot(*estimated[: step + 1, :2].T, color="#E69F00", lw=1)

@@ -23,10 +23,8 @@ for column, (camera, lidar) in zip(axes.T, [("pyrender", "none"), ("none", "rpli
     config = robosim.EpisodeConfig(
         goal="explore", explorer="gain", mapper="classical", max_steps=40, simulator=simulated
     )
-    log, estimate = robosim.run_episode(
-        building, places, task, config, lambda log, decision: last.append(decision)
-    )
-    view, (x, y, yaw) = last[-1].view, last[-1].pose
+    log, estimate = robosim.run_episode(building, places, task, config, lambda log, step: last.append(step))
+    view, (x, y, yaw) = last[-1].sensed, last[-1].true.pose
     if view.laser is not None:
         bearing, reach = view.laser.bearing_rad, view.laser.range_m
     else:

@@ -171,7 +171,8 @@ def export_mitsuba(building: Faces, path: Path, *, frequency_hz: float = 28e9) -
         mesh_name = f"meshes/{name}.ply"
         with whole_file(xml.parent / mesh_name) as partial:
             building.of_material(name).export(partial, file_type="ply")
-        shape = ET.SubElement(root, "shape", type="ply", id=f"mesh-{name}")
+        # Sionna RT has one list of names for shapes and materials.
+        shape = ET.SubElement(root, "shape", type="ply", id=f"mesh-{name}_surfaces")
         ET.SubElement(shape, "string", name="filename", value=mesh_name)
         ET.SubElement(shape, "boolean", name="face_normals", value="true")
         ET.SubElement(shape, "ref", id=f"mat-{name}", name="bsdf")

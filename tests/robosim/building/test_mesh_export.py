@@ -152,9 +152,9 @@ def test_materials_of_one_itu_type_have_their_own_slabs(tmp_path):
         "mat-plasterboard",
     ]
     assert {s.get("id") for s in root.findall("shape")} == {
-        "mesh-drywall",
-        "mesh-plasterboard",
-        "mesh-concrete",
+        "mesh-drywall_surfaces",
+        "mesh-plasterboard_surfaces",
+        "mesh-concrete_surfaces",
     }
 
 
