@@ -13,7 +13,7 @@
 #   make bench     a benchmark: BENCH="render --sizes 128"; BENCH=--help lists them
 #   make linkcheck checks the external links of the documentation; needs the network
 #   make faults    every command under signals, lost workers and full disks at random moments; hours
-#   make fuzz      damaged files for every reader; a quarter of an hour
+#   make fuzz      damaged files for every reader; half an hour and more
 #   make fresh     make demo and make test in bare Debian systems; needs root and debootstrap
 
 VENV ?= .venv

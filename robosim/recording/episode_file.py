@@ -168,11 +168,6 @@ class RecordedEpisode:
         ]
 
     @property
-    def true_states(self) -> Int[np.ndarray, " n"]:
-        """True link state at each decision; -1 without a radio."""
-        return self.columns["true_state"]
-
-    @property
     def link_states(self) -> Int[np.ndarray, " n"]:
         """Most probable link state at each decision, as estimated; -1 without a radio."""
         probability = self.columns["state_probability"]
