@@ -5,6 +5,8 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float32
 
+from slam.support.weights import check_values
+
 Weights = Mapping[str, np.ndarray]
 #: Added to variances by batch normalisation; PyTorch's default.
 _EPSILON = 1e-5
@@ -18,15 +20,17 @@ def check_weights(weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> No
         shapes: What shape each must have.
 
     Raises:
-        ValueError: If names, shapes or kinds of numbers are others, or a value is no number.
+        ValueError: If names, shapes or types differ, a value is NaN, infinite or too large, or a variance is negative.
     """
     kinds = {name: np.int64 if name.endswith("num_batches_tracked") else np.float32 for name in shapes}
     if {k: (w.shape, w.dtype) for k, w in weights.items()} != {
         k: (shape, np.dtype(kinds[k])) for k, shape in shapes.items()
     }:
         raise ValueError("other names, shapes or kinds of numbers")
-    if wrong := [name for name, values in weights.items() if not np.isfinite(values).all()]:
-        raise ValueError(f"{wrong[0]} has values that are no numbers")
+    check_values(weights)
+    for name, values in weights.items():
+        if name.endswith("running_var") and (values < 0).any():
+            raise ValueError(f"{name} has negative variances")
 
 
 def trained_numbers(weights: Weights) -> int:

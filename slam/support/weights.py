@@ -10,6 +10,19 @@ from safetensors.numpy import load
 from slam.support.reading import reading
 
 Weights = Mapping[str, Float32[np.ndarray, "..."]]
+#: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.
+LARGEST = 1e6
+
+
+def check_values(weights: Mapping[str, np.ndarray]) -> None:
+    """Check that no floating-point weight is NaN, infinite or above `LARGEST`.
+
+    Raises:
+        ValueError: If one is.
+    """
+    for name, values in weights.items():
+        if values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
+            raise ValueError(f"{name} has values that are NaN, infinite or above {LARGEST:,.0f}")
 
 
 def read_weights(path: Path, like: Weights, what: str) -> Weights:
@@ -29,6 +42,5 @@ def read_weights(path: Path, like: Weights, what: str) -> Weights:
             k: (w.shape, w.dtype) for k, w in like.items()
         }:
             raise ValueError("other names, shapes or kinds of numbers")
-        if wrong := [name for name, values in weights.items() if not np.isfinite(values).all()]:
-            raise ValueError(f"{wrong[0]} has values that are no numbers")
+        check_values(weights)
         return weights

@@ -31,6 +31,8 @@ Shapes = dict[str, tuple[int, ...]]
 N_STATES = 4
 #: Widest network that is made; weights that are read must fit into memory.
 WIDEST = 512
+#: Largest magnitude of a weight. Trained weights are of order one; damaged ones overflow float32.
+LARGEST = 1e6
 #: What normalisation adds to variances; PyTorch's own.
 _EPSILON = np.float32(1e-5)
 
@@ -158,7 +160,7 @@ def check_weights(weights: Weights, shapes: Shapes, what: str) -> None:
     """See that weights are those of a network.
 
     Raises:
-        ValueError: If names, shapes or kinds of numbers are others, or a value is no number.
+        ValueError: If names, shapes or types differ, or a value is NaN, infinite or above `LARGEST`.
     """
     kinds: dict[str, Any] = {
         name: np.int64 if name.endswith("num_batches_tracked") else np.float32 for name in shapes
@@ -167,8 +169,11 @@ def check_weights(weights: Weights, shapes: Shapes, what: str) -> None:
         k: (shape, np.dtype(kinds[k])) for k, shape in shapes.items()
     }:
         raise ValueError(f"{what} has other names, shapes or kinds of weights")
-    if wrong := [name for name, values in weights.items() if not np.isfinite(values).all()]:
-        raise ValueError(f"{wrong[0]} of {what} has values that are no numbers")
+    for name, values in weights.items():
+        if values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
+            raise ValueError(f"{name} of {what} has values that are NaN, infinite or above {LARGEST:,.0f}")
+        if name.endswith("running_var") and (values < 0).any():
+            raise ValueError(f"{name} of {what} has negative variances")
 
 
 def softmax(logits: Float32[np.ndarray, "n k"]) -> Float32[np.ndarray, "n k"]:

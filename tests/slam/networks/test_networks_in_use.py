@@ -65,6 +65,19 @@ def test_weights_that_do_not_fit_are_rejected():
     weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
     with pytest.raises(ValueError, match="other names, shapes"):
         MapNetwork(weights, NetworkConfig(widths=(4, 8)))
-    weights["last.bias"] = np.array([np.nan, 0], np.float32)
-    with pytest.raises(ValueError, match=r"last\.bias has values that are no numbers"):
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -1e30])
+def test_values_that_overflow_are_rejected(value):
+    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    weights["last.bias"] = np.array([value, 0], np.float32)
+    with pytest.raises(ValueError, match=r"last\.bias has values that are NaN, infinite or above 1,000,000"):
+        MapNetwork(weights, NetworkConfig(widths=(4,)))
+
+
+def test_negative_variances_are_rejected():
+    weights = dict(arrays_of(MapModule(NetworkConfig(widths=(4,)))))
+    name = next(name for name in weights if name.endswith("running_var"))
+    weights[name] = -weights[name]
+    with pytest.raises(ValueError, match="has negative variances"):
         MapNetwork(weights, NetworkConfig(widths=(4,)))
