@@ -1,4 +1,4 @@
-"""What lies ahead of the robot, as a square patch of cells in its own frame: cut from a map, or seen in one image.
+"""What lies ahead of the robot, as a square patch of cells in its own frame, cut from a map.
 
 64 x 64 cells of 0.05 m with the robot at the middle of the near edge, and two channels, obstacle and explored: the
 patch that a mapper is trained to predict from an image, and that policies look at. As everywhere, `patch[c, iy, ix]`
@@ -18,14 +18,11 @@ from jaxtyping import Bool, Float, Float32
 
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import to_map
-from slam.sensing.projection import Band, CameraModel, back_project
 
 #: Index of each channel.
 OBSTACLE, EXPLORED = 0, 1
 #: The published patch: 3.2 m ahead, 1.6 m to each side.
 AHEAD = GridFrame(origin_xy=(0.0, -1.6), resolution_m=0.05, shape=(64, 64))
-#: Heights that count as obstacles in the published patch.
-PUBLISHED_BAND = Band(low_m=0.25, high_m=1.50)
 
 
 def egocentric_map(
@@ -99,31 +96,3 @@ def cut_ahead(
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     border = cv2.BORDER_CONSTANT
     return cv2.warpAffine(values, place, (nx, ny), flags=flags, borderMode=border, borderValue=beyond)
-
-
-def egocentric_view(
-    depth: Float32[np.ndarray, "h w"],
-    camera: CameraModel,
-    band: Band = PUBLISHED_BAND,
-    patch: GridFrame = AHEAD,
-) -> Bool[np.ndarray, "2 ny nx"]:
-    """What one depth image alone says about the cells around the robot.
-
-    Args:
-        depth: Depth along the camera axis [m].
-        camera: Intrinsics and height of the camera.
-        band: Heights above the floor that count as obstacles.
-        patch: Cells of the result, in the robot's frame.
-
-    Returns:
-        Channels obstacle (a point within the band lies over the cell) and explored (any point does).
-    """
-    points = back_project(depth, camera)
-    iy, ix = patch.index(points[:, :2])
-    inside = patch.inside(iy, ix)
-    iy, ix, height_m = iy[inside], ix[inside], points[inside, 2]
-    stops = (height_m >= band.low_m) & (height_m <= band.high_m)
-    seen = np.zeros((2, *patch.shape), bool)
-    seen[OBSTACLE, iy[stops], ix[stops]] = True
-    seen[EXPLORED, iy, ix] = True
-    return seen

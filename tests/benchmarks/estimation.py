@@ -1,7 +1,7 @@
 """Sounding and path estimation: speed against error, the reference's base station sending to its robot.
 
 Speed: traced links are sounded by full waveforms and by the closed form, and estimated by each estimator, one thread.
-Lone paths: error of the azimuth of arrival over SNR, against the Cramér-Rao bound (`wireless.sounding.bounds`). SNR is
+Lone paths: error of the azimuth of arrival over SNR, against the Cramér-Rao bound. SNR is
 the energy of the path in the whole measurement over that of noise in one of its over ten thousand entries; below some
 20 dB a path drowns in the strongest of them. Traced plans: how far the strongest estimated path is from the strongest
 true one (between isotropic antennas), and from the nearest of those true ones that are nearly as strong, by link state;
@@ -24,14 +24,14 @@ from robosim.support.progress import tracked
 from tests.benchmarks.harness import DEFAULT, Options, alternate, console, plans_of, quartiles
 from tests.benchmarks.resolution import strongest_sum_rad
 from tests.benchmarks.results import Results
+from tests.wireless.sounding.arrival_bounds import arrival_bound_rad, window_share
+from tests.wireless.sounding.waveforms import measure_waveform
 from wireless.antennas.codebook import terminal_named
 from wireless.estimates import wrapped
 from wireless.estimation.estimators import ESTIMATORS, PathEstimator, estimator_named
 from wireless.estimation.sage import SageEstimator
 from wireless.paths import LinkState, Paths
-from wireless.sounding.bounds import arrival_bound_rad, window_share
 from wireless.sounding.sounder import Rays, Sounder
-from wireless.sounding.waveform import measure_waveform
 
 #: Energies of lone paths in the whole measurement [dB].
 SNRS_DB = (10.0, 15.0, 17.5, 20.0, 22.5, 25.0, 27.5, 30.0, 35.0, 40.0, 50.0, 60.0, 70.0, 80.0)

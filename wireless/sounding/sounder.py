@@ -7,8 +7,8 @@ a at the receiver and beam response b at the transmitter then adds
     sqrt(P N / N0 B F) g D(l - tau) a_r b_k,    D(x) = mean over f of exp(2 pi j f x / N),
 
 at delay l, port r, beam k, on noise that is white with unit variance over l, r and k: correlation with a flat
-spectrum is unitary. Thus this tensor can be drawn directly, at a small part of the cost of the waveforms
-(`wireless.sounding.waveform` makes these, and is held against this).
+spectrum is unitary. Thus this tensor can be drawn directly, at a small part of the cost of the waveforms;
+the tests compare it with waveforms.
 
 Clocks are not locked: delays have a common random offset, each path a random phase, each array of either end
 an oscillator phase of its own. So the receiver looks for the delay where one of its arrays, in one beam,

@@ -1,4 +1,4 @@
-"""The patch ahead of the robot is the map turned into its frame, or what its camera alone shows of it."""
+"""The patch ahead of the robot is the map turned into its frame."""
 
 import math
 
@@ -9,9 +9,7 @@ from scipy import ndimage
 
 from slam.grid import GridFrame, MapEstimate
 from slam.poses import to_map
-from slam.sensing.egocentric import AHEAD, EXPLORED, OBSTACLE, egocentric_map, egocentric_view
-from slam.sensing.projection import Band, CameraModel
-from tests.slam.rooms import Room
+from slam.sensing.egocentric import AHEAD, EXPLORED, OBSTACLE, egocentric_map
 
 CELL = 0.05
 
@@ -128,46 +126,3 @@ def test_beyond_the_map_nothing_is_known():
     assert patch[:, :, :10].all()
     assert not patch[:, :, 10:].any()
     assert not egocentric_map(estimate, np.array([-300.0, 80.0, 1.0])).any()
-
-
-@pytest.mark.parametrize("yaw", [0.0, 0.4, -2.5])
-def test_one_view_shows_walls_where_they_are(yaw):
-    """Obstacles of a closed room are within a cell's diagonal of its walls, and all walls in view are obstacles.
-
-    The floor is explored where the image shows it: from 1.25 m on (the lowest ray falls 1:1), to the sides up
-    to 45 degrees; nearer there is none. At 3 m the rows of 256 fall 5.6 cm apart and leave gaps: 2 % (bound 5 %).
-    """
-    room, pose = Room(), np.array([0.7, 0.3, yaw])
-    patch = egocentric_view(room.depth(pose, size=256), CameraModel())
-    centres = to_map(pose, AHEAD.centres(np.ones(AHEAD.shape, bool))).reshape(64, 64, 2)
-    ahead, left = np.moveaxis(AHEAD.centres(np.ones(AHEAD.shape, bool)).reshape(64, 64, 2), -1, 0)
-    assert patch[OBSTACLE].any()
-    assert room.wall_distance(centres[patch[OBSTACLE]]).max() <= CELL * math.sqrt(0.5) + 1e-6
-    within = ((centres > room.low_xy) & (centres < room.high_xy)).all(axis=-1)
-    in_view = (np.abs(left) < ahead - 0.1) & (ahead > 1.35)
-    at_wall = within & (room.wall_distance(centres) < 0.005) & in_view
-    assert patch[OBSTACLE][at_wall].all()
-    floor = within & in_view & (room.wall_distance(centres) > 0.05)
-    assert patch[EXPLORED][floor].mean() > 0.95
-    assert not patch[EXPLORED][(ahead < 1.2) & within & (room.wall_distance(centres) > 0.05)].any()
-
-
-def test_a_view_takes_for_obstacles_what_is_within_the_band():
-    """A wall 2 m ahead is one when the band holds heights that it shows, none when it lies above the picture.
-
-    From 1.25 m the picture shows heights up to 3.25 m at 2 m; explored it is in both cases.
-    """
-    depth = Room(low_xy=(-9.0, -9.0), high_xy=(2.02, 9.0), height_m=9.0).depth(np.zeros(3), size=128)
-    low, high = (
-        egocentric_view(depth, CameraModel(), Band(low_m=a, high_m=b)) for a, b in ((0.1, 1.5), (3.5, 4.0))
-    )
-    assert low[OBSTACLE][:, 40].all()
-    assert low[OBSTACLE].sum() == 64
-    assert not high[OBSTACLE].any()
-    np.testing.assert_array_equal(low[EXPLORED], high[EXPLORED])
-
-
-@pytest.mark.parametrize("missing", [0.0, np.nan, np.inf])
-def test_a_view_of_nothing_shows_nothing(missing):
-    """No depth, no points, no error."""
-    assert not egocentric_view(np.full((32, 32), missing, np.float32), CameraModel()).any()

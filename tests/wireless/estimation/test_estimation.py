@@ -5,11 +5,11 @@ import copy
 import numpy as np
 import pytest
 
+from tests.wireless.sounding.arrival_bounds import arrival_bound_rad, departure_bound_rad, window_share
 from wireless.antennas.codebook import terminal_named
 from wireless.estimates import PathEstimates, wrapped
 from wireless.estimation.estimators import ESTIMATORS, estimator_named
 from wireless.estimation.sage import SageEstimator
-from wireless.sounding.bounds import arrival_bound_rad, departure_bound_rad, window_share
 from wireless.sounding.sounder import Rays, Sounder
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from tests.wireless.sounding.waveforms import measure_waveform
 from wireless.antennas.arrays import Platform, uniform_array
 from wireless.antennas.codebook import Terminal, terminal_named
 from wireless.estimation.pca import PcaEstimator
 from wireless.paths import Paths
 from wireless.sounding.sounder import Rays, Sounder, SoundingConfig
-from wireless.sounding.waveform import measure_waveform
 
 #: Chance of a test failing though all is right, were the seed another.
 RARE = 1e-4

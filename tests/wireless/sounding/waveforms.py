@@ -1,4 +1,4 @@
-"""The same measurement as `wireless.sounding.sounder`, from waveforms: slow, and plain enough to be believed.
+"""The same measurement as `wireless.sounding.sounder`, from waveforms: slow and simple.
 
 Each beam sends a random waveform (random quarter turns on all frequencies, so that its spectrum is flat)
 without pause. Every port of the receiver records one period, with noise of its own, and correlates by FFT.

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from tests.wireless.sounding.arrival_bounds import arrival_bound_rad, departure_bound_rad, window_share
 from wireless.antennas.arrays import Platform, uniform_array
 from wireless.antennas.codebook import Terminal, terminal_named
-from wireless.sounding.bounds import arrival_bound_rad, departure_bound_rad, window_share
 from wireless.sounding.sounder import Sounder
 
 
