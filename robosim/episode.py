@@ -30,7 +30,7 @@ from robosim.parts import (
 from robosim.policies.estimates import Estimates
 from robosim.policies.fused import FusedConfig
 from robosim.policies.goals import Driver, GoalPolicy, PolicyContext, make_policy
-from robosim.policies.reason import KEPT, UNTOLD, GoalKind
+from robosim.policies.reason import LOOP_DETECTED, UNKNOWN_REASON, GoalKind
 from robosim.policies.shortest import Shortest, TrueMapper
 from robosim.radio.bearings import bearings_of
 from robosim.radio.measurement import Interpreter, check_classifier
@@ -168,7 +168,8 @@ def drive(
         with watch.stage("planner"):
             goal = loop_detector.goal(wanted, map_.pose)
             # A policy of a user need not give reasons.
-            reason = KEPT if goal is not wanted else getattr(policy, "reason", None) or UNTOLD
+            given = getattr(policy, "reason", None) if goal is wanted else LOOP_DETECTED
+            reason = given or UNKNOWN_REASON
             # A robot sees the floor of a niche from outside; but a target may stand in it.
             look = reason.kind is GoalKind.EXPLORE and not policy.seeks_target
             plan = planner.plan(map_, goal, look=look)

@@ -268,7 +268,7 @@ class Paths:
         heads = (
             "tx",
             "rx",
-            "way",
+            "interactions",
             "power [dB]",
             "delay [ns]",
             "AoA az [deg]",

@@ -71,7 +71,7 @@ def calibrate_materials(
     from robosim.published.measured_paths import read_measured_paths
     from robosim.published.scattering_fit import fit_scattering
     from robosim.support.files import write_json
-    from robosim.support.progress import told_units
+    from robosim.support.progress import unit_progress
 
     config = MatchConfig(height_m=height, range_db=range_db)
     frequency_hz = frequency_ghz * 1e9
@@ -80,7 +80,7 @@ def calibrate_materials(
         hall = read_measured_paths(paths, math.radians(turn_deg))
         names = candidates(frequency_hz)
         walls = 1 + sum(given != NOTHING for given in floor_plan.materials)
-        with told_units(console, "materials tried", len(names) * walls) as tried:
+        with unit_progress(console, "materials tried", len(names) * walls) as tried:
             fit = fit_materials(
                 hall,
                 floor_plan,

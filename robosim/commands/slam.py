@@ -30,9 +30,9 @@ def slam(
 ) -> None:
     """Make maps and trajectories from logs of real robots.
 
-    Writes a folder for each log with trajectory.tum (by the graph), matching.tum (each scan matched to those before, no
-    loop closed) and odometry.tum for evo, map.yaml and map.pgm, a plan for other commands, map.png, ways.png and
-    result.json: errors against the reference, if the log has one, loops closed, seconds.
+    Writes a folder for each log: trajectory.tum (from the graph), matching.tum (each scan matched to those before,
+    without loop closure) and odometry.tum for evo; map.yaml and map.pgm, a plan for other commands; map.png,
+    trajectories.png and result.json: errors against the reference, if the log has one, number of loops, seconds.
 
     Example: robosim slam intel.log.gz --out out/intel
 
@@ -43,7 +43,7 @@ def slam(
         how: How the map is made.
         out: Output folder; by default a new one under runs/.
     """
-    from robosim.drawing.log_maps import draw_maps, draw_ways
+    from robosim.drawing.log_maps import draw_maps, draw_trajectories
     from robosim.logs.log_files import read_log
     from robosim.logs.log_mapping import make_log_plan, map_log
     from robosim.logs.trajectory_scores import compare_trajectories, count_filled_cells
@@ -59,7 +59,16 @@ def slam(
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     table = Table(
-        "log", "", "ATE [m]", "RPE 1-5 m [m]", "[deg]", "along the way [m]", "[deg] ", "cells", "loops", "s"
+        "log",
+        "",
+        "ATE [m]",
+        "RPE 1-5 m [m]",
+        "[deg]",
+        "RPE along the path [m]",
+        "[deg] ",
+        "cells",
+        "loops",
+        "s",
     )
     results: list[dict[str, Any]] = []
     with results_folder(out, "slam") as folder:
@@ -89,13 +98,15 @@ def slam(
             }
             write_ros(plans["graph"], place / "map.yaml")
             draw_maps(place / "map.png", plans, trajectories)
-            draw_ways(place / "ways.png", log, trajectories)
+            draw_trajectories(place / "trajectories.png", log, trajectories)
             result = {"log": log.name, "scans": len(log.range_m), "trajectories": rows}
             write_json(place / "result.json", result)
             results.append(result)
     emit_result({"logs": results}, folder)
     console.print(table)
-    console.print(f"Wrote trajectory.tum, map.yaml, map.png, ways.png, result.json and more in {folder}")
+    console.print(
+        f"Wrote trajectory.tum, map.yaml, map.png, trajectories.png, result.json and more in {folder}"
+    )
     last = folder if len(read) == 1 else folder / read[-1].name
     console.print(f"Next: robosim plan {quote(str(last / 'map.yaml'))}")
 

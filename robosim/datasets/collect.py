@@ -40,7 +40,7 @@ from robosim.step import Truth
 from robosim.support.arrays_in import FAR, Array
 from robosim.support.checks import SEED, Range, checked
 from robosim.support.files import npz_bytes, write_whole
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 from robosim.task.tasks import make_task
@@ -106,11 +106,11 @@ def collect(
         missing = [home for home, path in enumerate(paths) if not path.exists()]
         with (
             Workers(min(workers, len(missing) or 1), cluster, what="homes") as pool,
-            told_units(console, "homes", len(paths), len(paths) - len(missing)) as tell,
+            unit_progress(console, "homes", len(paths), len(paths) - len(missing)) as advance,
         ):
             for number, shard in pool.run(_collect_shard, [(config, home) for home in missing]):
                 write_whole(paths[missing[number]], shard)
-                tell(paths[missing[number]].stem)
+                advance(paths[missing[number]].stem)
     return paths
 
 

@@ -24,7 +24,7 @@ from robosim.evaluation.search_scores import Summary, score, summarise
 from robosim.evaluation.suite import Suite, is_suite, name_plans, read_suite, write_suite
 from robosim.plans.files import find_plans
 from robosim.policies.goals import SEEKERS
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.run_folder import run_folder
 from robosim.support.workers import Workers
 
@@ -81,11 +81,11 @@ def find_suite(
     drawn = {}
     with (
         Workers(min(workers, len(calls) or 1), cluster, what="plans") as pool,
-        told_units(console, "plans", len(calls)) as tell,
+        unit_progress(console, "plans", len(calls)) as advance,
     ):
         for _, tasks in pool.run(draw_plan, calls):
             drawn[tasks[0].plan] = tasks
-            tell(tasks[0].plan)
+            advance(tasks[0].plan)
     return Suite(
         plans=files, tasks=tuple(task for name in files for task in drawn[name]), seed=seed, reader=reader
     )

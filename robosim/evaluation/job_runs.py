@@ -16,7 +16,7 @@ from rich.text import Text
 from robosim.evaluation.episodes import Job, run_job
 from robosim.support.files import write_whole
 from robosim.support.parts import place_in_part
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.workers import Workers
 
 
@@ -53,7 +53,7 @@ def run_jobs(
     failures: list[Failure] = []
     with (
         Workers(min(workers, len(left) or 1), cluster, what="episodes") as pool,
-        told_units(console, "episodes", len(jobs), len(jobs) - len(left)) as tell,
+        unit_progress(console, "episodes", len(jobs), len(jobs) - len(left)) as advance,
     ):
         for _, (job, content, failure) in pool.run(_safely, [(job,) for job in left]):
             if failure is None:
@@ -61,7 +61,7 @@ def run_jobs(
             else:
                 failures.append(failure)
                 console.print(Text(f"{job.name} failed: {failure.error}"), soft_wrap=True)
-            tell(job.name)
+            advance(job.name)
     return failures
 
 

@@ -25,7 +25,7 @@ from robosim.evaluation.rows import read_job_episode
 from robosim.evaluation.task_pictures import trajectories_figure
 from robosim.support.figures import save_figure
 from robosim.support.files import plain, whole_file, write_json, write_whole
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.workers import Workers
 
 #: Tasks that the page shows with a picture, the worst first; all are listed.
@@ -90,14 +90,14 @@ def _draw_tasks(
     drawn: dict[Compared, Path] = {}
     with (
         Workers(min(workers, len(calls) or 1), what="pictures") as pool,
-        told_units(console, "pictures of tasks", len(calls)) as tell,
+        unit_progress(console, "pictures of tasks", len(calls)) as advance,
     ):
         for number, pictures in pool.run(_draw, calls):
             for task, content in zip(tasks[number * _AT_ONCE :], pictures, strict=False):
                 path = out / "tasks" / f"{task.plan}-{task.task:03d}-{task.repeat}.png"
                 write_whole(path, content)
                 drawn[task] = path
-            tell("")
+            advance("")
     return drawn
 
 

@@ -36,7 +36,7 @@ GOAL_COLOURS = {
     GoalKind.BELIEVED: "#CC79A7",
     GoalKind.LOOK: "#56B4E9",
     GoalKind.EXPLORE: "#F0E442",
-    GoalKind.KEPT: "#7F7F7F",
+    GoalKind.PREVIOUS: "#7F7F7F",
     GoalKind.OTHER: "#DDDDDD",
 }
 

@@ -1,4 +1,4 @@
-"""Why a policy wants to go where it wants to go: what is kept of each decision, and shown beside it."""
+"""Why a policy chose its goal: recorded with each decision, and shown with it."""
 
 import math
 from enum import StrEnum
@@ -15,7 +15,7 @@ class GoalKind(StrEnum):
     """What a goal is."""
 
     KNOWN = "target known"
-    """The target's place, told to the policy."""
+    """The target's place, which the policy is given."""
     SEEN = "target seen"
     """Where the camera saw the target."""
     ARRIVAL = "arrival followed"
@@ -23,17 +23,17 @@ class GoalKind(StrEnum):
     BELIEVED = "place believed"
     """Where the belief has gathered."""
     LOOK = "place to look from"
-    """Where most of the belief comes in sight, or lies behind, for each decision of the way."""
+    """Where most of the belief comes in sight, or lies behind, per decision that the path takes."""
     EXPLORE = "map's edge"
     """Where the map ends, whatever the radio says."""
-    KEPT = "goal kept"
+    PREVIOUS = "goal kept"
     """An earlier goal, since two of them took turns."""
     OTHER = "not told"
     """The policy does not say."""
 
 
 class Reason(NamedTuple):
-    """Why the present goal was taken, or kept when it was last looked at."""
+    """Why the present goal was chosen, or confirmed at the last review."""
 
     kind: GoalKind
     """What the goal is."""
@@ -44,21 +44,23 @@ class Reason(NamedTuple):
 
 
 #: Of policies that have one reason for a kind of goal.
-KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is told where the target is")
+KNOWN = Reason(kind=GoalKind.KNOWN, because="the policy is given the place of the target")
 SEEN = Reason(kind=GoalKind.SEEN, because="the camera has seen the target")
 ARRIVAL = Reason(kind=GoalKind.ARRIVAL, because="the link state of the strongest path is trusted")
 EXPLORE = Reason(kind=GoalKind.EXPLORE, because="more floor is to be seen there")
 #: Of a policy that does not say.
-UNTOLD = Reason(kind=GoalKind.OTHER)
-#: Of a goal that is kept from outside of the policy (`slam.planning.loop_detector`).
-KEPT = Reason(kind=GoalKind.KEPT, because="two goals took turns, so the present one is kept for a while")
+UNKNOWN_REASON = Reason(kind=GoalKind.OTHER)
+#: Of an earlier goal that the loop detector returns instead of the policy's (`slam.planning.loop_detector`).
+LOOP_DETECTED = Reason(
+    kind=GoalKind.PREVIOUS, because="two goals took turns, so the present one stays for a while"
+)
 
 
 def decisions_along(path: Float[np.ndarray, "n 2"], yaw: float) -> float:
-    """What a way takes if nothing comes between [decisions]: steps ahead, and turns at its corners.
+    """Decisions that a path takes if nothing intervenes: steps ahead, and turns at its corners.
 
     Args:
-        path: Corners of the way (x, y) [m], from the robot on.
+        path: Corners of the path (x, y) [m], from the robot on.
         yaw: Where the robot looks [rad].
     """
     legs = np.diff(path, axis=0)

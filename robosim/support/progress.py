@@ -1,8 +1,8 @@
 """Progress of a loop, ended with the block it stands in.
 
-`rich.progress.track` ends its bar when its generator is collected, which after an error may be long after: the bar
-goes on drawing, and another one begun meanwhile can wait for it for ever. Logs get no bars, but a line now and then.
-Names of files and plans are printed as they are: nothing in brackets is taken for markup.
+`rich.progress.track` ends its bar when its generator is collected, which can be long after an error: the bar
+continues to draw, and another one that starts meanwhile can wait for it forever. Logs get no bars, but an occasional
+line. Names of files and plans are printed verbatim: text in brackets is not markup.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -22,7 +22,7 @@ from rich.progress import (
 )
 
 T = TypeVar("T")
-#: How often a log is told how far a long run is [s].
+#: Interval between progress lines in a log [s].
 _LINE_S = 60
 
 
@@ -38,10 +38,10 @@ def tracked(
     """The items, with a bar while the block lasts.
 
     Args:
-        items: What is gone through.
+        items: What the loop iterates over.
         what: What the bar is called.
         console: Where it is shown, if that is a terminal; None for nowhere.
-        total: Number of items, if it cannot be asked for.
+        total: Number of items, if `len` does not give it.
     """
     shown = console is not None and console.is_terminal
     columns = (text_column("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
@@ -50,8 +50,8 @@ def tracked(
 
 
 @contextmanager
-def told_units(console: Console, what: str, total: int, done: int = 0) -> Iterator[Callable[[str], None]]:
-    """Something to call after each unit: moves a bar with the time left, or prints a line now and then in a log.
+def unit_progress(console: Console, what: str, total: int, done: int = 0) -> Iterator[Callable[[str], None]]:
+    """A function to call after each unit: moves a bar with the time left, or prints an occasional line in a log.
 
     Args:
         console: Where it is shown.
@@ -75,7 +75,7 @@ def told_units(console: Console, what: str, total: int, done: int = 0) -> Iterat
         return
     begin, count, next_line = monotonic(), 0, monotonic() + _LINE_S
 
-    def tell(name: str) -> None:
+    def advance(name: str) -> None:
         nonlocal count, next_line
         count += 1
         if monotonic() < next_line:
@@ -84,4 +84,4 @@ def told_units(console: Console, what: str, total: int, done: int = 0) -> Iterat
         minutes = (monotonic() - begin) / count * (total - done - count) / 60
         console.print(f"{done + count} of {total} {what}, about {minutes:.0f} min left", highlight=False)
 
-    yield tell
+    yield advance

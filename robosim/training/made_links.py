@@ -23,7 +23,7 @@ from robosim.published.label_walls import published_mesh
 from robosim.radio.receivers import receiver_grid
 from robosim.support.arrays_in import Array, read_npz
 from robosim.support.files import npz_bytes, write_whole
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.reading import reading
 from robosim.support.workers import Workers
 from wireless.estimation.public import PublicReceiver
@@ -65,11 +65,11 @@ def make_homes(
         return
     with (
         Workers(min(workers, len(missing)), cluster, what="homes") as pool,
-        told_units(console, "made homes", count, count - len(missing)) as tell,
+        unit_progress(console, "made homes", count, count - len(missing)) as advance,
     ):
         for number, content in pool.run(_home_file, [(seed,) for seed in missing]):
             write_whole(_file(folder, missing[number]), content)
-            tell("")
+            advance("")
 
 
 def read_homes(count: int, folder: Path) -> Made:

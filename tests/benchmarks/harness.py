@@ -27,7 +27,7 @@ from robosim.plans.files import find_plans, read_plan
 from robosim.plans.floorplan import FloorPlan
 from robosim.support.figures import save_figure
 from robosim.support.files import write_whole
-from robosim.support.progress import told_units
+from robosim.support.progress import unit_progress
 from robosim.support.workers import Workers
 from tests.benchmarks.results import DATA, Results
 
@@ -111,7 +111,7 @@ def run_units(
     missing = [name for name, file in files.items() if not file.exists()]
     with (
         Workers(min(workers, len(missing) or 1), None, what="units") as pool,
-        told_units(console, function.__name__, len(units), len(units) - len(missing)) as report,
+        unit_progress(console, function.__name__, len(units), len(units) - len(missing)) as report,
     ):
         for number, result in pool.run(function, [units[name] for name in missing]):
             write_whole(files[missing[number]], pickle.dumps(result))

@@ -319,7 +319,7 @@ def _slam(folder: Path, file: Path) -> None:
     """All of it: what is read goes on to be mapped."""
     with (
         patch("robosim.drawing.log_maps.draw_maps", lambda *a: None),
-        patch("robosim.drawing.log_maps.draw_ways", lambda *a: None),
+        patch("robosim.drawing.log_maps.draw_trajectories", lambda *a: None),
     ):
         main(["slam", str(file), "--out", str(folder / "out")])
 

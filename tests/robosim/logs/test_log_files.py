@@ -193,7 +193,7 @@ def test_errors_are_those_of_evo(tmp_path):
     told = result["trajectories"]["odometry"]
     assert told["ate_m"] == pytest.approx(judge.get_statistic(metrics.StatisticsType.rmse), rel=1e-4)
     assert result["trajectories"]["graph"]["ate_m"] < 0.03
-    for name in ("map.png", "ways.png", "trajectory.tum", "matching.tum", "map.pgm"):
+    for name in ("map.png", "trajectories.png", "trajectory.tum", "matching.tum", "map.pgm"):
         assert (tmp_path / "out" / name).stat().st_size > 500
     assert (read_plan(tmp_path / "out" / "map.yaml").occupancy == FREE).sum() * 0.05**2 > 30
 
