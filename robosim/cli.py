@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(SIGNALLED + signal.SIGPIPE)
     except Exception as error:
-        if interrupt.asked:
+        if interrupt.is_requested:
             sys.exit(SIGNALLED + interrupt.signal)
         status, line = _explained(error)
         if "--debug" in everywhere:

@@ -229,7 +229,7 @@ def run_episode(
     def judge(sensed: Observation, estimated: Estimates, true: Truth) -> bool:
         coverage.update(true.pose, simulator.true_depth, simulator.true_laser)
         log.add_pose(true.motion, true.pose, estimated.pose, coverage.fraction)
-        log.ended = interrupt.word if interrupt.asked else _verdict(log, policy, config)
+        log.ended = interrupt.word if interrupt.is_requested else _verdict(log, policy, config)
         return log.ended == "running"
 
     def interpret(sensed: Observation, map_: MapEstimate) -> Estimates:

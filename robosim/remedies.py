@@ -1,4 +1,4 @@
-"""What to do about an error of the installation, as far as the error tells.
+"""What to do about an error of the installation, as far as the error says.
 
 What fails says little by itself: a package that cannot be imported, or a folder that cannot be written, comes up
 wherever it is met first.
@@ -11,7 +11,7 @@ from robosim.camera.rendering.gl_systems import OpenGLError
 from robosim.support.installation import DISTRIBUTION, EXTRAS, install_command
 
 #: Where numba finds no folder for compiled code: neither the package's own nor one in the home directory.
-CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is kept"
+CACHE_REMEDY = "set NUMBA_CACHE_DIR to a folder that you may write, so that compiled code is cached"
 
 # Packages that are not called like their modules, or come with another one.
 _PACKAGES = {
@@ -35,7 +35,7 @@ def remedy(error: BaseException, module: str) -> str:
     if "cannot cache function" in text:
         return CACHE_REMEDY
     if isinstance(error, PermissionError) and error.filename:
-        return f"ask for the right to use {error.filename}"
+        return f"get permission to use {error.filename}"
     if isinstance(error, OpenGLError):
         return error.remedy
     if isinstance(error, ImportError) and error.name and _known(error.name):

@@ -25,7 +25,7 @@ from robosim.step import Step
 from robosim.support.files import plain, write_json, write_whole
 from robosim.support.installation import package_version
 from robosim.support.interrupt import noted_interrupt
-from robosim.support.parts import described, told
+from robosim.support.parts import part_name, to_dict
 from robosim.support.progress import text_column
 from robosim.support.run_folder import run_folder
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
@@ -117,7 +117,7 @@ def _record(
         task = with_anchors(task, places, anchors)
     _tell_cut_off(places, task.start, console)
     rings = building_rings(building)
-    title = f"{plan.name}  {told(config.goal)}"
+    title = f"{plan.name}  {part_name(config.goal)}"
     picture = Picture(rings, task.target, title=title, anticipates=config.mapper not in _OBSERVERS)
     steps = EpisodeWriter(rings)
     with ExitStack() as files, _progress(console) as progress:
@@ -152,7 +152,12 @@ def _record(
     with noted_interrupt("writing the files"):
         log.save_trajectories(out)
         result = plain(_result(plan, building, config, log, watch))
-        row = {"plan": plan.name, "policy": told(config.goal), "seed": config.seed, **plain(log.result())}
+        row = {
+            "plan": plan.name,
+            "policy": part_name(config.goal),
+            "seed": config.seed,
+            **plain(log.result()),
+        }
         head = Head(row=row, seeks_target=log.seeks_target, timing=result["timing"]["seconds"])
         write_whole(out / EPISODE, steps.content(head, log.poses[-1], log.coverage[-1], estimate))
         write_ros(built_plan(estimate, plan.name), out / "map.yaml")
@@ -211,12 +216,12 @@ def _result(
     loop = sum(watch.seconds[stage] for stage in LOOP_STAGES)
     return {
         "plan": plan.name,
-        "goal": told(config.goal),
+        "goal": part_name(config.goal),
         "seed": config.seed,
         "seeks_target": log.seeks_target,
         **log.result(),
         "walls": len(building.walls_2d),
-        "config": described(config),
+        "config": to_dict(config),
         "versions": {name: package_version(name) for name in ("robosim", "mujoco", "numpy")},
         "timing": {
             "seconds": {stage: round(value, 3) for stage, value in watch.seconds.items()},

@@ -21,7 +21,7 @@ Measurements and what is made out of them:
 
     terminal_named       antenna arrays and beams of the reference's base station or robot
     Terminal             one of your own: a platform and its beams
-    Platform             arrays that face different ways
+    Platform             arrays that face different directions
     uniform_array        a line or a plane of elements
     Rays                 paths as two terminals see them
     Sounder              what a receiver measures of them
@@ -29,7 +29,7 @@ Measurements and what is made out of them:
     estimator_named      what makes paths out of measurements again
     PathEstimates        these paths
     make_tokens          these paths as one array for networks
-    load_classifier      networks that tell link states of them, from a file
+    load_classifier      networks that classify link states, from a file
     LinkStateClassifier  these networks behind one call
 
 Files:
@@ -51,7 +51,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
-#: Where each public name is: imported when it is first asked for, since not everybody needs everything.
+#: Where each public name is: imported at its first use, since few programs need all of them.
 _MODULES = {
     "Tracer": "tracing.tracer",
     "TracerConfig": "tracing.tracer",
@@ -130,7 +130,7 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> object:
-        """A public name, imported when it is first asked for."""
+        """A public name, imported at its first use."""
         if name == "__version__":
             value: object = version("robosim-wireless")
         elif name in _MODULES:

@@ -1,10 +1,10 @@
 """What a receiver makes out of a measurement: a few paths of each link, the strongest first.
 
 The SNR of a path is that of the link budget: transmit power, gain of the path, directivities of a transmit beam and
-of a receive array that look straight at it, over the noise in the signal's bandwidth. So it tells the gain of the
-path, whichever way arrays face (`wireless.sounding.sounder.Sounder.gain_db`). Correlation with the waveform comes on
-top, 33 dB for 2048 samples: paths are found down to some -25 dB, and 10 dB, the published limit for trusting a path,
-parts strong paths from weak ones rather than from noise.
+of a receive array that look straight at it, over the noise in the signal's bandwidth. So it gives the gain of the
+path, whatever the orientation of the arrays (`wireless.sounding.sounder.Sounder.gain_db`). Correlation with the
+waveform adds 33 dB for 2048 samples: paths are found down to some -25 dB, and 10 dB, the published limit for
+trusting a path, separates strong paths from weak ones rather than from noise.
 
 Published values (mmwRobotNav) agree with it up to some 40 dB. They count from the mean of the whole measurement,
 which strong paths are a part of, and so level off at 50 to 55 dB; here a strong path reads as strong as it is.

@@ -20,7 +20,7 @@ from robosim.evaluation.ablations import POLICY
 from robosim.parts import ROBOT, RobotPart
 from robosim.robot.robots import RobotConfig
 from robosim.support.from_dict import from_dict
-from robosim.support.parts import Part, is_part, names_code, told
+from robosim.support.parts import Part, is_part, names_code, part_name
 from robosim.support.reading import naming
 from robosim.support.text_in import check_object, read_json
 
@@ -126,7 +126,7 @@ def _words(value: Any, default: Any, prefix: str) -> list[str]:
             continue
         mine, usual = getattr(value, field.name), getattr(default, field.name)
         if is_part(field) and not isinstance(mine, str):
-            mine = told(mine)
+            mine = part_name(mine)
         if mine == usual or (prefix, field.name) == ("robot.", "odometry"):
             continue
         option = field.name.replace("_", "-")

@@ -21,7 +21,7 @@ from robosim.plans.storey_plans import OneStorey
 from robosim.radio.receivers import STEP_M, ReceiverGrid
 from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import SEED, Range, checked
-from robosim.support.parts import Part, described
+from robosim.support.parts import Part, to_dict
 from wireless.estimates import PathEstimates
 from wireless.estimation.estimators import PathEstimator
 from wireless.estimation.sage import SageEstimator
@@ -160,4 +160,4 @@ def _estimate(rays: Rays, config: LinkSetConfig, rng: np.random.Generator) -> Pa
 
 def plain_config(config: LinkSetConfig) -> dict[str, Any]:
     """The configuration in plain values."""
-    return {**described(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}
+    return {**to_dict(config), "sounding": asdict(config.sounding), "chunk_links": CHUNK_LINKS}

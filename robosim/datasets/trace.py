@@ -33,7 +33,7 @@ from robosim.radio.scene import RadioConfig, RadioScene
 from robosim.support.checks import check_some
 from robosim.support.files import whole_file, whole_folder, write_files, write_json
 from robosim.support.installation import package_version
-from robosim.support.parts import described
+from robosim.support.parts import to_dict
 from robosim.support.run_folder import run_folder
 from wireless.formats.deepmimo_scenario import scenario_name
 from wireless.paths import LinkCategory, Paths
@@ -105,7 +105,7 @@ def trace_plan(
             "states": {one.name.lower(): int(states[one]) for one in LinkCategory},
             "engine": scene.engine,
             "deepmimo": scenario_name(plan.name),
-            "config": described(config),
+            "config": to_dict(config),
             "timing": {
                 "seconds": round(seconds, 3),
                 "traced": progress.new,

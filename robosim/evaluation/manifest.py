@@ -20,7 +20,7 @@ from robosim.plans.files import read_plan
 from robosim.support.assets import assets_dir
 from robosim.support.files import plain
 from robosim.support.installation import package_version
-from robosim.support.parts import described
+from robosim.support.parts import to_dict
 from robosim.support.reading import read_bytes
 
 #: Packages whose code results depend on, loaded by what is imported above.
@@ -43,7 +43,7 @@ def settings_of(suite: Suite, config: EpisodeConfig) -> dict[str, Any]:
     Raises:
         MapError: If a plan cannot be read.
     """
-    episode = plain(described(config))
+    episode = plain(to_dict(config))
     for varied in ("goal", "seed"):
         episode.pop(varied)
     for name, value in _flat(episode).items():

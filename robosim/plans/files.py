@@ -29,7 +29,7 @@ from robosim.plans.formats.plan_image import write_png
 from robosim.plans.formats.ros_map import write_ros
 from robosim.plans.reading_options import ReadingOptions
 from robosim.support.assets import shipped_plans
-from robosim.support.parts import Part, told
+from robosim.support.parts import Part, part_name
 from robosim.support.reading import FileError, expanded, reading, reason_of, shown
 from robosim.support.text_in import MOST_JSON
 
@@ -99,7 +99,7 @@ def read_plan(path: str | Path, *, reader: Part = "auto", **options: Any) -> Flo
             check_resolution(chosen.resolution_m)
         plan = read(path, chosen)
         if not isinstance(plan, FloorPlan):
-            raise MapError(f"reader {told(reader)} gave a {type(plan).__name__}, expected a FloorPlan")
+            raise MapError(f"reader {part_name(reader)} gave a {type(plan).__name__}, expected a FloorPlan")
         return plan
     except MapError as error:
         # Errors of a plan as such name the plan; the user knows it by its file.

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Bool, Float, UInt8
 
 from robosim.plans.furnishings.furnishing import Furnishing
-from robosim.support.parts import told
+from robosim.support.parts import part_name
 from robosim.support.reading import FileError
 from wireless.support.axes import axes_in_metres
 
@@ -170,7 +170,7 @@ class FloorPlan:
         if self.material is not None:
             seen.update(repr(self.materials).encode() + self.material.tobytes())
         for one in self.furnishings:
-            seen.update(np.ascontiguousarray(one.triangles).tobytes() + told(one.material).encode())
+            seen.update(np.ascontiguousarray(one.triangles).tobytes() + part_name(one.material).encode())
         return seen.hexdigest()[:16]
 
     @property

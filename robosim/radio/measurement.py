@@ -16,7 +16,7 @@ from robosim.parts import CLASSIFIER
 from robosim.radio.classifier import Classifier
 from robosim.radio.link import RadioLink
 from robosim.radio.link_state import TrueStates
-from robosim.support.parts import Part, told
+from robosim.support.parts import Part, part_name
 from wireless.estimates import PathEstimates
 from wireless.paths import LinkState
 
@@ -60,8 +60,8 @@ def check_classifier(classifier: Part) -> None:
     made = CLASSIFIER.make(classifier, field="link_states")
     if "peak" in getattr(made, "inputs", ()):
         raise ValueError(
-            f"link_states is {told(classifier)!r}, a classifier that needs heights of peaks, which are not measured "
-            "here. Take one without, such as generated."
+            f"link_states is {part_name(classifier)!r}, a classifier that needs heights of peaks, which are not "
+            "measured here. Take one without, such as generated."
         )
 
 

@@ -4,7 +4,7 @@
     world/camera                     RGB and depth where the camera truly is
     world/true, world/estimated      the robot, at its true and at its estimated pose
     world/built, anticipated, belief the map, what the mapper anticipates beyond it, where the target may be
-    world/goal, world/path           where the robot wants to go, and how
+    world/goal, world/path           goal of the robot, and its path
     world/rays                       true radio paths, by kind
     world/arrivals                   estimated angles of arrival
     link/..., belief/..., pose/...   time lines of link state, SNR, belief and pose error
@@ -45,7 +45,7 @@ from slam.grid import GridFrame, MapEstimate
 from wireless.paths import Interaction, LinkCategory, LinkState, Paths
 
 RECORDING = "episode.rrd"
-#: Colours of traced paths by what they met: nothing, then by the most telling kind.
+#: Colours of traced paths by their interactions: none, else the most informative kind.
 RAY_COLOURS = {
     "line of sight": STATE_COLOURS[LinkState.LOS],
     "reflection": STATE_COLOURS[LinkState.FIRST_ORDER],
@@ -245,7 +245,7 @@ def _tinted(belief: Layer) -> UInt8[np.ndarray, "ny nx 4"]:
 
 
 def _layout() -> Any:
-    """The world beside the camera, above the time lines."""
+    """The world next to the camera, above the time lines."""
     import rerun.blueprint as rrb
 
     return rrb.Blueprint(

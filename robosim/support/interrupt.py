@@ -21,13 +21,13 @@ SIGNALLED = 128
 
 @dataclass
 class Interrupt:
-    """Whether to stop was asked for."""
+    """Whether the user has requested a stop."""
 
     signal: int = 0
     """Number of the first signal that came, 0 for none."""
 
     @property
-    def asked(self) -> bool:
+    def is_requested(self) -> bool:
         """Whether any came."""
         return self.signal != 0
 
@@ -45,7 +45,7 @@ class Interrupt:
         """
         if self.signal == signal.SIGINT:
             raise KeyboardInterrupt
-        if self.asked:
+        if self.is_requested:
             raise SystemExit(SIGNALLED + self.signal)
 
 
@@ -65,7 +65,7 @@ def noted_interrupt(
         return
 
     def note(number: int, frame: FrameType | None) -> None:
-        if interrupt.asked:
+        if interrupt.is_requested:
             signal.signal(number, signal.SIG_IGN)
             interrupt.signal = number
             interrupt.stop()

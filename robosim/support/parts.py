@@ -155,11 +155,11 @@ class Kind:
             if isinstance(part, str) and part in self.shipped:
                 raise
             raise ValueError(
-                f"{field} is {told(part)}, but making it from {self.made_from} fails: {error!r}{_in_file(error)}."
+                f"{field} is {part_name(part)}, but making it from {self.made_from} fails: {error!r}{_in_file(error)}."
             ) from error
         if missing := self._missing(made):
             raise ValueError(
-                f"{field} is {told(part)}, which made a {type(made).__name__} without {missing[0]}. A {self.name} "
+                f"{field} is {part_name(part)}, which made a {type(made).__name__} without {missing[0]}. A {self.name} "
                 f"has {', '.join(self.has)}."
             )
         return made
@@ -177,7 +177,7 @@ class Kind:
             metavar=metavar or f"{{{','.join(shown_names)}}}",
             instance_from_str=lambda words: words[0],
             is_instance=lambda value: True,
-            str_from_instance=lambda value: [told(value)],
+            str_from_instance=lambda value: [part_name(value)],
             # They would be all that may be given; a shell that completes words is to know them all the same.
             choices=tuple(shown_names) if any(word.startswith("--tyro-") for word in sys.argv) else None,
         )
@@ -201,7 +201,7 @@ class Kind:
             )
 
 
-def told(part: Part) -> str:
+def part_name(part: Part) -> str:
     """A part as text: the name that it was given by, or `module:Name` where its class or itself is to be found."""
     if isinstance(part, str):
         return part
@@ -307,24 +307,24 @@ def is_part(field: "dataclasses.Field[Any]") -> bool:
     return get_origin(field.type) is Annotated and Any in get_args(field.type)
 
 
-def described(config: Any) -> dict[str, Any]:
+def to_dict(config: Any) -> dict[str, Any]:
     """A configuration in plain values, as `dataclasses.asdict` gives it; parts by their names.
 
     Args:
-        config: A dataclass. A part that is an object is told by its class, and by its fields if it is a dataclass.
+        config: A dataclass. A part that is an object is given by its class, and by its fields if it is a dataclass.
     """
     plain = {}
     for field in dataclasses.fields(config):
         value = getattr(config, field.name)
         if is_part(field) and not isinstance(value, str):
-            of_its_own = described(value) if dataclasses.is_dataclass(value) else {}
-            plain[field.name] = {"part": told(value), **of_its_own}
+            of_its_own = to_dict(value) if dataclasses.is_dataclass(value) else {}
+            plain[field.name] = {"part": part_name(value), **of_its_own}
         else:
-            plain[field.name] = _described(value)
+            plain[field.name] = _plain_value(value)
     return plain
 
 
-def _described(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return described(value)
-    return [_described(item) for item in value] if isinstance(value, (tuple, list)) else value
+        return to_dict(value)
+    return [_plain_value(item) for item in value] if isinstance(value, (tuple, list)) else value

@@ -93,7 +93,7 @@ class Workers:
         handed_before = -1
         while True:
             broken = False
-            while not self._interrupt.asked and len(running) < self._window():
+            while not self._interrupt.is_requested and len(running) < self._window():
                 call = next(waiting, None)
                 if call is None:
                     break

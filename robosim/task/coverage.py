@@ -4,7 +4,7 @@ A cell of the plan has been seen once its centre lay within the camera's horizon
 the vision range, with no wall before it: the depth in the image's horizon row, at the column of the cell's
 bearing, reaches at least as far. This is the line of sight of a planar sensor; that floor just before the
 robot lies under the picture's lower edge does not matter, nor do obstacles lower than the camera. What a lidar sees
-counts in the same way, on the beam nearest to the cell's bearing.
+counts likewise, on the beam nearest to the cell's bearing.
 
 The range of 3.2 m is the one of Active Neural SLAM (Chaplot et al., ICLR 2020), so that coverage can be
 compared with published figures.

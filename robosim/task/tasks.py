@@ -1,6 +1,6 @@
 """Tasks of a target search: where the robot starts, and where the target stands.
 
-Both are places that the robot's hull can reach, one from the other. The shortest drive between them is kept
+Both are places that the robot's hull can reach, one from the other. The shortest drive between them is stored
 with the task, since success weighted by path length (SPL, Anderson et al. 2018) is measured against it.
 """
 
@@ -25,13 +25,13 @@ ARRIVAL_M = 0.3
 #: A target this far from free space still counts as on its edge [m].
 ON_EDGE_M = 1e-6
 
-#: Targets tried before a building is taken to be too small for the distance asked for.
+#: Targets tried before a building counts as too small for the requested distance.
 _TRIES = 20
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Anchor:
-    """A transmitter that is not searched; it is told apart from the target and from others by its name."""
+    """A transmitter that is not the target; its name distinguishes it from the target and from others."""
 
     name: str
     """What it is called."""
@@ -130,7 +130,7 @@ def _draw_pair(
 
     What is drawn is indoors with nothing over it, the second point one of `places` unless none is far enough.
     """
-    # Nobody searches a target that is drawn into a table.
+    # A target inside a table is no realistic task.
     clear = reach.indoors & ~reach.overhung
     clear = clear if clear.any() else reach.indoors
     cells = np.argwhere(clear)
@@ -161,7 +161,7 @@ def _shortest_m(reach: Reach, start: np.ndarray, target: np.ndarray) -> float:
     near = gap <= ARRIVAL_M
     if not near.any():
         raise MapError(
-            f"{reach.plan.name}: no way for a hull of radius {reach.radius_m} m from the start "
+            f"{reach.plan.name}: no path for a hull of radius {reach.radius_m} m from the start "
             f"({start[0]:g}, {start[1]:g}) m to the target ({target[0]:g}, {target[1]:g}) m. Choose both in "
             "one part of the floor (`robosim plan` draws the parts), or a smaller robot."
         )

@@ -12,7 +12,7 @@ from robosim.cli import main
 from robosim.commands.episode_config import read_config
 from robosim.episode import EpisodeConfig
 from robosim.plans.files import write_ros
-from robosim.support.parts import described
+from robosim.support.parts import to_dict
 from tests.plans import two_rooms
 
 CANARY = "from pathlib import Path\n\n\ndef sing(*given):\n    Path('sung').touch()\n\n\nsing()\n"
@@ -41,7 +41,7 @@ def folder(tmp_path, monkeypatch):
 
 
 def config(**changes):
-    values = described(EpisodeConfig())
+    values = to_dict(EpisodeConfig())
     return json.dumps({"config": {**values, **changes}})
 
 
@@ -135,7 +135,7 @@ def test_code_of_a_suite_runs_where_it_is_allowed(folder, capsys):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"simulator": {**described(EpisodeConfig())["simulator"], "lidar": 3}}, "simulator.lidar is 3"),
+        ({"simulator": {**to_dict(EpisodeConfig())["simulator"], "lidar": 3}}, "simulator.lidar is 3"),
         ({"building": "x"}, "building is 'x', expected keys and values"),
         ({"building": 5}, "building is 5, expected keys and values"),
         ({"building": {"ceiling": "false"}}, "building.ceiling is 'false', expected true or false"),
@@ -157,7 +157,7 @@ def test_types_of_a_configuration_are_checked(folder, fails, changes, words):
 
 def test_an_older_configuration_keeps_its_meaning_of_walls(folder):
     """Files without `wall_passage` counted each face."""
-    values = described(EpisodeConfig())
+    values = to_dict(EpisodeConfig())
     del values["simulator"]["radio"]["tracer"]["wall_passage"]
     values["simulator"]["radio"]["tracer"]["max_transmissions"] = 1
     (folder / "result.json").write_text(json.dumps({"config": values}))

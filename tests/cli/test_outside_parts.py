@@ -19,7 +19,7 @@ from robosim.radio.link import RadioLinkConfig
 from robosim.robot.kinematic import KinematicWorld
 from robosim.simulator import SimulatorConfig
 from robosim.support.from_dict import from_dict
-from robosim.support.parts import code_allowed, described
+from robosim.support.parts import code_allowed, to_dict
 from robosim.task.tasks import make_task
 from slam.control.controller import Controller
 from slam.exploration.explorer import FrontierExplorer
@@ -218,7 +218,7 @@ def test_objects_stand_in_for_names():
     log, _ = run_episode(building, places, make_task(places, np.random.default_rng(1)), config)
     assert mapper.asked >= 5
     assert {link.believed for link in log.links} == {LinkState.FIRST_ORDER}
-    told = described(config)
+    told = to_dict(config)
     assert told["link_states"] == {"part": f"{__name__}:Certain"}
     assert told["explorer"] == {"part": "slam.exploration.explorer:FrontierExplorer"}
     with code_allowed():

@@ -43,7 +43,7 @@ from robosim.robot.robots import TURTLEBOT, write_robot
 from robosim.support.assets import assets_dir, shipped_network
 from robosim.support.checkpoint import Checkpoint
 from robosim.support.files import plain, write_files, write_json, write_whole
-from robosim.support.parts import described
+from robosim.support.parts import to_dict
 from robosim.support.run_folder import SETTINGS
 from robosim.training.explorer import ExplorerRecipe
 from robosim.training.search import SearchRecipe
@@ -212,7 +212,7 @@ def coloured(folder: Path) -> None:
 
 def configurations(folder: Path) -> None:
     """The result of an episode, whose configuration another may start from."""
-    write_json(_into(folder, "config") / "result.json", {"config": described(EpisodeConfig())})
+    write_json(_into(folder, "config") / "result.json", {"config": to_dict(EpisodeConfig())})
 
 
 def radio_tables(folder: Path) -> None:

@@ -99,7 +99,7 @@ def test_what_it_says_does_not_depend_on_markup():
             ImportError("libGL.so.1: cannot open shared object file: No such file", name="cv2"),
             ["the system's package that has libGL.so.1", "'opencv-contrib-python-headless"],
         ),
-        (PermissionError(13, "Permission denied", "/opt/python"), ["the right to use /opt/python"]),
+        (PermissionError(13, "Permission denied", "/opt/python"), ["permission to use /opt/python"]),
         (OpenGLError("EGL has no device.", "plug one in"), ["plug one in"]),
         (ValueError("strange"), ["not known", "'mujoco>=4"]),
     ],

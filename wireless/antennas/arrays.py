@@ -55,7 +55,7 @@ class Array:
         power, mode = np.linalg.eigh(self.coupling)
         if power[0] < 1e-9 * power[-1]:
             raise ValueError(
-                f"{len(self)} ports cannot be told apart by what they radiate (coupling of rank "
+                f"{len(self)} ports cannot be distinguished by what they radiate (coupling of rank "
                 f"{np.sum(power > 1e-9 * power[-1])}). Move them further apart, half a wavelength or more."
             )
         return (mode / np.sqrt(power)) @ mode.conj().T

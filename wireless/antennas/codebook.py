@@ -1,7 +1,7 @@
 """Beams of a platform, even in azimuth, and the reference's two terminals.
 
 Beam k of n points to azimuth 2 pi k / n at zero elevation. The array that faces nearest sends it, with the
-conjugate match of its signature there (unit weight, so that the squared response is a directivity); half-way
+conjugate match of its signature there (unit weight, so that the squared response is a directivity); midway
 between two faces, the one to the left. Only one beam is sent at a time.
 Reference: the arrays and codebooks of arXiv 2110.14789: base station (gNB) 3 x 16 ports (4 x 4), 48 beams;
 robot (UE) 3 x 8 ports in a line, 24 beams.

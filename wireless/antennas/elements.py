@@ -72,7 +72,7 @@ class PatchElement:
 @dataclass(frozen=True)
 @checked
 class SectorElement:
-    """Element of 3GPP TR 38.901: 65 degrees wide both ways, 30 dB weaker behind."""
+    """Element of 3GPP TR 38.901: 65 degrees wide in azimuth and elevation, 30 dB weaker behind."""
 
     width_deg: Annotated[float, Range(1, 360, "degrees")] = 65.0
     """Full width at half power, in azimuth and in elevation."""

@@ -1,4 +1,4 @@
-"""Plane waves at a flat wall: what a half-space reflects, what a slab reflects and lets through.
+"""Plane waves at a flat wall: what a half-space reflects, what a slab reflects and transmits.
 
 The field splits into TE (normal to the plane of incidence) and TM (in that plane). A wall of relative
 permittivity eps, met from vacuum at an angle i from its normal, reflects

@@ -28,7 +28,7 @@ from scipy.constants import epsilon_0
 from wireless.em.scattering import MOST_NARROW
 from wireless.support.ranges import Range, checked
 
-#: Thicker layers and more of them are taken for a mistake.
+#: Thicker layers, or more of them, count as a mistake.
 THICKEST_M, MOST_LAYERS = 10.0, 20
 
 
@@ -142,8 +142,8 @@ class Material:
     layers: tuple[Layer, ...]
     """From one face to the other."""
     scattering: float | None = None
-    """Scattering coefficient S of its faces, see `wireless.em.scattering`; None for what the tracer is told of all
-    walls that do not say."""
+    """Scattering coefficient S of its faces, see `wireless.em.scattering`; None for the value of the tracer's
+    configuration."""
     lobe: int | None = None
     """Exponent of the scattered lobe, likewise."""
 

@@ -1,7 +1,7 @@
 """Diffuse scattering by rough walls: how much of what a wall would reflect leaves it in other directions, and which.
 
 Of the power that a smooth wall would reflect, |r|^2 of what falls on it, a share S^2 is scattered and the rest,
-1 - S^2, is reflected; what the wall lets through or takes up stays as it was, so that energy is conserved. The
+1 - S^2, is reflected; what the wall transmits or absorbs does not change, so that energy is conserved. The
 directive model puts a single lobe around the reflected direction, of power per solid angle
     p = f / F,   f = ((1 + cos psi) / 2)^alpha,   F = integral of f over the half-space before the wall,
 psi the angle from the reflected direction; alpha = 0 is the same power everywhere. Lambert's law is f = cos(theta_s)
@@ -12,7 +12,7 @@ from the receiver at r_s, adds the power gain
 A lobe of finite width is normalised by the direction of incidence, so that the directive model is not reciprocal away
 from it: both directions differ by cos(theta_i) F(theta_s) / (cos(theta_s) F(theta_i)), as the model is published.
 
-Left out: backscattering lobe, depolarisation, scattering of what was let through.
+Left out: backscattering lobe, depolarisation, scattering of what was transmitted.
 Reference: V. Degli-Esposti et al., IEEE Trans. Antennas Propag. 55 (2007), equations 4 to 10.
 """
 

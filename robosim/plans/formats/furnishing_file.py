@@ -36,7 +36,7 @@ from robosim.plans.furnishings.pieces import PIECES, make_piece
 from robosim.plans.reading_options import UpAxis
 from robosim.support.checks import check_choice, check_number
 from robosim.support.from_dict import from_dict
-from robosim.support.parts import names_code, told
+from robosim.support.parts import names_code, part_name
 from robosim.support.reading import FileError, reading, shown
 from robosim.support.text_in import check_object, parse_yaml
 
@@ -150,7 +150,7 @@ def write_furnishings(furnishings: Sequence[Furnishing], path: str | Path) -> Pa
             file = path.with_name(f"{path.stem}-{number}.obj")
             write_whole(file, _obj(one.mesh))
             said = {"mesh": file.name, "up": "z", "origin": "own"}
-        material = told(one.material)
+        material = part_name(one.material)
         if names_code(material):
             raise MapError(
                 f"{path}: material of {one.name} is {material}, which a file cannot name. Write its layers into a "

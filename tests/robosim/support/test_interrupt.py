@@ -12,9 +12,9 @@ from robosim.support.interrupt import noted_interrupt, unwinding
 
 def test_the_first_is_noted_and_the_second_raises(capfd):
     with pytest.raises(KeyboardInterrupt), noted_interrupt("this step") as interrupt:
-        assert not interrupt.asked
+        assert not interrupt.is_requested
         signal.raise_signal(signal.SIGINT)
-        assert interrupt.asked
+        assert interrupt.is_requested
         assert capfd.readouterr().err == "Stopping after this step. Press Ctrl-C again to end at once.\n"
         signal.raise_signal(signal.SIGINT)
 
@@ -67,7 +67,7 @@ def test_another_thread_has_no_signals_to_note():
 
     def work():
         with noted_interrupt("this step") as interrupt:
-            asked.append(interrupt.asked)
+            asked.append(interrupt.is_requested)
 
     thread = threading.Thread(target=work)
     thread.start()

@@ -82,7 +82,7 @@ def test_a_small_room_gives_its_longest_task(caplog):
             r"the target \(50, 1\) m is in a wall, or outside of the building",
         ),
         ({"target": np.array([3.1, 0.5])}, r"the target \(3.1, 0.5\) m is in a wall"),
-        ({"start": np.array([1.0, 1.0, 0.0]), "target": np.array([5.0, 1.0])}, "no way for a hull"),
+        ({"start": np.array([1.0, 1.0, 0.0]), "target": np.array([5.0, 1.0])}, "no path for a hull"),
     ],
 )
 def test_impossible_tasks_say_why(apart, given, message):

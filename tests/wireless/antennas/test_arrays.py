@@ -109,7 +109,7 @@ def test_platform_faces_where_it_is_told():
 def test_bad_arrays_are_refused():
     """Ports at one place, no ports, no spacing: each says what is wrong."""
     twice = Array(element=IsotropicElement(), position_wl=np.zeros((2, 3)))
-    with pytest.raises(ValueError, match="2 ports cannot be told apart"):
+    with pytest.raises(ValueError, match="2 ports cannot be distinguished"):
         twice.signature(np.array([[1.0, 0, 0]]))
     with pytest.raises(ValueError, match="columns and rows are 0 and 1"):
         uniform_array(0)
