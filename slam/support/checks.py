@@ -9,7 +9,8 @@
 `CameraConfig(width=0)` raises "width is 0, expected a whole number from 8 to 4096 pixels."
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache
 from numbers import Integral, Real
@@ -31,7 +32,9 @@ T = TypeVar("T")
 _SHOWN = 60
 
 
-class Range(NamedTuple):
+# Not a tuple: early Python 3.11 returns an equal annotation made before, whose range may be that of another package.
+@dataclass(frozen=True, repr=False)
+class Range:
     """Smallest and largest value of a number, and its unit; in a field of several numbers, of each of them."""
 
     least: float
@@ -41,8 +44,12 @@ class Range(NamedTuple):
     hint: str = ""
     """Sentence that ends the message: what to do."""
 
+    def __iter__(self) -> Iterator[Any]:
+        """Arguments of `check_number` after the value."""
+        return iter((self.least, self.most, self.unit, self.hint))
+
     def __str__(self) -> str:
-        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in self[:2])
+        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in (self.least, self.most))
         return f"{' to '.join(bounds)} {self.unit}".rstrip()
 
     def __repr__(self) -> str:

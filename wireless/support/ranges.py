@@ -9,6 +9,7 @@
 `Receiver(height_m=-1)` raises "height_m is -1, expected 0 to 100 m."
 """
 
+from dataclasses import dataclass
 from functools import cache
 from numbers import Integral, Real
 from types import NoneType
@@ -17,7 +18,9 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, get_args, get_o
 T = TypeVar("T")
 
 
-class Range(NamedTuple):
+# Not a tuple: early Python 3.11 returns an equal annotation made before, whose range may be that of another package.
+@dataclass(frozen=True, repr=False)
+class Range:
     """Smallest and largest value of a number, and its unit."""
 
     least: float
@@ -27,7 +30,7 @@ class Range(NamedTuple):
     """Sentence that ends the message: what to do."""
 
     def __str__(self) -> str:
-        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in self[:2])
+        bounds = (str(bound) if isinstance(bound, int) else f"{bound:g}" for bound in (self.least, self.most))
         return f"{' to '.join(bounds)} {self.unit}".rstrip()
 
     def __repr__(self) -> str:
