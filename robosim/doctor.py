@@ -127,7 +127,7 @@ def _system(system: GLSystem) -> Finding:
     part = f"pyrender on {SYSTEM_NAMES[system]}"
     if lack := missing(system):
         return Finding(part, False, lack.trouble, lack.remedy, needed=False)
-    program = f"from robosim.doctor import tell_camera; tell_camera({system!r})"
+    program = f"from robosim.doctor import print_camera_finding; print_camera_finding({system!r})"
     try:
         done = subprocess.run(
             [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=_PATIENCE_S
@@ -143,11 +143,11 @@ def _system(system: GLSystem) -> Finding:
         return Finding(part, False, detail, f"reinstall Mesa's driver: {INSTALL[system]}", needed=False)
 
 
-def tell_camera(system: GLSystem) -> None:
+def print_camera_finding(system: GLSystem) -> None:
     """Draw a room on one OpenGL system, check a depth, and write what came of it to standard output as JSON."""
     finding = _check("", "pyrender", lambda: _measure_camera(system))
-    told = {"works": finding.works, "detail": finding.detail, "fix": finding.fix}
-    sys.stdout.write(json.dumps(told) + "\n")
+    result = {"works": finding.works, "detail": finding.detail, "fix": finding.fix}
+    sys.stdout.write(json.dumps(result) + "\n")
 
 
 def _measure_camera(system: GLSystem) -> str:
@@ -170,7 +170,7 @@ def _measure_camera(system: GLSystem) -> str:
 def _camera(systems: dict[GLSystem, Finding]) -> Finding:
     """Which system a camera takes, and why; whether it works there."""
     setting = os.environ.get("PYOPENGL_PLATFORM", "")
-    asked = setting.lower() in SYSTEM_NAMES
+    is_set = setting.lower() in SYSTEM_NAMES
     working = [system for system, finding in systems.items() if finding.works]
     try:
         taken = default_system()
@@ -178,19 +178,19 @@ def _camera(systems: dict[GLSystem, Finding]) -> Finding:
         fix = f"unset PYOPENGL_PLATFORM: {SYSTEM_NAMES[working[0]]} works" if working else error.remedy
         return Finding(_CAMERA, False, error.trouble, fix)
     name = SYSTEM_NAMES[taken]
-    if asked:
-        why = f"PYOPENGL_PLATFORM={setting} asks for it"
+    if is_set:
+        why = f"PYOPENGL_PLATFORM={setting} selects it"
     elif taken == "osmesa":
         why = "the first choice"
     else:
         why = "OSMesa, the first choice, is not installed"
-    if setting and not asked:
+    if setting and not is_set:
         why += f"; PYOPENGL_PLATFORM={setting} is neither osmesa nor egl, and is left aside"
     if systems[taken].works:
         return Finding(_CAMERA, True, f"draws on {name}: {why}")
     if not working:
         fix = systems[taken].fix or INSTALL["osmesa"]
-    elif asked:
+    elif is_set:
         fix = f"unset PYOPENGL_PLATFORM: {SYSTEM_NAMES[working[0]]} works"
     else:
         fix = f"set PYOPENGL_PLATFORM={working[0]}, which works"
@@ -219,8 +219,8 @@ def _compiled_loops() -> Finding:
     function = marching._march
     folder = function.stats.cache_path if isinstance(function, numba.core.dispatcher.Dispatcher) else None
     if folder:
-        return Finding("compiled loops", True, f"{_version('numba')}, kept in {folder}", needed=False)
-    found = f"{_version('numba')}, compiled anew by each process (about a minute)"
+        return Finding("compiled loops", True, f"{_version('numba')}, cached in {folder}", needed=False)
+    found = f"{_version('numba')}, compiled by each process (about a minute)"
     return Finding("compiled loops", False, found, CACHE_REMEDY, needed=False)
 
 

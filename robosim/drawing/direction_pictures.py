@@ -24,7 +24,7 @@ RANGE_DB = 60.0
 
 
 def power_over_directions(
-    sounder: Sounder, tensor: Complex[np.ndarray, "window kept beams"]
+    sounder: Sounder, tensor: Complex[np.ndarray, "window samples beams"]
 ) -> tuple[Float[np.ndarray, " looks"], Float[np.ndarray, "looks beams"]]:
     """Azimuths the receiver looks to [rad], and power received there from each beam [dBm].
 

@@ -23,9 +23,11 @@ def draw_errors(runs: Runs, path: Path) -> None:
         place, turn = axes[:, column]
         place.plot(1000 * some[:, 0], 1000 * some[:, 1], ".", ms=2, color="tab:blue", alpha=0.5)
         mean, covariance = all_of_them[:, :2].mean(axis=0), np.cov(all_of_them[:, :2].T)
-        lengths, ways = np.linalg.eigh(covariance)
+        lengths, directions = np.linalg.eigh(covariance)
         # A normal distribution in the plane has 95 % of its mass within 2.448 standard deviations.
-        reach = 2.448 * ways @ (np.sqrt(np.maximum(lengths, 0))[:, None] * [np.cos(circle), np.sin(circle)])
+        reach = (
+            2.448 * directions @ (np.sqrt(np.maximum(lengths, 0))[:, None] * [np.cos(circle), np.sin(circle)])
+        )
         place.plot(*(1000 * (mean[:, None] + reach)), color="tab:orange", label="95 %")
         place.plot(*(1000 * mean), "+", color="black", ms=10, label="mean")
         place.axhline(0, color="0.8", lw=0.8, zorder=0)

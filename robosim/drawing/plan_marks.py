@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 from robosim.drawing.scale import bar_m
 from robosim.support.colours import FURNISHING, WALL
 
-#: Part of the plan's height that is kept free below it.
+#: Part of the plan's height that stays free below it.
 _STRIP = 0.08
 
 

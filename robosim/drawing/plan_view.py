@@ -17,7 +17,7 @@ _MAX_WIDTH, _MARGIN_M = 640, 0.4
 #: Height of the line of text below a brief picture [pixels].
 _BAR = 32
 
-# Okabe and Ito's palette (2008), which colour-blind people can tell apart.
+# Okabe and Ito's palette (2008), which colour-blind people can distinguish.
 UNKNOWN_GREY = (200, 200, 200)
 FREE_WHITE = (255, 255, 255)
 OBSTACLE_BLACK = (30, 30, 30)

@@ -23,7 +23,7 @@ _PARTS = ("#009E73", "#E69F00", "#CC79A7", "#0072B2", "#D55E00", "#F0E442")
 _OTHERS = "#7F7F7F"
 #: Smaller parts have no name [m2].
 _LEAST_M2 = 0.1
-#: Room for a legend beside a plan.
+#: Room for a legend next to a plan.
 LEGEND_INCHES = 1.9
 
 
@@ -89,7 +89,7 @@ def plot_plan(path: Path, building: Building, places: Reach) -> None:
 
 
 def plan_axes(building: Building) -> tuple[Figure, Axes]:
-    """Figure and axes in metres that show a whole plan, with room for a legend beside it."""
+    """Figure and axes in metres that show a whole plan, with room for a legend next to it."""
     west, south, east, north = building.free.bounds
     aspect = (north - south + 1) / (east - west + 1)
     width = 8.0 if aspect < 1.3 else 8.0 / aspect * 1.3

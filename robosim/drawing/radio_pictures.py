@@ -287,7 +287,7 @@ def _extent(building: Building) -> tuple[float, float]:
 
 
 def _size(building: Building, across: int) -> tuple[float, float]:
-    """Width and height of a figure [inches] of so many plans beside each other, each with bar and legend."""
+    """Width and height of a figure [inches] of so many plans next to each other, each with bar and legend."""
     width, height = _extent(building)
     scale = (7.0 if across == 1 else 5.0) / max(width, height)
     return across * (max(width * scale, 3.2) + 1.5), across * (max(height * scale, 2.4) + 1.2)
@@ -313,8 +313,8 @@ def _cells(axes: Axes, grid: ReceiverGrid, values: Float[np.ndarray, " n"], **st
 
 def _bar(axes: Axes, values: ScalarMappable, label: str, **style: Any) -> Colorbar:
     """Colour bar as high as the axes."""
-    beside = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
-    return axes.figure.colorbar(values, cax=beside, label=label, **style)
+    bar = axes.inset_axes((1.02, 0.0, 0.035, 1.0))
+    return axes.figure.colorbar(values, cax=bar, label=label, **style)
 
 
 def _frame(axes: Axes, building: Building, title: str, about: str = "") -> None:

@@ -1,4 +1,4 @@
-"""`fused` with one thing taken from it, or told the truth about one: which part brings what.
+"""Variants of `fused` without one part, or with the truth about one: how much each part contributes.
 
 They go by names of their own wherever goal policies do, so that they search the same tasks with the same noise.
 
@@ -8,7 +8,7 @@ They go by names of their own wherever goal policies do, so that they search the
     fused-no-memory    the belief is that of the last measurement alone
     fused-no-graph     the mapper is not asked where the target stands
     fused-true-states  link states are the true ones
-    fused-true-pose    odometry tells true motions, and the mapper relies on it: pose and map are true to the frame
+    fused-true-pose    odometry measures true motions, and the mapper relies on it: pose and map are true to the frame
 """
 
 from collections.abc import Callable

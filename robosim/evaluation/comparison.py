@@ -1,7 +1,7 @@
-"""Task by task: one policy beside the best of the others, the tasks that it did worst first.
+"""Task by task: one policy and the best of the others, the tasks that it did worst first.
 
 The policy is `fused` where that was run, else the first that is no bar; the bars, `oracle` and `shortest`, know the
-target, and are compared with only where nobody else was run.
+target, and are compared with only if no other policy was run.
 """
 
 import math

@@ -29,7 +29,7 @@ from robosim.support.files import plain
 from robosim.support.stopwatch import LOOP_STAGES, Stopwatch
 from robosim.task.tasks import Task, make_task
 
-#: Steps at which the part of the floor that was seen is told.
+#: Steps at which the seen part of the floor is reported.
 MILESTONES = (250, 500, 1000)
 
 
@@ -42,15 +42,15 @@ class Job:
     plan_file: Path
     """Where."""
     reader: str
-    """Who reads it."""
+    """Reader of the plan."""
     repeat: int
     """Which repetition with other noise, from 0."""
     policy: str
-    """Who chooses the goals."""
+    """Goal policy."""
     config: EpisodeConfig
-    """How, with what the policy asks for and the seed."""
+    """Configuration, with the policy's requirements and the seed."""
     made_by: str
-    """Digest of code and versions, kept with the result."""
+    """Digest of code and versions, stored with the result."""
 
     @property
     def name(self) -> str:
@@ -65,7 +65,7 @@ class Job:
         return scene(self.plan_file, self.reader, config.building, config.simulator.robot.hull_m)
 
     def file(self, out: Path) -> Path:
-        """Where the episode is kept below the folder of an evaluation."""
+        """Where the episode is stored below the folder of an evaluation."""
         return Path(out) / "episodes" / f"{self.name}.npz"
 
 
@@ -100,7 +100,7 @@ def run_job(job: Job, watch: Stopwatch | None = None) -> bytes:
 
     Raises:
         MapError: If the task cannot be done in the plan.
-        KeyboardInterrupt: If it was interrupted: half an episode is not kept.
+        KeyboardInterrupt: If it was interrupted: half an episode is not stored.
     """
     begin = perf_counter()
     building, places = job.scene()
@@ -138,7 +138,7 @@ def draw_plan(
 def scene(
     plan_file: Path, reader: str, config: BuildingConfig, hull_m: tuple[float, float]
 ) -> tuple[Building, Reach]:
-    """The building of a plan and what a robot of a radius and a height can reach in it; the last one is kept."""
+    """The building of a plan and what a robot of a radius and a height can reach in it; the last one is cached."""
     building = make_building(read_plan(plan_file, reader=reader), config=config)
     return building, reach(building, *hull_m)
 
@@ -158,7 +158,7 @@ def task_of(places: Reach, task: SuiteTask) -> Task:
 
 
 def _row(job: Job, log: EpisodeLog, building: Building) -> dict[str, Any]:
-    """Identity and scores; whatever the log's result tells passes through."""
+    """Identity and scores; all values of the log's result are included."""
     robot = job.config.simulator.robot
     walls = building.floor(robot.height_m).boundary
     clearance = shapely.distance(shapely.points(np.array(log.poses)[:, :2]), walls)

@@ -1,8 +1,8 @@
 """What a folder of episodes was made of, so that a run goes on only with episodes of its own kind.
 
 Episodes depend on the plans, the tasks and the configuration. A run that differs in any of what the folder holds is
-refused (`robosim.support.run_folder`); one that adds policies, repetitions, tasks or plans goes on. Code and versions
-of packages are kept with each episode: results of a mixture are told, not refused, since most changes of code change
+rejected (`robosim.support.run_folder`); one that adds policies, repetitions, tasks or plans goes on. Code and versions
+of packages are stored with each episode: a mixture is reported, not rejected, since most changes of code change
 no result.
 """
 

@@ -13,7 +13,7 @@ _NUMBERS = (
     "deepest_by_distance_m", "position_error_rms_m",
 )  # fmt: skip
 _PLACES = {"start": 3, "target": 2}
-#: Whole numbers up to here are told apart by floating-point columns.
+#: Whole numbers up to here are distinct in floating-point columns.
 _LARGEST = 1e15
 
 
@@ -51,7 +51,7 @@ def _check(head: Head, path: Path) -> None:
 
 
 def check_row(row: Mapping[str, Any]) -> None:
-    """Refuse a row that no episode has.
+    """Reject a row that no episode has.
 
     Raises:
         ValueError: In a few words, of the first column that is wrong.

@@ -3,7 +3,7 @@
 The difficulty of a task goes by the steps that the oracle needs: the tasks in order of them, the first 27 % easy, the
 next 39 % moderate, the rest hard, the shares of the published 52, 76 and 65 tasks (arXiv 2110.14789). The arrival
 time of a policy is counted in steps, relative to the oracle's on the same task; never arriving is infinite. Where
-`shortest` was run, which knows the building too, times are also told relative to its: the oracle is no bound. With
+`shortest` was run, which knows the building too, times are also given relative to its: the oracle is no bound. With
 repetitions a task's oracle steps are their median.
 
 Intervals are 95 %: Wilson's for rates, percentiles of the bootstrap for the others. What is drawn again, and what

@@ -1,7 +1,7 @@
 """Which searches are made: a list of tasks, drawn from floor plans by a seed, or read from a file.
 
 A task is a plan, a start and a target. Task i of a plan is drawn from the seed, the plan's name and i alone, so
-that neither other plans nor the number of tasks change it. Places are kept as they are typed, in metres and degrees
+that neither other plans nor the number of tasks change it. Places are stored as they are typed, in metres and degrees
 and rounded, so that the command that replays an episode replays it bit for bit.
 
 The file is YAML or JSON; plans lie relative to it, or are shipped ones by name:
@@ -43,7 +43,7 @@ from robosim.task.tasks import make_task
 
 #: Endings of suite files.
 SUFFIXES = (".yaml", ".yml", ".json")
-#: Decimals that places are kept with: 0.1 mm and 0.01 degrees.
+#: Decimals that places are stored with: 0.1 mm and 0.01 degrees.
 _PLACE_DECIMALS, _YAW_DECIMALS = 4, 2
 _WHAT = "a suite of searches"
 _REMEDY = "It has `seed`, `plans` and `tasks`, in YAML or JSON; `robosim evaluate --suite-out` writes one."
@@ -80,12 +80,12 @@ class Suite:
     seed: int = 0
     """What the tasks and all noise are drawn from."""
     reader: str = "auto"
-    """Who reads the plans, of `robosim.parts.READER`, by name or `module:Name`."""
+    """Reader of the plans, of `robosim.parts.READER`, by name or `module:Name`."""
     file: Path | None = field(default=None, compare=False)
     """What it was read from."""
 
     def check_places(self) -> None:
-        """Refuse tasks that begin or end outside of their plan, before any of them is run.
+        """Reject tasks that begin or end outside of their plan, before any of them is run.
 
         Raises:
             ValueError: If one does; the message names the suite's file and the task.
@@ -106,7 +106,7 @@ class Suite:
 
 
 def draw_tasks(plan: str, reach: Reach, count: int, seed: int) -> list[SuiteTask]:
-    """Tasks in one plan, each with its start and target drawn anew.
+    """Tasks in one plan, each with its start and target drawn again.
 
     Args:
         plan: Name of the plan in the suite.

@@ -115,7 +115,7 @@ def test_the_remedy_follows_from_the_error(error, expected):
     [
         ("", "osmesa", DRAWS, FAILS, "draws on OSMesa: the first choice", ""),
         ("", "egl", FAILS, DRAWS, "draws on EGL: OSMesa, the first choice, is not installed", ""),
-        ("EGL", "egl", DRAWS, DRAWS, "draws on EGL: PYOPENGL_PLATFORM=EGL asks for it", ""),
+        ("EGL", "egl", DRAWS, DRAWS, "draws on EGL: PYOPENGL_PLATFORM=EGL selects it", ""),
         ("x11", "osmesa", DRAWS, FAILS, "PYOPENGL_PLATFORM=x11 is neither osmesa nor egl", ""),
         ("egl", "egl", DRAWS, FAILS, "would draw on EGL", "unset PYOPENGL_PLATFORM: OSMesa works"),
         ("", "osmesa", FAILS, DRAWS, "would draw on OSMesa", "set PYOPENGL_PLATFORM=egl, which works"),
