@@ -33,7 +33,7 @@ from robosim.support.garbage import look_for_garbage
 from robosim.support.installation import EXTRAS, missing_extra, package_version
 from robosim.support.interrupt import SIGNALLED, unwinding
 from robosim.support.parts import code_allowed, place_in_part
-from robosim.support.processes import processes_kept
+from robosim.support.processes import reuse_processes
 from robosim.support.reading import is_ours
 
 #: Options of every command, in any place.
@@ -66,7 +66,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         with (
             unwinding() as interrupt,
-            processes_kept(),
+            reuse_processes(),
             output_mode(quiet="--quiet" in everywhere, as_json="--json" in everywhere),
             code_allowed("--allow-code" in everywhere),
         ):

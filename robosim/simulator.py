@@ -182,8 +182,8 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.move(commanded)
-        moved = between(before, self.pose)
-        return self._observe(self.config.noise.sense(action, moved, self._rng)), motion
+        displacement = between(before, self.pose)
+        return self._observe(self.config.noise.sense(action, displacement, self._rng)), motion
 
     def drive(self, v_mps: float, w_radps: float, duration_s: float) -> tuple[Observation, Motion]:
         """Drive with a forward speed and a turn rate for a time.
@@ -194,8 +194,8 @@ class Simulator:
         before = self.pose
         with self.watch.stage("physics"):
             motion = self.world.drive(v_mps, w_radps, duration_s)
-        moved = between(before, self.pose)
-        return self._observe(self.config.noise.sense_motion(moved, self._rng)), motion
+        displacement = between(before, self.pose)
+        return self._observe(self.config.noise.sense_motion(displacement, self._rng)), motion
 
     @property
     def pose(self) -> Float[np.ndarray, "3"]:

@@ -132,7 +132,7 @@ _kept: list[_Process] | None = None
 
 
 @contextmanager
-def processes_kept() -> Iterator[None]:
+def reuse_processes() -> Iterator[None]:
     """Until the block ends, processes whose work is done wait for more: it takes each of them seconds to start."""
     global _kept
     before, _kept = _kept, []

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from robosim.support.processes import processes_kept
+from robosim.support.processes import reuse_processes
 from robosim.support.workers import WorkerLost, Workers
 
 SQUARES = [(n,) for n in range(7)]
@@ -90,7 +90,7 @@ def test_processes_wait_for_more_work_where_that_is_wanted():
         with Workers(count) as pool:
             return set(pool.in_order(own_pid, [(0.5,)] * count))
 
-    with processes_kept():
+    with reuse_processes():
         first = of(1)
         second = of(2)
         assert first < second
