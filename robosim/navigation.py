@@ -32,7 +32,7 @@ from slam.mapping.odometry import OdometryConfig, calibrated
 from slam.planning.cost_map import CostConfig
 from slam.planning.planner import Planner, PlannerConfig
 from slam.sensing.projection import Band, CameraModel
-from wireless.support.kept import kept
+from wireless.support.cached_array import cached_array
 
 #: How often each action is run to calibrate the odometry of a robot that nobody has calibrated.
 CALIBRATION_RUNS = 1000
@@ -133,7 +133,7 @@ def learned_pose_mapper(config: MapperConfig) -> Mapper:
 def odometry_of(noise: NoiseModel) -> OdometryConfig:
     """What a calibration of the simulated robot's odometry finds, on an open floor, against its true motions.
 
-    The runs are kept on disk, by all that they are made of.
+    The runs are cached on disk, by all that they depend on.
     """
 
     def run() -> Float[np.ndarray, "2 actions runs 3"]:
@@ -143,7 +143,8 @@ def odometry_of(noise: NoiseModel) -> OdometryConfig:
 
     made_of = [repr((noise, CALIBRATION_RUNS, shapely.__version__, shapely.geos_version)).encode()]
     errors, motions = (
-        dict(zip(Action, part, strict=True)) for part in kept("odometry", made_of, _code_of_runs(), run)
+        dict(zip(Action, part, strict=True))
+        for part in cached_array("odometry", made_of, _code_of_runs(), run)
     )
     return calibrated(errors, motions)
 

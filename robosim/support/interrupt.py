@@ -70,7 +70,7 @@ def noted_interrupt(
             interrupt.signal = number
             interrupt.stop()
         interrupt.signal = number
-        tell(f"Stopping after {waits_for}. Press Ctrl-C again to end at once.")
+        print_line(f"Stopping after {waits_for}. Press Ctrl-C again to end at once.")
 
     with _handled(signals, note):
         yield interrupt
@@ -82,7 +82,7 @@ def unwinding() -> Iterator[Interrupt]:
 
     Yields:
         What came. A library that is being imported may swallow the interruption and fail of what is then missing: an
-        error after a signal is told as the signal.
+        error after a signal is reported as the signal.
     """
     interrupt = Interrupt()
 
@@ -110,9 +110,9 @@ def _handled(
             signal.signal(number, handler_before)
 
 
-def tell(line: str) -> None:
+def print_line(line: str) -> None:
     """Print a line on standard error from a signal handler, where files of Python may be in use."""
     # A bar may be on the line: begin at its start, and clear the rest of it.
     start = "\r\x1b[K" if sys.stderr is not None and sys.stderr.isatty() else ""
-    with contextlib.suppress(OSError):  # nobody listens
+    with contextlib.suppress(OSError):  # standard error is closed
         os.write(2, f"{start}{line}\n".encode())

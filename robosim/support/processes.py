@@ -116,7 +116,7 @@ class _Process(NamedTuple):
         context = multiprocessing.get_context("spawn")
         here, there = context.Pipe()
         process = context.Process(target=_serve, args=(there, os.getpid()), daemon=True)
-        with _one_thread(), ctrl_c_held_back(), _main_left_out():
+        with _one_thread(), block_ctrl_c(), _main_left_out():
             process.start()
         there.close()  # so that it is closed when the process ends
         return cls(process, here)
@@ -221,8 +221,8 @@ def _one_thread() -> Iterator[None]:
 
 
 @contextmanager
-def ctrl_c_held_back() -> Iterator[None]:
-    """Ctrl-C comes when the block ends; to processes that start inside of it never, not while they import either."""
+def block_ctrl_c() -> Iterator[None]:
+    """Delay Ctrl-C until the block ends. Processes that start inside of it never receive it, even during imports."""
     # Python starts it with the first process, and then lets in the signals that are held back here.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -28,7 +28,7 @@ from wireless.estimation.residual import Layout
 from wireless.sounding import draw
 from wireless.sounding import sounder as sounder_module
 from wireless.sounding.sounder import Rays, Sounder
-from wireless.support.kept import kept
+from wireless.support.cached_array import cached_array
 from wireless.tracing.blocks import available_cores
 
 #: Intervals of a full turn, and of a sample, on the curves of paths.
@@ -111,7 +111,7 @@ class SageEstimator:
             noise = self.sounder.measure(rays, np.random.default_rng(0), workers=self.workers)
             return self._find(noise, 0.0, 1)[1][:, 0]
 
-        return kept("noise-peaks", [looks, *values], _CODE, learn)
+        return cached_array("noise-peaks", [looks, *values], _CODE, learn)
 
     def _find(
         self, tensor: Complex[np.ndarray, "links window kept beams"], threshold: float, most: int

@@ -38,7 +38,7 @@ from robosim.camera.rendering.decor import Decor
 from robosim.camera.rendering.placed import placed_patches
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.support.ray_casting import make_ray_scene
-from wireless.support.kept import kept
+from wireless.support.cached_array import cached_array
 
 #: Side of the floor's tiles, and distance of vertices on floor and walls, about; height of skirtings [m].
 _STEP_M, _SKIRTING_M = 0.5, 0.10
@@ -104,7 +104,7 @@ def _light_and_daylight(
         ambient = ambient_light(patches, mesh, range_m=_RANGE_M, n_rays=_N_RAYS)
         return np.stack([ambient, window_light(patches, mesh, windows)])
 
-    return kept("light", made_of, [Path(__file__)], make)
+    return cached_array("light", made_of, [Path(__file__)], make)
 
 
 def ambient_light(

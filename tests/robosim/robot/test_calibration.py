@@ -15,7 +15,7 @@ from robosim.support.reading import FileError
 from slam.actions import Action
 from slam.mapping.odometry import calibrated
 from tests.robosim.robot.test_odometry import PUBLISHED_SENSOR
-from wireless.support import kept
+from wireless.support import cached_array
 
 
 def test_a_simulated_robot_finds_the_published_errors():
@@ -29,14 +29,14 @@ def test_a_simulated_robot_finds_the_published_errors():
 
 
 def test_runs_from_disk_are_the_runs(tmp_path, monkeypatch):
-    """Computed, kept, read: the same errors to the bit, and others for another noise."""
-    monkeypatch.setattr(kept, "folders_of", lambda source: (tmp_path,))
+    """Computed, cached, read: the same errors to the bit, and others for another noise."""
+    monkeypatch.setattr(cached_array, "folders_of", lambda source: (tmp_path,))
     noise = NoiseModel()
     runs = run_actions(KinematicWorld(open_floor()), noise, range(CALIBRATION_RUNS), np.random.default_rng(0))
     for _ in range(2):
         odometry_of.cache_clear()
         assert odometry_of(noise) == calibrated(*runs)
-        assert len(list(tmp_path.glob("odometry-*.kept"))) == 1
+        assert len(list(tmp_path.glob("odometry-*.cached"))) == 1
     assert odometry_of(NoiseModel(level=2.0)) != calibrated(*runs)
 
 

@@ -13,7 +13,7 @@ from robosim.camera.rendering.shading import ambient_light, cosine_directions, s
 from robosim.camera.rendering.tessellation import Patches, tessellate
 from robosim.plans.files import read_plan
 from robosim.plans.floorplan import FloorPlan
-from wireless.support import kept
+from wireless.support import cached_array
 
 FLOOR, WALL = KINDS.index("floor"), KINDS.index("wall")
 
@@ -201,13 +201,13 @@ def test_a_building_without_a_ceiling_is_shaded():
 
 
 def test_light_from_disk_is_the_light(tmp_path, monkeypatch):
-    """Computed, kept, read: the same colours to the bit, and others where a wall stands elsewhere."""
-    monkeypatch.setattr(kept, "folders_of", lambda source: (tmp_path,))
+    """Computed, cached, read: the same colours to the bit, and others where a wall stands elsewhere."""
+    monkeypatch.setattr(cached_array, "folders_of", lambda source: (tmp_path,))
     building, elsewhere = make_building(plan()), replace(plan(), occupancy=plan().occupancy[::-1].copy())
     found = []
     for one in (building, building, make_building(elsewhere)):
         shaded_mesh.cache_clear()
         found.append(shaded_mesh(one).visual.vertex_colors)
-    assert len(list(tmp_path.glob("light-*.kept"))) == 2
+    assert len(list(tmp_path.glob("light-*.cached"))) == 2
     np.testing.assert_array_equal(found[0], found[1])
     assert found[2].shape != found[0].shape or (found[2] != found[0]).any()

@@ -1,11 +1,11 @@
-"""Arrays kept on disk: computed once, by all that they depend on, and never believed when damaged."""
+"""Arrays cached on disk: computed once for all that they depend on, and again when damaged."""
 
 import numba
 import numpy as np
 import pytest
 
-from wireless.support import kept as module
-from wireless.support.kept import kept
+from wireless.support import cached_array as module
+from wireless.support.cached_array import cached_array
 
 
 @pytest.fixture
@@ -29,24 +29,24 @@ def test_it_is_computed_once_for_what_it_depends_on(folder, tmp_path):
     """Values, code, library and processor: each change is another array. The bits are those that were computed."""
     code, make = tmp_path / "code.py", Maker()
     code.write_text("1")
-    first = kept("it", [b"a", b"b"], [code], make)
-    again = kept("it", [b"a", b"b"], [code], make)
+    first = cached_array("it", [b"a", b"b"], [code], make)
+    again = cached_array("it", [b"a", b"b"], [code], make)
     assert make.made == 1 and first.tobytes() == again.tobytes()
-    kept("it", [b"ab", b""], [code], make)
+    cached_array("it", [b"ab", b""], [code], make)
     assert make.made == 2
     code.write_text("2")
-    kept("it", [b"a", b"b"], [code], make)
-    assert make.made == 3 and len(list(folder.glob("it-*.kept"))) == 3
+    cached_array("it", [b"a", b"b"], [code], make)
+    assert make.made == 3 and len(list(folder.glob("it-*.cached"))) == 3
 
 
 @pytest.mark.parametrize("content", [b"", b"x" * 100, None])
-def test_a_damaged_file_is_made_anew(folder, content):
+def test_a_damaged_file_is_computed_again(folder, content):
     make = Maker()
-    kept("it", [b"a"], [], make)
-    (file,) = folder.glob("it-*.kept")
+    cached_array("it", [b"a"], [], make)
+    (file,) = folder.glob("it-*.cached")
     file.write_bytes(file.read_bytes()[:-1] if content is None else content)
-    kept("it", [b"a"], [], make)
-    kept("it", [b"a"], [], make)
+    cached_array("it", [b"a"], [], make)
+    cached_array("it", [b"a"], [], make)
     assert make.made == 2
 
 
@@ -55,5 +55,5 @@ def test_without_a_folder_it_is_computed(monkeypatch):
     monkeypatch.setattr(module, "folders_of", lambda source: ())
     monkeypatch.setattr(module, "first_writable", lambda folders: (None, ""))
     for _ in range(2):
-        assert kept("it", [b"a"], [], make).size == 4
+        assert cached_array("it", [b"a"], [], make).size == 4
     assert make.made == 2

@@ -1,8 +1,8 @@
-"""What takes long to compute and depends on little, kept on disk: an array by all that it was made of.
+"""Arrays that take long to compute and depend on little, cached on disk under a digest of all that they depend on.
 
-Files lie where compiled loops lie (`wireless.support.compiled_files`), are named after what they depend on, and hold a
-checksum: one that is damaged is made anew, and where no folder can be written, each process computes for itself. The
-processor and the versions of what computes count too, since last bits depend on them.
+Files lie next to compiled loops (`wireless.support.compiled_files`) and hold a checksum; damaged ones are made again.
+If no folder can be written, each process computes the array. The digest covers the processor and the versions of the
+libraries too, since last bits depend on them.
 """
 
 import hashlib
@@ -19,14 +19,14 @@ from wireless.support.compiled_files import first_writable, folders_of, read_che
 
 logger = logging.getLogger(__name__)
 
-#: Arrays of one name that stay on disk: of other values, processors, states of the source.
-KEPT = 16
+#: Most arrays of one name on disk, for different values, processors and states of the source.
+MAX_FILES = 16
 
 
-def kept(
+def cached_array(
     name: str, made_of: Iterable[bytes], code: Iterable[Path], make: Callable[[], np.ndarray]
 ) -> np.ndarray:
-    """An array from disk, or computed and kept there.
+    """An array from disk, or computed and stored there.
 
     Args:
         name: Beginning of the file's name.
@@ -39,7 +39,7 @@ def kept(
     for part in (*made_of, *(file.read_bytes() for file in code), repr(machine).encode()):
         looks.update(hashlib.sha256(part).digest())
     folders = folders_of(Path(__file__))
-    file = f"{name}-{looks.hexdigest()[:32]}.kept"
+    file = f"{name}-{looks.hexdigest()[:32]}.cached"
     for folder in folders:
         content = read_checked(folder / file)
         if content is not None:
@@ -52,8 +52,10 @@ def kept(
         np.save(packed, made)
         try:
             write_checked(writable / file, packed.getvalue())
-            for old in sorted(writable.glob(f"{name}-*.kept"), key=lambda path: path.stat().st_mtime)[:-KEPT]:
+            for old in sorted(writable.glob(f"{name}-*.cached"), key=lambda path: path.stat().st_mtime)[
+                :-MAX_FILES
+            ]:
                 old.unlink(missing_ok=True)
         except OSError as error:  # a full disk costs the next process a second
-            logger.info("%s cannot be kept: %s", writable / file, error)
+            logger.info("%s cannot be cached: %s", writable / file, error)
     return made
