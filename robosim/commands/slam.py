@@ -59,16 +59,7 @@ def slam(
     if len({log.name for log in read}) < len(read):
         raise ValueError("two logs have the same name: their results would lie in the same folder.")
     table = Table(
-        "log",
-        "",
-        "ATE [m]",
-        "RPE 1-5 m [m]",
-        "[deg]",
-        "RPE along the path [m]",
-        "[deg] ",
-        "cells",
-        "loops",
-        "s",
+        "log", "", "ATE [m]", "RPE 1-5 m [m]", "[deg]", "along the path [m]", "[deg] ", "cells", "loops", "s"
     )
     results: list[dict[str, Any]] = []
     with results_folder(out, "slam") as folder:

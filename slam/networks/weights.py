@@ -28,9 +28,6 @@ def check_weights(weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> No
     }:
         raise ValueError("other names, shapes or kinds of numbers")
     check_values(weights)
-    for name, values in weights.items():
-        if name.endswith("running_var") and (values < 0).any():
-            raise ValueError(f"{name} has negative variances")
 
 
 def trained_numbers(weights: Weights) -> int:

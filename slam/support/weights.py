@@ -15,14 +15,16 @@ LARGEST = 1e6
 
 
 def check_values(weights: Mapping[str, np.ndarray]) -> None:
-    """Check that no floating-point weight is NaN, infinite or above `LARGEST`.
+    """Check that trained numbers are plausible.
 
     Raises:
-        ValueError: If one is.
+        ValueError: If one is NaN, infinite or above `LARGEST`, or a variance is negative.
     """
     for name, values in weights.items():
         if values.dtype.kind == "f" and not (np.abs(values) <= LARGEST).all():
             raise ValueError(f"{name} has values that are NaN, infinite or above {LARGEST:,.0f}")
+        if name.endswith("running_var") and (values < 0).any():
+            raise ValueError(f"{name} has negative variances")
 
 
 def read_weights(path: Path, like: Weights, what: str) -> Weights:

@@ -1,12 +1,12 @@
 """Sounding and path estimation: speed against error, the reference's base station sending to its robot.
 
 Speed: traced links are sounded by full waveforms and by the closed form, and estimated by each estimator, one thread.
-Lone paths: error of the azimuth of arrival over SNR, against the Cramér-Rao bound. SNR is
-the energy of the path in the whole measurement over that of noise in one of its over ten thousand entries; below some
-20 dB a path drowns in the strongest of them. Traced plans: how far the strongest estimated path is from the strongest
-true one (between isotropic antennas), and from the nearest of those true ones that are nearly as strong, by link state;
-and how well a perfect receiver would do that does not resolve paths that look alike (`resolution`). A link for
-which no path is found counts as wrong by half a turn.
+Lone paths: error of the azimuth of arrival over SNR, against the Cramér-Rao bound. SNR is the energy of the path in
+the whole measurement over that of noise in one of its over ten thousand entries; below some 20 dB a path drowns in
+the strongest of them. Traced plans: how far the strongest estimated path is from the strongest true one (between
+isotropic antennas), and from the nearest of those true ones that are nearly as strong, by link state; and how well a
+perfect receiver would do that does not resolve paths that look alike (`resolution`). A link for which no path is
+found counts as wrong by half a turn.
 """
 
 import copy

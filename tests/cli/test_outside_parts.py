@@ -218,11 +218,11 @@ def test_objects_stand_in_for_names():
     log, _ = run_episode(building, places, make_task(places, np.random.default_rng(1)), config)
     assert mapper.asked >= 5
     assert {link.believed for link in log.links} == {LinkState.FIRST_ORDER}
-    told = to_dict(config)
-    assert told["link_states"] == {"part": f"{__name__}:Certain"}
-    assert told["explorer"] == {"part": "slam.exploration.explorer:FrontierExplorer"}
+    values = to_dict(config)
+    assert values["link_states"] == {"part": f"{__name__}:Certain"}
+    assert values["explorer"] == {"part": "slam.exploration.explorer:FrontierExplorer"}
     with code_allowed():
-        assert from_dict(EpisodeConfig, told).explorer is FrontierExplorer
+        assert from_dict(EpisodeConfig, values).explorer is FrontierExplorer
 
 
 @pytest.mark.parametrize(
