@@ -9,8 +9,6 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from wireless.geometry.array_growth import longer
-from wireless.geometry.array_types import Point
 from wireless.geometry.convex import cut_to_left
 from wireless.geometry.layers import Layers, Openings
 from wireless.geometry.plan import NEAR_M
@@ -26,6 +24,7 @@ from wireless.geometry.view_bounds import (
     seen_part,
     seen_slopes,
 )
+from wireless.geometry.view_lists import EdgeList, Stack, Trail, ViewList, VisitList
 from wireless.support.compiled import compiled
 
 #: Views narrower than this [rad] end: no target fits in.
@@ -47,37 +46,6 @@ class Limits(NamedTuple):
     """Lowest and highest place of targets, and of corners and rims of interest; for storeys only."""
 
 
-class ViewList(NamedTuple):
-    """Views so far; see `wireless.geometry.visibility.Visibility`."""
-
-    image: Float[np.ndarray, "b 2"]
-    chain: Int[np.ndarray, "b 5"]
-    begin: Int[np.ndarray, "b 2"]
-    """Triangle that each view begins in, and the side that it enters by; -1 for all of the triangle."""
-    sector: Float[np.ndarray, "b 4"]
-    """Sector of each view where it begins."""
-    part: Int[np.ndarray, "b 2"]
-    rise_m: Float[np.ndarray, " b"]
-
-
-class EdgeList(NamedTuple):
-    """Edges so far; see `wireless.geometry.visibility.Visibility`."""
-
-    hit: Int[np.ndarray, "e 2"]
-    part: Float[np.ndarray, "e 2"]
-    """What is seen of each."""
-    stamp: Int[np.ndarray, " c"]
-    """The view that each corner was found in last."""
-
-
-class VisitList(NamedTuple):
-    """Visits so far; see `wireless.geometry.visibility.Visibility`."""
-
-    last: Int[np.ndarray, " t"]
-    visit: Int[np.ndarray, "v 3"]
-    sector: Float[np.ndarray, "v 4"]
-
-
 class TriangleSides(NamedTuple):
     """Triangles, as far as views pass them; see `wireless.geometry.plan.Plan`."""
 
@@ -95,27 +63,6 @@ class MirrorWalls(NamedTuple):
     tri_wall: Int[np.ndarray, "t 3"]
     tri_open: Bool[np.ndarray, "t 3"]
     tri_next: Int[np.ndarray, "t 3"]
-
-
-class Trail(NamedTuple):
-    """Triangles that one view passes, and walls that it meets."""
-
-    step: Int[np.ndarray, "n 2"]
-    """Triangles, and the sides that they are entered by; -1 where the view begins with all of a triangle."""
-    sector: Float[np.ndarray, "n 4"]
-    """What is in view there."""
-    hit: Int[np.ndarray, "m 2"]
-    """Steps at which walls are met, and sides of their triangles."""
-    bounds: Float[np.ndarray, "m 4"]
-    """What is in view of each wall."""
-
-
-class Stack(NamedTuple):
-    """Room for triangles that are yet to be passed."""
-
-    place: Int[np.ndarray, "k 2"]
-    sector: Float[np.ndarray, "k 4"]
-    last_sector: Float[np.ndarray, "4"]
 
 
 @compiled
@@ -519,29 +466,3 @@ def add_layer_views(
             h += 1
         count = add_views(walls, trail, (first, h), eye, views, window, count, limits)
     return count
-
-
-@compiled
-def new_views(source: Point) -> ViewList:
-    """A list of views with the source as its only one."""
-    begin, part = np.full((64, 2), -1), np.zeros((64, 2), np.int64)
-    views = ViewList(
-        np.empty((64, 2)), np.zeros((64, 5), np.int64), begin, np.zeros((64, 4)), part, np.zeros(64)
-    )
-    views.image[0], views.chain[0, :2] = source[:2], -1
-    return views
-
-
-@compiled
-def more_views(views: ViewList) -> ViewList:
-    """The same with twice as much room."""
-    image, chain, begin = longer(views.image), longer(views.chain), longer(views.begin)
-    return ViewList(image, chain, begin, longer(views.sector), longer(views.part), longer(views.rise_m))
-
-
-@compiled
-def new_trail(n: int) -> tuple[Trail, Stack]:
-    """Room for so many steps, walls met and triangles that are yet to be passed."""
-    step, hit, place = np.empty((n, 2), np.int64), np.empty((n, 2), np.int64), np.empty((n, 2), np.int64)
-    trail = Trail(step, np.empty((n, 4)), hit, np.empty((n, 4)))
-    return trail, Stack(place, np.empty((n, 4)), np.empty(4))

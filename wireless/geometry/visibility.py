@@ -25,12 +25,11 @@ from wireless.geometry.array_growth import longer
 from wireless.geometry.array_types import Point
 from wireless.geometry.layers import Layers, openings_on
 from wireless.geometry.view_bounds import is_in_window, is_within
+from wireless.geometry.view_lists import EdgeList, VisitList, more_views, new_trail, new_views
 from wireless.geometry.view_steps import (
-    EdgeList,
     Limits,
     MirrorWalls,
     TriangleSides,
-    VisitList,
     add_corners,
     add_layer_views,
     add_rims,
@@ -39,9 +38,6 @@ from wireless.geometry.view_steps import (
     eye_of,
     follow,
     look_through,
-    more_views,
-    new_trail,
-    new_views,
 )
 from wireless.support.compiled import compiled
 
