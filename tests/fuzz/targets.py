@@ -50,15 +50,8 @@ from slam.control.controller import ControlConfig
 from slam.control.learned import load_steering
 from slam.exploration.choosing import initial_weights, load_chooser
 from slam.networks.files import load_mapper, load_pose
-from tests.fuzz.seeds import (
-    COLLECTED,
-    EXPLORER_RECIPE,
-    SEARCH_RECIPE,
-    SEARCHES,
-    small_plan,
-    teach_classifier,
-    teach_mapper,
-)
+from tests.fuzz.checkpoint_seeds import EXPLORER_RECIPE, SEARCH_RECIPE, teach_classifier, teach_mapper
+from tests.fuzz.seeds import COLLECTED, SEARCHES, small_plan
 from tests.plans import two_rooms
 from wireless.formats.link_records import read_columns, read_rays
 from wireless.formats.link_records import read_links as read_records
