@@ -29,6 +29,8 @@ _STEPS = 4
 _COARSEST, _FINEST = -9, -22
 #: A mesh this many times farther from zero than it is long was moved there; its numbers had their steps before.
 _FAR = 100.0
+#: Steps of 32-bit numbers above this move walls visibly, and merge surfaces that are apart [m].
+_MOST_STEP_M = 0.003
 #: What lies farther off a group, in lengths of it, is another one, since its plane is uncertain there. What is alone
 #: looks one length around.
 _REACH = 10.0
@@ -67,6 +69,29 @@ def tolerance_of(vertex: Float[np.ndarray, "v 3"], snap_m: float) -> float:
                     step = max(step, 2.0**power)
                 break
     return max(snap_m, _STEPS * step)
+
+
+def check_rounding(vertex: Float[np.ndarray, "*n 3"], unit_m: float = 1.0) -> None:
+    """Raise ValueError for a mesh whose corners were rounded to coarse 32-bit numbers, as it lies far from zero.
+
+    An axis was rounded if all its coordinates are 32-bit numbers, and some of them odd multiples of the spacing of
+    these numbers there: 3 cm or 6 cm at an easting of UTM, 50 cm at a northing. Whole metres are even multiples.
+
+    Args:
+        vertex: Corners [`unit_m`], as stored.
+        unit_m: Unit of length [m].
+    """
+    farthest = np.abs(vertex.reshape(-1, 3)).max(axis=0)
+    for axis in np.argsort(-farthest):
+        x, reach = vertex[..., axis], float(farthest[axis])
+        step = float(np.spacing(np.float32(reach)))
+        if step * unit_m <= _MOST_STEP_M or reach < 2 * np.ptp(x) or (x.astype(np.float32) != x).any():
+            continue
+        if (np.rint(x / step) % 2 == 1).any():
+            raise ValueError(
+                f"{'xyz'[axis]} is rounded to {step * unit_m:.2g} m, the spacing of 32-bit numbers at "
+                f"{reach * unit_m:.9g} m; move the mesh near zero before it is saved, or save it with 64 bits, as OBJ"
+            )
 
 
 def fit_planes(triangle: Float[np.ndarray, "n 3 3"], tolerance_m: float) -> Fits:

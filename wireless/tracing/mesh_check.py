@@ -4,6 +4,7 @@ import numpy as np
 import trimesh
 
 from wireless.geometry.plan import REACH_M
+from wireless.geometry.tolerance import check_rounding
 
 
 class SceneError(ValueError):
@@ -11,7 +12,7 @@ class SceneError(ValueError):
 
 
 def check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
-    """Raise SceneError for a mesh that is none, or in no metres."""
+    """Raise SceneError for a mesh that is none, in no metres, or rounded far from zero."""
     vertex, face = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
     if not len(face) or not np.isfinite(vertex).all():
         raise SceneError(f"The mesh has {len(face)} faces and must have some, with finite vertices.")
@@ -25,6 +26,10 @@ def check_mesh(mesh: trimesh.Trimesh, snap_m: float) -> None:
         span = np.ptp(vertex, axis=0).max()
     if span >= REACH_M:
         raise SceneError(f"The mesh is {span:g} m long, expected under {REACH_M:g} m. Is it in millimetres?")
+    try:
+        check_rounding(vertex)
+    except ValueError as error:
+        raise SceneError(f"Of the vertices of the mesh, {error}.") from None
     side = np.diff(vertex[face[:, [0, 1, 2, 0]]], axis=1)
     area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1)
     if not np.any(area > snap_m * np.linalg.norm(side, axis=2).max(axis=1)):

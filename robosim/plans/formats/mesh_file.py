@@ -26,6 +26,7 @@ from robosim.plans.floorplan import FARTHEST_M, MapError
 from robosim.plans.formats.polygons import read_obj, read_off, read_ply, read_stl, triangulate
 from robosim.support.reading import read_bytes, shown
 from robosim.support.text_in import MOST_JSON, check_object, parse_json
+from wireless.geometry.tolerance import check_rounding
 
 Triangles = Float[np.ndarray, "n 3 3"]
 
@@ -57,7 +58,8 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
         unit_m: Its unit of length [m].
 
     Raises:
-        ValueError: In a few words, if there are no triangles, too many, or one is too far away.
+        ValueError: In a few words, if there are no triangles, too many, one is too far away, or they were rounded
+            to coarse 32-bit numbers.
         Exception: Any error of the loader of a damaged file.
     """
     suffix = path.suffix.lower()
@@ -65,16 +67,16 @@ def load_triangles(content: bytes, path: Path, unit_m: float = 1.0) -> Triangles
     triangles = _of_scene(content, path) if polygons is None else triangulate(polygons(content))
     if triangles.size == 0:
         raise ValueError("no triangles in space; a point cloud must be meshed before it can be sliced")
-    triangles *= unit_m
     if not np.isfinite(triangles).all():
         n_wrong = np.count_nonzero(~np.isfinite(triangles).all(axis=(1, 2)))
         raise ValueError(f"{n_wrong} of {len(triangles)} triangles have a vertex that is not finite")
-    if (farthest := float(np.abs(triangles).max())) > FARTHEST_M:
+    if (farthest := unit_m * float(np.abs(triangles).max())) > FARTHEST_M:
         raise ValueError(
             f"a vertex lies {farthest:.3g} m away, expected at most {FARTHEST_M:g} m; pass unit_m=0.001 (--unit 0.001) "
             "if its numbers are mm"
         )
-    return triangles
+    check_rounding(triangles, unit_m)
+    return triangles * unit_m
 
 
 def _of_scene(content: bytes, path: Path) -> Triangles:

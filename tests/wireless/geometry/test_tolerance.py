@@ -8,7 +8,7 @@ from tests.wireless.tracing.rounded import Placed, box, in_32_bits, subdivided
 from wireless.geometry.facets import find_surfaces
 from wireless.geometry.occlusion import hidden_each
 from wireless.geometry.space import make_space
-from wireless.geometry.tolerance import NEAR_M, fit_planes, tolerance_of
+from wireless.geometry.tolerance import NEAR_M, check_rounding, fit_planes, tolerance_of
 
 TURN = (0.3, -0.8, 1.1)
 
@@ -42,6 +42,22 @@ def test_tolerance_follows_the_size_of_coordinates_and_the_lattice_they_lie_on()
     whole = np.array([(0, 0, 0), (8, 0, 0), (8, 6, 0), (0, 6, 3)], float)
     for place in (0.0, (691_607.0, 5_334_760.0, 519.0)):
         assert tolerance_of(whole + place, 1e-6) < 4e-6
+
+
+@pytest.mark.parametrize("unit_m", [1.0, 0.001])
+def test_meshes_rounded_to_32_bits_far_from_zero_are_rejected(unit_m):
+    """At UTM coordinates such numbers are centimetres to half a metre apart; designed coordinates are not rounded."""
+    place = np.array((691_607.3, 5_334_760.7, 519.0)) / unit_m
+    turned = Placed(TURN).points(box((8, 6, 2.7), (4, 3, 1.35)).vertices) / unit_m
+    check_rounding(turned + place, unit_m)
+    check_rounding(turned.astype(np.float32), unit_m)
+    check_rounding((turned + place / 1000).astype(np.float32), unit_m)
+    whole = np.array([(0, 0, 0), (8, 0, 0), (8, 6, 0), (0, 6, 3)], float) + np.rint(place * unit_m)
+    check_rounding(whole, 1.0)
+    with pytest.raises(ValueError, match=r"y is rounded to 0.5\d* m, .* at 53347\d+.* m; move the mesh near"):
+        check_rounding((turned + place).astype(np.float32), unit_m)
+    with pytest.raises(ValueError, match=r"x is rounded to 0.06"):
+        check_rounding(((turned + place) * (1, 0, 1)).astype(np.float32), unit_m)
 
 
 def test_exact_planes_stay_exact_and_deviations_are_known():

@@ -140,6 +140,18 @@ def test_coordinates_beyond_all_buildings_are_refused(tmp_path):
         read_plan(tmp_path / "far.stl", unit_m=1e-9)
 
 
+def test_coordinates_rounded_to_32_bits_at_utm_are_refused(tmp_path):
+    """STL holds 32-bit numbers; the same building as text keeps its digits."""
+    rotated = trimesh.Trimesh(
+        CORNERS[:, [0, 2, 1]] * 1.137 + (691_607.3, 5_334_760.7, 519.0), FACES, process=False
+    )
+    assert "y is rounded to 0.5 m" in refusal(tmp_path / "utm.stl", rotated.export(file_type="stl"))
+    text = rotated.export(file_type="obj", digits=8)
+    np.testing.assert_allclose(
+        np.ptp(load_triangles(text.encode(), tmp_path / "utm.obj").reshape(-1, 3), 0)[0], 5 * 1.137
+    )
+
+
 def test_more_storeys_than_any_building_has_are_refused(tmp_path):
     floor = np.array([[0, 0, 0], [5, 0, 0], [5, 5, 0]])
     tower = floor + np.arange(5000)[:, None, None] * (0, 0, 3)
