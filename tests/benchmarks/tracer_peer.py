@@ -1,0 +1,138 @@
+"""Specular paths beside Sionna RT's: links per second of the processor, and which paths each finds.
+
+Both trace the same building, as `robosim plan` writes it for Sionna RT: reflections by exact images here, by shooting
+samples and refining them there. A path is found by both if their lengths differ by less than `SAME_M`.
+
+Reference: Sionna RT (Aoudia et al., arXiv:2504.21719).
+"""
+
+import subprocess
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+from scipy.constants import speed_of_light
+from tyro.conf import OmitArgPrefixes, Positional
+
+from robosim.building.building import Building, BuildingConfig, make_building
+from robosim.building.mesh_export import export_mitsuba
+from robosim.plans.floorplan import FloorPlan
+from tests.benchmarks.harness import DEFAULT, Options, alternate, free_places, plans_of
+from tests.benchmarks.results import Results
+from wireless.geometry.array_types import Points
+from wireless.tracing.tracer import Tracer, TracerConfig
+
+#: Sionna RT computes with 32 bits: lengths that differ by less are those of one path [m].
+SAME_M = 2e-3
+#: Heights of the building, of transmitter and receivers, which differ lest mirrored paths coincide [m].
+HEIGHT_M, TX_M, RX_M = 3.0, 2.1, 1.3
+#: Half-spaces, which both know; what stands for layered walls in Sionna RT reflects otherwise near their resonances.
+MATERIALS: dict[str, Any] = {
+    f"{kind}_material": "concrete" for kind in ("wall", "floor", "ceiling", "furniture")
+}
+FREQUENCY_HZ = 28e9
+#: More paths than any link has.
+ALL = 5000
+SAMPLES = (10_000, 100_000)
+WORKER = Path(__file__).with_name("tracer_peer_worker.py")
+
+
+def main(
+    plans: Positional[tuple[str, ...]] = ("flat", "office"),
+    *,
+    python: str = "python",
+    receivers: int = 400,
+    order: int = 3,
+    options: OmitArgPrefixes[Options] = DEFAULT,
+) -> Results:
+    """Specular paths beside Sionna RT's: links per second of the processor, and recall.
+
+    Args:
+        plans: Floor plans, or folders of them.
+        python: A Python that has Sionna RT.
+        receivers: Receivers of each plan.
+        order: Most reflections.
+        options: Of every benchmark.
+    """
+    results = Results()
+    for plan in plans_of(plans):
+        measure(plan, python, receivers, order, options.seed, results)
+    return options.finish("tracer_peer", results)
+
+
+def measure(plan: FloorPlan, python: str, receivers: int, order: int, seed: int, results: Results) -> None:
+    """Rates, numbers of paths, and the strongest path of each link, by both programs."""
+    building = make_building(plan, config=BuildingConfig(height_m=HEIGHT_M, **MATERIALS))
+    place = free_places(building.free, 1 + receivers, np.random.default_rng(seed))
+    tx = np.array([[*place[0], TX_M]])
+    rx = np.column_stack([place[1:], np.full(receivers, RX_M)])
+    specular = TracerConfig(max_reflections=order, floor_ceiling=True, diffraction=False, max_transmissions=0)
+    tracers = {
+        count: Tracer(building, frequency_hz=FREQUENCY_HZ, config=replace(specular, max_paths=count))
+        for count in (25, ALL)
+    }
+    trace = {
+        count: lambda tracer=tracer: tracer.trace(tx, rx, workers=1) for count, tracer in tracers.items()
+    }
+    seconds = alternate(trace, turns=5)
+    for count in tracers:
+        row = f"{plan.name}, at most {count} paths"
+        rate = receivers / np.median(seconds[count])
+        results.add("peer", row, "links a CPU second", rate, digits=0, cases=receivers)
+        results.add("peer", row, "paths", len(trace[count]()), digits=0)
+    paths = trace[ALL]()
+    power = np.abs(paths.gain[:, 0, 0]) ** 2  # both polarisations are vertical, as in Sionna RT
+    own = [_by_length(paths.delay_s[paths.rx == k], power[paths.rx == k]) for k in range(receivers)]
+    found = _peer(building, python, tx, rx, order)
+    for samples in SAMPLES:
+        row = f"{plan.name}, Sionna RT {found['version']} with {samples} samples"
+        peer = [
+            _by_length(delay[power > 0], power[power > 0])
+            for delay, power in zip(found[f"delay_s_{samples}"], found[f"power_{samples}"], strict=True)
+        ]
+        both = sum(_count_matches(*pair) for pair in zip(own, peer, strict=True))
+        n_peer = sum(map(len, peer))
+        difference = [
+            abs(10 * np.log10(theirs[:, 1].max() / ours[:, 1].max()))
+            for ours, theirs in zip(own, peer, strict=True)
+            if len(ours) and len(theirs)
+        ]
+        rate = receivers / float(found[f"cpu_s_{samples}"])
+        results.add("peer", row, "links a CPU second", rate, digits=0, cases=receivers)
+        results.add("peer", row, "paths", n_peer, digits=0)
+        results.add("peer", row, "found by both", both, digits=0)
+        worst = np.quantile(difference, 0.95)
+        results.add("peer", row, "strongest path, 95 % within", worst, "dB", digits=4, cases=len(difference))
+
+
+def _peer(building: Building, python: str, tx: Points, rx: Points, order: int) -> dict[str, Any]:
+    """What the worker found for each number of samples."""
+    with tempfile.TemporaryDirectory() as folder:
+        scene = export_mitsuba(building, Path(folder), frequency_hz=FREQUENCY_HZ)
+        places, found = Path(folder) / "places.npz", Path(folder) / "found.npz"
+        np.savez(places, tx=tx[0], rx=rx, frequency_hz=FREQUENCY_HZ, depth=order, samples=SAMPLES)
+        subprocess.run([python, WORKER, scene, places, found], check=True)
+        return dict(np.load(found))
+
+
+def _by_length(delay_s: Float[np.ndarray, " n"], power: Float[np.ndarray, " n"]) -> Float[np.ndarray, "n 2"]:
+    """Lengths [m] and powers of a link's paths, the shortest first."""
+    order = np.argsort(delay_s)
+    return np.column_stack([speed_of_light * delay_s[order], power[order]])
+
+
+def _count_matches(own: Float[np.ndarray, "n 2"], peer: Float[np.ndarray, "m 2"]) -> int:
+    """How many paths of two lists, sorted by length, are pairs of one length."""
+    count = i = j = 0
+    while i < len(own) and j < len(peer):
+        difference = own[i, 0] - peer[j, 0]
+        if abs(difference) <= SAME_M:
+            count, i, j = count + 1, i + 1, j + 1
+        elif difference < 0:
+            i += 1
+        else:
+            j += 1
+    return count
