@@ -164,16 +164,16 @@ def climb(
             top = (low * d_high - high * d_low) / (d_high - d_low)
             _, steep = gain(table, round_trip, parts, v, top, point, slope)
             if steep > 0:
-                moved, low, d_low = top - low, top, steep
+                change, low, d_low = top - low, top, steep
                 if side > 0:
                     d_high /= 2
                 side = 1
             else:
-                moved, high, d_high = high - top, top, steep
+                change, high, d_high = high - top, top, steep
                 if side < 0:
                     d_low /= 2
                 side = -1
-            if moved < tolerance or high - low < tolerance:
+            if change < tolerance or high - low < tolerance:
                 break
     place(table, round_trip, top, point, slope)
     return float(top % end) if round_trip else float(top)

@@ -1,6 +1,6 @@
 """Path estimators by name: measurements in, estimated paths out.
 
-`pca` is the reference's: principal components read on grids, always as many paths as asked for. `sage` is
+`pca` is the reference's: principal components read on grids, always the requested number of paths. `sage` is
 ours: maximum likelihood off the grid, and paths only where they stand out of noise at a set false-alarm rate.
 """
 
@@ -19,7 +19,7 @@ from wireless.sounding.sounder import Sounder
 class PathEstimator(Protocol):
     """Anything that estimates paths from correlation tensors."""
 
-    def estimate(self, tensor: Complex[np.ndarray, "links window kept beams"]) -> PathEstimates:
+    def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """Paths of each link, the strongest first."""
         ...
 
@@ -48,7 +48,7 @@ def estimator_named(
         return ESTIMATORS[name](sounder, n_paths=n_paths)
     if name != "sage":
         raise ValueError(
-            f"false_alarm_rate is {false_alarm_rate:g}, but {name!r} returns as many paths as asked for, whatever "
-            "noise is. Leave the rate out, or take 'sage'."
+            f"false_alarm_rate is {false_alarm_rate:g}, but {name!r} returns the requested number of paths at any "
+            "noise. Leave the rate out, or take 'sage'."
         )
     return SageEstimator(sounder, n_paths=n_paths, false_alarm_rate=false_alarm_rate)

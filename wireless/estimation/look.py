@@ -16,7 +16,7 @@ def best_look(
 ) -> tuple[float, int, int, int, int]:
     """Delay in samples of the window, receive array and its look, transmit array and its look, that match best.
 
-    Delays half-way between samples are tried too.
+    Delays in the middle between samples are tried too.
 
     Args:
         x: The residual (`wireless.estimation.residual`).

@@ -3,7 +3,7 @@
 The tensor X (receive dimension, delay, transmit dimension) holds, for each pair of a receive and a transmit
 array, the outer product of a path's three curves (`wireless.estimation.climb`) times a factor whose size is
 that of the path and whose phase is free. Detection looks in the residual for the largest match over a grid of
-arrivals and departures, at each delay and half-way between neighbours, in each pair of arrays. Refinement
+arrivals and departures, at each delay and in the middle between neighbours, in each pair of arrays. Refinement
 climbs along delay, arrival and departure in turn with all pairs. After each new path, all are refined in turn,
 each with the others taken off (space-alternating expectation maximisation), until the residual settles.
 Reference: B. H. Fleury et al., Channel parameter estimation in mobile radio environments using the SAGE
@@ -34,8 +34,8 @@ ROUNDS = 60
 #: A round is the last if it lowers the residual's energy by no more than this [of noise in one entry], plus
 #: this share of it: close paths come apart slowly but steadily, and what no path explains stays.
 SETTLED, SETTLED_SHARE = 0.05, 0.005
-#: Paths beyond those asked for only have to be out of the way: this share will do, and one that has less than this
-#: part of the strongest one's energy ends the search.
+#: The same share for paths beyond the requested number, which only must not disturb the others; one with less than this
+#: part of the strongest path's energy ends the search.
 SETTLED_ROUGHLY, FAINT = 0.03, 1e-3
 
 
@@ -311,7 +311,7 @@ def find_paths(
         tensor: Measurements in the dimensions of the curves.
         curves: What paths look like.
         threshold: Energy that a path must have with all others taken off.
-        wanted: Paths asked for; of further ones faint ones are not looked for.
+        wanted: Requested number of paths; further ones that are faint are not searched for.
         at: Where delay, arrival and departure of paths go, in intervals of their curves.
         energy: Where their energies go.
         seen: Where the squared norms go of their receive and transmit signatures together.

@@ -2,12 +2,12 @@
 
 The tensor (delay, receive port, beam) is first split between receive ports and the rest: each singular pair is
 a receive signature times a (delay, beam) matrix. Each such matrix is split between delay and beam. Of these
-rank-one terms the strongest are kept. A term's delay is where its delay vector peaks, its departure the beam
+rank-one terms the strongest are used. A term's delay is where its delay vector peaks, its departure the beam
 where its beam vector peaks, its arrival the azimuth on a grid whose signature matches best, arrays combined
 without their phases. Its SNR (`wireless.estimates`) comes of its energy; the reference divides
 that by the mean of the whole tensor, of which strong paths are a part.
 
-As in the reference there is no threshold: it always returns as many paths as asked for, those in noise too.
+As in the reference there is no threshold: it always returns the requested number of paths, those in noise too.
 Terms are orthogonal, paths are not: close paths share terms, and strong ones leak into others.
 Reference: arXiv 2110.14789, section on path estimation; the public code scans arrivals in steps of 1 degree.
 """
@@ -23,7 +23,7 @@ BLOCK_LINKS = 256
 
 
 class PcaEstimator:
-    """Two-way principal components, read on grids."""
+    """Two-sided principal components, read on grids."""
 
     def __init__(self, sounder: Sounder, *, n_paths: int = 5, n_azimuths: int = 360) -> None:
         """Prepare the grid.
@@ -40,7 +40,7 @@ class PcaEstimator:
         response = response / np.maximum(np.linalg.norm(response, axis=-1, keepdims=True), 1e-12)
         self.match = response.conj().reshape(n_azimuths, arrays, -1).transpose(1, 0, 2).astype(np.complex64)
 
-    def estimate(self, tensor: Complex[np.ndarray, "links window kept beams"]) -> PathEstimates:
+    def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """The strongest terms of measurements."""
         n = self.n_paths
         columns = [np.empty((len(tensor), n)) for _ in range(4)]
@@ -53,9 +53,9 @@ class PcaEstimator:
         return PathEstimates(aoa_rad=aoa, aod_rad=aod, snr_db=snr, delay_s=delay, count=count)
 
     def _estimate_block(self, tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        n, window, kept, beams = tensor.shape
+        n, window, n_basis, beams = tensor.shape
         most = self.n_paths
-        ports_first = np.ascontiguousarray(tensor.transpose(0, 2, 1, 3)).reshape(n, kept, -1)
+        ports_first = np.ascontiguousarray(tensor.transpose(0, 2, 1, 3)).reshape(n, n_basis, -1)
         _, signature = _strongest_modes(ports_first, most)
         rest = (signature.conj().transpose(0, 2, 1) @ ports_first).reshape(n, -1, window, beams)
         inner_energy, timing = _strongest_modes(rest, most)
@@ -75,7 +75,7 @@ class PcaEstimator:
         return aoa, aod, snr_db, (late - late[:, :1]) * self.sounder.config.sample_s
 
     def _read_arrivals(
-        self, signature: Complex[np.ndarray, "links kept components"]
+        self, signature: Complex[np.ndarray, "links n_basis components"]
     ) -> Float[np.ndarray, "links components"]:
         """Azimuth whose signature fits best."""
         n, _, components = signature.shape

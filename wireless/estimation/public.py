@@ -62,11 +62,11 @@ class PublicReceiver:
         return columns
 
     def estimate(
-        self, tensor: Complex[np.ndarray, "n window kept beams"]
+        self, tensor: Complex[np.ndarray, "n window n_basis beams"]
     ) -> tuple[Float[np.ndarray, "n 5"], ...]:
         """The same of measurements."""
-        n, window, kept, beams = tensor.shape
-        ports_first = tensor.transpose(0, 2, 1, 3).reshape(n, kept, window * beams)
+        n, window, n_basis, beams = tensor.shape
+        ports_first = tensor.transpose(0, 2, 1, 3).reshape(n, n_basis, window * beams)
         energy, signature = np.linalg.eigh(ports_first @ ports_first.conj().swapaxes(1, 2))
         energy = np.maximum(energy[:, ::-1][:, :N_PATHS], 1e-30)
         signature = signature[:, :, ::-1][:, :, :N_PATHS].swapaxes(1, 2)
@@ -74,8 +74,8 @@ class PublicReceiver:
         parts = signature.reshape(n, N_PATHS, self._match.shape[1], -1)
         match = sum(np.abs(parts[:, :, i] @ self._match[:, i].T) ** 2 for i in range(parts.shape[2]))
         # Outside of the window there is noise of unit variance, and paths too weak or late to matter.
-        outside = (N_SAMPLES - window) * kept * beams
-        mean = (np.sum(np.abs(tensor) ** 2, axis=(1, 2, 3)) + outside) / (N_SAMPLES * kept * beams)
+        outside = (N_SAMPLES - window) * n_basis * beams
+        mean = (np.sum(np.abs(tensor) ** 2, axis=(1, 2, 3)) + outside) / (N_SAMPLES * n_basis * beams)
         snr = match.max(axis=2) * energy * share.max(axis=2) / mean[:, None]
         return (
             self.azimuth_rad[match.argmax(axis=2)],

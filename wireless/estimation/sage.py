@@ -1,12 +1,12 @@
 """Our path estimator: detection at a set false-alarm rate, then maximum likelihood, path by path and jointly.
 
 A path is a delay, an azimuth of arrival and one of departure, none bound to a grid, and a size that all arrays
-share while their phases are free. So a direction between two faces is told from both arrays, by phase within
+share while their phases are free. So a direction between two faces is estimated from both arrays, by phase within
 and by size across. Paths are found and refined by `wireless.estimation.loops`; the first that would be weaker
 than the threshold ends the search. More are found than returned: what is left of unexplained paths pulls on
 the others' sizes, and the strongest is mistaken (measured: 1.4 of 100 first-order links between 5 paths and 12).
 Paths outside the window are known by the tails of their pulses: they are
-explained, lest they pass for others, and left out of the result.
+explained, so that they are not mistaken for others, and left out of the result.
 
 The threshold is the energy that the best match in noise exceeds in a set share of links without any path. It is
 learnt from measurements of noise, drawn from a fixed seed: their largest tenth, whose excess is exponential as
@@ -75,7 +75,7 @@ class SageEstimator:
         self.threshold = float(start + excess * np.log(max(1.0, TAIL / false_alarm_rate)))
         """Least energy of a path."""
 
-    def estimate(self, tensor: Complex[np.ndarray, "links window kept beams"]) -> PathEstimates:
+    def estimate(self, tensor: Complex[np.ndarray, "links window n_basis beams"]) -> PathEstimates:
         """Paths of measurements."""
         most = max(self.n_paths, MOST_PATHS)
         at, energy, seen, count = self._find(tensor, self.threshold, most)
@@ -114,7 +114,7 @@ class SageEstimator:
         return cached_array("noise-peaks", [looks, *values], _CODE, learn)
 
     def _find(
-        self, tensor: Complex[np.ndarray, "links window kept beams"], threshold: float, most: int
+        self, tensor: Complex[np.ndarray, "links window n_basis beams"], threshold: float, most: int
     ) -> tuple[
         Float[np.ndarray, "links m 3"],
         Float[np.ndarray, "links m"],
@@ -144,7 +144,7 @@ class SageEstimator:
         return at, energy, seen, count
 
 
-def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "kept beams"]:
+def _beam_basis(sounder: Sounder) -> Complex[np.ndarray, "n_basis beams"]:
     """Orthonormal rows, as many for each array, that level waves excite among its beams; filled up with zeros.
 
     Eigenvectors of a small matrix rather than singular vectors of a tall one, and a plain sum rather than a product of
@@ -185,7 +185,7 @@ def _looks(
     return grid, places
 
 
-def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "kept beams"]) -> Curves:
+def _curves(sounder: Sounder, tx_basis: Complex[np.ndarray, "n_basis beams"]) -> Curves:
     """What paths look like to this sounder."""
     azimuth = 2 * np.pi * np.arange(3 * TURN_INTERVALS) / (3 * TURN_INTERVALS)
     rx, tx = sounder.rx_response(azimuth), sounder.tx_response(azimuth) @ tx_basis.T

@@ -200,8 +200,8 @@ def _joined(
     start, step = places[wall[on, 0]], np.diff(places[wall[on]], axis=1)[:, 0]
     share = np.einsum("ij,ij->i", places[point] - start, step) / (step**2).sum(axis=1)
     foot = start + share[:, None] * step
-    moved = np.linalg.norm(foot - places[point], axis=1) > least_m
-    places[point[moved]] = foot[moved]
+    is_off = np.linalg.norm(foot - places[point], axis=1) > least_m
+    places[point[is_off]] = foot[is_off]
     return places[wall]
 
 

@@ -107,7 +107,7 @@ def find_surfaces(
     tolerance_m = tolerance_of(vertex, snap_m)
     triangle = vertex[np.asarray(mesh.faces)]
     fits = fit_planes(triangle, tolerance_m)
-    axis = _one_way(fits.axis)
+    axis = _with_one_sign(fits.axis)
     face = np.flatnonzero(fits.group >= 0)
     plane, material = fits.group[face], np.asarray(face_material)[face]
     triangle, source = without_overlaps(triangle[face], plane, material, axis, tolerance_m)
@@ -181,7 +181,7 @@ def is_wide(triangle: Triangles, least_m: float) -> Bool[np.ndarray, " t"]:
     return np.linalg.norm(cross, axis=1) > least_m * longest
 
 
-def _one_way(vectors: Points) -> Points:
+def _with_one_sign(vectors: Points) -> Points:
     """The same lines, each by the unit vector whose last non-zero component is positive."""
     sign = np.ones(len(vectors))
     for axis in range(3):
@@ -208,7 +208,7 @@ def _pieces_of_lines(
         np.where(np.any(start < stop, axis=1)[:, None], *both), axis=0, return_inverse=True
     )
     fits = fit_lines(sides.reshape(-1, 2, 3), tolerance_m)
-    line, along, base = fits.group[line.ravel()], _one_way(fits.axis), fits.point
+    line, along, base = fits.group[line.ravel()], _with_one_sign(fits.axis), fits.point
     inward = np.cross(along[line], facet_normal[np.repeat(facet, 3)])
     inward *= (np.sign(np.einsum("ij,ij->i", tip - start, inward)) / np.linalg.norm(inward, axis=1))[:, None]
     ends = np.stack([np.einsum("ij,ij->i", p - base[line], along[line]) for p in (start, stop)], axis=1)

@@ -21,7 +21,7 @@ from wireless.geometry.array_types import Point, Points, Polygon
 from wireless.geometry.boxes import Boxes, make_boxes
 from wireless.support.compiled import compiled
 
-#: What double precision cannot tell apart in a building [m]: tolerance of a mesh that is exact.
+#: What double precision cannot distinguish in a building [m]: tolerance of a mesh that is exact.
 NEAR_M = 1e-9
 #: Tolerance in steps of coordinates: rounding moves corners by up to 0.87, and planes of small triangles by more.
 _STEPS = 4

@@ -6,13 +6,13 @@ need not agree. If it has bounced once, r from k,
 
     z = k + r (d + e) - L e,                                                                               (1)
 
-which for a given heading is linear in z and offset once r is projected out; in line of sight d = -e, and z is told
-outright. So headings are tried one by one, few paths at a time are solved for z and offset, and what most paths agree
+which for a given heading is linear in z and offset once r is projected out; in line of sight d = -e, and z follows
+directly. So headings are tried one by one, few paths at a time are solved for z and offset, and what most paths agree
 with is refined by least squares. Paths that agree with nothing, as after two bounces, are left out.
 
-In the plane: heights, and elevations, are taken to be of no account. A path in line of sight with a bounce beside it,
-or four bounces, tell all; with the offset known one fewer of each.
-Reference: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), which solves (1) in the same way.
+In the plane: heights and elevations are ignored. A path in line of sight and a single bounce, or four bounces,
+determine everything; with the offset known one fewer of each.
+Reference: Kaltiokallio et al., Robust snapshot radio SLAM, 2024 (arXiv:2404.10291), which solves (1) likewise.
 """
 
 import math
@@ -28,14 +28,14 @@ from scipy.optimize import least_squares
 
 from wireless.support.ranges import Range, checked
 
-#: Directions differ by less than this many standard deviations where a path is taken for one in line of sight.
+#: Directions differ by less than this many standard deviations where a path counts as one in line of sight.
 _STRAIGHT = 2.5
 #: Sets of few paths that are solved at most for a heading, and hypotheses of the best headings that are refined.
 _MOST_SETS, _REFINED = 400, 4
 #: Rounds of least squares at most until the same paths agree twice.
 _MORE_ROUNDS = 6
 #: Paths that leave a direction open have a larger condition number.
-_TELLS_ALL = 1e10
+_MOST_CONDITION = 1e10
 #: Solutions of sets whose paths say nearly the same are not looked at.
 _LEAST_DETERMINANT = 1e-3
 #: So far around the median of those of single places a common offset is looked for, and then around the best [m].
@@ -99,7 +99,7 @@ class Located:
     straight: Bool[np.ndarray, " n"]
     """Those of them that are in line of sight."""
     covariance: Float[np.ndarray, "4 4"]
-    """Of x, y [m], heading [rad] and offset [m], as far as the paths that agree tell; infinite where they do not."""
+    """Of x, y [m], heading [rad] and offset [m], as far as the paths that agree determine them; infinite otherwise."""
     cost: float
     """Less is better; a path that agrees to the point lowers it by `cut`."""
 
@@ -120,11 +120,11 @@ def locate(
         rng: Draws sets of paths where there are too many; one of seed 0 if not given.
 
     Raises:
-        ValueError: If the paths are too few to tell anything.
+        ValueError: If the paths are too few for any estimate.
     """
     least = 3 if offset_m is None else 2
     if len(paths.length_m) < least:
-        raise ValueError(f"{len(paths.length_m)} paths, expected {least} at least to tell a place.")
+        raise ValueError(f"{len(paths.length_m)} paths, expected {least} at least for a position.")
     # A heading may lie half a step from the nearest that is tried.
     own_rad = math.hypot(config.sigma_own_rad, config.heading_step_rad / 2)
     coarse = replace(config, sigma_own_rad=min(own_rad, 1.0))
@@ -202,16 +202,16 @@ def _solved(
     normal = _left_of(s) / np.maximum(np.hypot(*s.T), 1e-9)[:, None]
     across = (normal * e).sum(axis=1)
     # Equation (1) times the normal: normal . z - (normal . e) offset = normal . (k - length e).
-    told = (normal * (paths.known_xy - paths.length_m[:, None] * e)).sum(axis=1)
+    projected = (normal * (paths.known_xy - paths.length_m[:, None] * e)).sum(axis=1)
     if offset_m is None:
-        left, right = np.column_stack([normal, -across])[sets], told[sets]
+        left, right = np.column_stack([normal, -across])[sets], projected[sets]
     else:
-        left, right = normal[sets], (told + across * offset_m)[sets]
+        left, right = normal[sets], (projected + across * offset_m)[sets]
     good = np.abs(np.linalg.det(left)) > _LEAST_DETERMINANT
     solved = np.linalg.solve(left[good], right[good][..., None])[..., 0]
     if offset_m is not None:
         solved = np.column_stack([solved, np.full(len(solved), offset_m)])
-    straight = _straight_places(paths, e, normal, across, told, offset_m, np.hypot(*s.T))
+    straight = _straight_places(paths, e, normal, across, projected, offset_m, np.hypot(*s.T))
     every = np.concatenate([solved, straight])
     return np.column_stack([every[:, :2], np.full(len(every), heading), every[:, 2]])
 
@@ -221,7 +221,7 @@ def _straight_places(
     e: Float[np.ndarray, "n 2"],
     normal: Float[np.ndarray, "n 2"],
     across: Float[np.ndarray, " n"],
-    told: Float[np.ndarray, " n"],
+    projected: Float[np.ndarray, " n"],
     offset_m: float | None,
     bent: Float[np.ndarray, " n"],
 ) -> Float[np.ndarray, "m 3"]:
@@ -230,12 +230,12 @@ def _straight_places(
     place = paths.known_xy[straight] - paths.length_m[straight, None] * e[straight]
     if offset_m is not None:
         return np.column_stack([place + offset_m * e[straight], np.full(len(straight), offset_m)])
-    others = np.arange(min(len(told), 40))
+    others = np.arange(min(len(projected), 40))
     i, j = (part.ravel() for part in np.meshgrid(np.arange(len(straight)), others, indexing="ij"))
     slope = (normal[j] * e[straight[i]]).sum(axis=1) - across[j]
     some = np.abs(slope) > 0.05
     i, j, slope = i[some], j[some], slope[some]
-    offset = (told[j] - (normal[j] * place[i]).sum(axis=1)) / slope
+    offset = (projected[j] - (normal[j] * place[i]).sum(axis=1)) / slope
     return np.column_stack([place[i] + offset[:, None] * e[straight[i]], offset])
 
 
@@ -286,12 +286,12 @@ def _left_of(direction: Float[np.ndarray, "*any 2"]) -> Float[np.ndarray, "*any 
 def _whitened(
     values: Float[np.ndarray, " f"],
     paths: MeasuredPaths,
-    kept: Float[np.ndarray, " k"],
+    fixed: Float[np.ndarray, " k"],
     whitening: Float[np.ndarray, "n 2 2"],
     config: PositioningConfig,
 ) -> Float[np.ndarray, " m"]:
     """Deviations of unit variance."""
-    off = _deviations(paths, np.append(values, kept)[None], config)[0][0]
+    off = _deviations(paths, np.append(values, fixed)[None], config)[0][0]
     return np.asarray((whitening @ off[..., None])[..., 0].ravel())
 
 
@@ -301,7 +301,7 @@ def _refined(
     rounds: Sequence[PositioningConfig],
     offset_m: float | None,
 ) -> Located:
-    """Least squares over the paths that agree, which are told anew in each round."""
+    """Least squares over the paths that agree, which are selected again in each round."""
     free, last = 4 if offset_m is None else 3, rounds[-1]
     covariance, before = np.full((4, 4), np.inf), None
     for config in [*rounds, *[last] * _MORE_ROUNDS]:
@@ -314,12 +314,12 @@ def _refined(
         some = paths.chosen(agree)
         spread = _deviations(some, state[None], config)[1][0]
         whitening = np.linalg.inv(np.linalg.cholesky(spread))
-        whiten = partial(_whitened, paths=some, kept=state[free:], whitening=whitening, config=config)
+        whiten = partial(_whitened, paths=some, fixed=state[free:], whitening=whitening, config=config)
         fit = least_squares(whiten, state[:free], loss="soft_l1", max_nfev=40)
         state = np.append(fit.x, state[free:])
         information = fit.jac.T @ fit.jac
         covariance = np.full((4, 4), np.inf)
-        if np.linalg.cond(information) < _TELLS_ALL:
+        if np.linalg.cond(information) < _MOST_CONDITION:
             covariance = np.zeros((4, 4))
             covariance[:free, :free] = np.linalg.inv(information)
     cost, squared, straight = _judged(paths, state[None], last)

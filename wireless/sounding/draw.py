@@ -48,10 +48,10 @@ def _signal(
     delay: float,
     tau: Float[np.ndarray, " rays"],
     reach: Float[np.ndarray, " rays"],
-    a: Complex[np.ndarray, "rays kept"],
+    a: Complex[np.ndarray, "rays n_basis"],
     b: Complex[np.ndarray, "rays beams"],
     n: int,
-) -> Complex[np.ndarray, "kept beams"]:
+) -> Complex[np.ndarray, "n_basis beams"]:
     """What paths add at one delay."""
     shifted = np.zeros((a.shape[1], len(tau)), np.complex64)
     for p in range(len(tau)):
@@ -63,7 +63,7 @@ def _signal(
 
 
 @compiled
-def _strongest(cells: Complex[np.ndarray, "kept beams"], ports: int) -> float:
+def _strongest(cells: Complex[np.ndarray, "n_basis beams"], ports: int) -> float:
     """Energy of the strongest cell."""
     best = 0.0
     for first in range(0, cells.shape[0], ports):
@@ -79,7 +79,7 @@ def _strongest(cells: Complex[np.ndarray, "kept beams"], ports: int) -> float:
 def _find_candidates(
     tau: Float[np.ndarray, "links rays"],
     reach: Float[np.ndarray, "links rays"],
-    a: Complex[np.ndarray, "links rays kept"],
+    a: Complex[np.ndarray, "links rays n_basis"],
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     noise_reach: float,
@@ -121,7 +121,7 @@ def _find_candidates(
 def find_candidates(
     tau: Float[np.ndarray, "links rays"],
     reach: Float[np.ndarray, "links rays"],
-    a: Complex[np.ndarray, "links rays kept"],
+    a: Complex[np.ndarray, "links rays n_basis"],
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     noise_reach: float,
@@ -138,10 +138,10 @@ def find_candidates(
         noise_reach: Amplitude that the noise of no cell exceeds.
         n: Samples of the waveform.
     """
-    heard = reach > NOTHING
-    low = np.min(tau, axis=1, where=heard, initial=np.inf)
-    high = np.max(tau, axis=1, where=heard, initial=-np.inf)
-    longest = np.max(high - low, where=heard.any(axis=1), initial=0.0)
+    is_above = reach > NOTHING
+    low = np.min(tau, axis=1, where=is_above, initial=np.inf)
+    high = np.max(tau, axis=1, where=is_above, initial=-np.inf)
+    longest = np.max(high - low, where=is_above.any(axis=1), initial=0.0)
     zone = min(int(longest) + 2 * MARGIN + 3, n)
     found = Candidates(
         np.zeros(len(tau), np.int64), np.zeros((len(tau), zone), np.int64), np.zeros(len(tau), np.int64)
@@ -151,7 +151,7 @@ def find_candidates(
 
 
 @compiled
-def _copy(cells: Complex[np.ndarray, "kept beams"], to: Complex[np.ndarray, "kept beams"]) -> None:
+def _copy(cells: Complex[np.ndarray, "n_basis beams"], to: Complex[np.ndarray, "n_basis beams"]) -> None:
     """Copy an array into another; `to[:] = cells` would compile a message for shapes that differ, too."""
     for r in range(cells.shape[0]):
         for k in range(cells.shape[1]):
@@ -159,7 +159,7 @@ def _copy(cells: Complex[np.ndarray, "kept beams"], to: Complex[np.ndarray, "kep
 
 
 @compiled
-def _add_noise(cells: Complex[np.ndarray, "kept beams"], rng: np.random.Generator) -> None:
+def _add_noise(cells: Complex[np.ndarray, "n_basis beams"], rng: np.random.Generator) -> None:
     """Add white noise of unit variance."""
     for r in range(cells.shape[0]):
         for k in range(cells.shape[1]):
@@ -169,7 +169,7 @@ def _add_noise(cells: Complex[np.ndarray, "kept beams"], rng: np.random.Generato
 
 @compiled
 def _noise_below(
-    cells: Complex[np.ndarray, "kept beams"], ports: int, limit: float, rng: np.random.Generator
+    cells: Complex[np.ndarray, "n_basis beams"], ports: int, limit: float, rng: np.random.Generator
 ) -> None:
     """Fill with noise, given that no cell exceeds an energy."""
     cells[:] = 0
@@ -186,7 +186,7 @@ def _noise_below(
 
 @compiled
 def _window_in_noise(
-    out: Complex[np.ndarray, "window kept beams"], ports: int, rival: float, rng: np.random.Generator
+    out: Complex[np.ndarray, "window n_basis beams"], ports: int, rival: float, rng: np.random.Generator
 ) -> None:
     """A window around the strongest cell of noise, whose energy is given."""
     for w in range(len(out)):
@@ -203,7 +203,7 @@ def _window_in_noise(
 def draw_windows(
     tau: Float[np.ndarray, "links rays"],
     reach: Float[np.ndarray, "links rays"],
-    a: Complex[np.ndarray, "links rays kept"],
+    a: Complex[np.ndarray, "links rays n_basis"],
     b: Complex[np.ndarray, "links rays beams"],
     ports: int,
     rival: Float[np.ndarray, " links"],
@@ -212,7 +212,7 @@ def draw_windows(
     n_noise: Int[np.ndarray, " links"],
     n: int,
     rng: np.random.Generator,
-    out: Complex[np.ndarray, "links window kept beams"],
+    out: Complex[np.ndarray, "links window n_basis beams"],
 ) -> None:
     """Draw the windows of links into place; arguments as of `find_candidates`, and what it found.
 

@@ -56,7 +56,7 @@ class SoundingConfig:
     loss_db: Annotated[float, Range(-200, 200, "dB")] = 6.0
     """Noise figure and other losses [dB]."""
     half_window: Annotated[int, Range(1, 1 << 16, "samples")] = 5
-    """Samples that are kept before and after the strongest delay."""
+    """Samples that are recorded before and after the strongest delay."""
 
     def __post_init__(self) -> None:
         if 8 * self.half_window > self.n_samples:
@@ -171,7 +171,7 @@ class Sounder:
         self.config = SoundingConfig() if config is None else config
 
     @cached_property
-    def rx_basis(self) -> Complex[np.ndarray, "kept ports"]:
+    def rx_basis(self) -> Complex[np.ndarray, "n_basis ports"]:
         """Orthonormal rows that waves of zero elevation excite at an array of the receiver."""
         ring = np.linspace(-np.pi, np.pi, 720, endpoint=False)
         single = replace(self.rx.platform, face_rad=(0.0,))
@@ -187,7 +187,7 @@ class Sounder:
         self,
         azimuth_rad: Float[np.ndarray, "*batch"],
         elevation_rad: float | Float[np.ndarray, "*#batch"] = 0.0,
-    ) -> Complex[np.ndarray, "*batch kept"]:
+    ) -> Complex[np.ndarray, "*batch n_basis"]:
         """Signature of the receiver in the tensor's dimensions, array by array."""
         signature = self.rx.platform.signature(azimuth_rad, elevation_rad) @ self.rx_basis.T
         return signature.reshape(*azimuth_rad.shape, -1)
@@ -269,7 +269,7 @@ class Sounder:
         *,
         clocks: Clocks | None = None,
         workers: int | None = None,
-    ) -> Complex[np.ndarray, "links window kept beams"]:
+    ) -> Complex[np.ndarray, "links window n_basis beams"]:
         """Correlation tensors of links around their strongest delay, with noise of unit variance.
 
         Args:
@@ -299,20 +299,20 @@ class Sounder:
 
     def _measure_block(self, rays: Rays, clocks: Clocks, rng: np.random.Generator, out: np.ndarray) -> None:
         """Draw the tensors of some links into place."""
-        kept = len(self.rx_basis)
-        a = self.rx_response(rays.aoa_az, rays.aoa_el) * np.repeat(clocks.rx, kept, axis=1)[:, None]
+        n_basis = len(self.rx_basis)
+        a = self.rx_response(rays.aoa_az, rays.aoa_el) * np.repeat(clocks.rx, n_basis, axis=1)[:, None]
         b = self.tx_response(rays.aod_az, rays.aod_el) * clocks.tx[:, None, self.tx.beam_array]
         a *= self.amplitude(rays, clocks)[..., None]
         tau = self.arrival(rays, clocks) - np.floor(clocks.offset)[:, None]
         # Strongest an array receives in a beam: the bound on what a path can add anywhere.
-        reach = np.linalg.norm(a.reshape(*rays.gain.shape, -1, kept), axis=-1).max(axis=-1, initial=0.0)
+        reach = np.linalg.norm(a.reshape(*rays.gain.shape, -1, n_basis), axis=-1).max(axis=-1, initial=0.0)
         reach *= np.abs(b).max(axis=-1)
         n_cells = len(self.rx.platform.face_rad) * self.tx.n_beams
-        noise_reach = float(np.sqrt(gammainccinv(kept, 1e-15)))
+        noise_reach = float(np.sqrt(gammainccinv(n_basis, 1e-15)))
         a, b = a.astype(np.complex64), b.astype(np.complex64)
-        found = find_candidates(tau, reach, a, b, kept, noise_reach, self.config.n_samples)
-        # Strongest of so many noise-only cells: 1 - F(t) = 1 - u^(1 / cells), F of Gamma(kept).
+        found = find_candidates(tau, reach, a, b, n_basis, noise_reach, self.config.n_samples)
+        # Strongest of so many noise-only cells: 1 - F(t) = 1 - u^(1 / cells), F of Gamma(n_basis).
         with np.errstate(divide="ignore"):
             tail = -np.expm1(np.log(rng.random(len(rays))) / np.maximum(found.n_noise * n_cells, 1))
-        rival = np.where(found.n_noise > 0, gammainccinv(kept, tail), 0.0)
-        draw_windows(tau, reach, a, b, kept, rival, *found, self.config.n_samples, rng, out)
+        rival = np.where(found.n_noise > 0, gammainccinv(n_basis, tail), 0.0)
+        draw_windows(tau, reach, a, b, n_basis, rival, *found, self.config.n_samples, rng, out)

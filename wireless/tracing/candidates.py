@@ -38,8 +38,8 @@ from wireless.tracing.space_engine import seen_edges
 from wireless.tracing.space_paths import make_links, make_workspace, table_of
 from wireless.tracing.table import Setting, Table
 
-#: All is tried where a patch takes no longer than so many rays; else what is next to the pairs that rays find, where it
-#: takes no longer than so many: among 100,000 patches that is a million of pairs, which few receivers need.
+#: Everything is tried where a patch takes at most the time of so many rays; else what is next to the pairs that rays
+#: find, where that takes at most so many: among 100,000 patches these are a million pairs, which few receivers need.
 RAYS_A_PATCH, RAYS_NEARBY = 16, 8
 #: Transmitters are remembered as long as their candidates take no more memory than this [bytes].
 MEMORY = 128_000_000
@@ -234,8 +234,8 @@ class Candidates:
         """Pairs of a sight and a patch that its edge may bend rays to, on the side of it that can be reached."""
         panes = self._space.panes
         radius = np.linalg.norm(panes.high - panes.low, axis=1) / 2
-        ball = np.column_stack([(panes.low + panes.high) / 2, radius])
-        return some[can_bend(self._space.ground, sights, some, ball, seen)]
+        sphere = np.column_stack([(panes.low + panes.high) / 2, radius])
+        return some[can_bend(self._space.ground, sights, some, sphere, seen)]
 
 
 def hidden_by_opaque(space: Space) -> Space:

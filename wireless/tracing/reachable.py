@@ -6,7 +6,7 @@ seen by and the patches behind it, over which receivers are mirrored rather than
 
 Whether an edge may bend rays to a patch is decided in the half-plane of the edge, turned about it until source and
 patch lie in it: the source, unfolded to the other side of the edge, looks through the edge as through a window, and a
-ball around the patch must meet what it sees (the zone between the Keller cones of the edge's ends).
+sphere around the patch must meet what it sees (the zone between the Keller cones of the edge's ends).
 """
 
 from typing import NamedTuple
@@ -195,7 +195,7 @@ def can_bend(
     ground: Ground,
     sights: SeenEdges,
     pairs: Int[np.ndarray, "b 2"],
-    ball: Float[np.ndarray, "p 4"],
+    sphere: Float[np.ndarray, "p 4"],
     side: Int[np.ndarray, " p"],
 ) -> Bool[np.ndarray, " b"]:
     """Whether the edges of sights may bend rays to patches; rather yes than no.
@@ -204,7 +204,7 @@ def can_bend(
         ground: Planes of patches, and edges.
         sights: Edges, where their images are, and what these see of the edges.
         pairs: A sight and a patch each; those of one sight in a row.
-        ball: Centre and radius of a ball around each patch [m].
+        sphere: Centre and radius of a sphere around each patch [m].
         side: Which side of each can be reached, see `wireless.geometry.reachable_sides.Backs.seen_from`.
     """
     ends, wedge, gap, plane = ground.edge, ground.edge_wedge, ground.edge_gap_rad, ground.plane
@@ -224,9 +224,9 @@ def can_bend(
                 other += plane[p, i] * (ends[e, 0, i] + high * wedge[e, 0, i])
             if max(side[p] * one, side[p] * other) < -WIDER_M:  # all of the edge is behind the patch
                 continue
-        x, y, z, radius = 0.0, 0.0, 0.0, ball[p, 3] + WIDER_M
+        x, y, z, radius = 0.0, 0.0, 0.0, sphere[p, 3] + WIDER_M
         for i in range(3):
-            d = ball[p, i] - ends[e, 0, i]
+            d = sphere[p, i] - ends[e, 0, i]
             z += d * wedge[e, 0, i]
             x += d * wedge[e, 1, i]
             y += d * wedge[e, 2, i]

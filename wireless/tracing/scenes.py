@@ -182,8 +182,8 @@ class SpaceScene:
         level_m: Float[np.ndarray, " k"] | None = None,
     ):
         self.origin = np.round(mesh.bounds.mean(axis=0), 3)
-        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
-        surfaces = find_surfaces(moved, face_material, snap_m)
+        local = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(local, face_material, snap_m)
         ground = slabs = floor_and_ceiling(surfaces)
         if level_m is not None:
             level_m = level_m - self.origin[2]
@@ -197,7 +197,7 @@ class SpaceScene:
             self._setting = self._setting._replace(max_through=0)
         self._sides = None
         if self._setting.max_through == 1:
-            sides = Sides(moved)
+            sides = Sides(local)
             self._sides = sides if sides.closed[face_wall[:, 1].real > 0].all() else None
         logger.info("%d facets and %d edges in space", len(mirrors), len(surfaces.edge))
         self._by_rays = search == "rays" or (search == "auto" and len(mirrors) >= MANY_FACETS)

@@ -56,8 +56,8 @@ class StackScene:
         if floor_ceiling:
             raise NoStackError("floors and ceilings reflect")
         self.origin = np.append(stack.origin, 0.0)
-        moved = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
-        surfaces = find_surfaces(moved, face_material, snap_m)
+        local = trimesh.Trimesh(mesh.vertices - self.origin, mesh.faces, process=False)
+        surfaces = find_surfaces(local, face_material, snap_m)
         surfaces = without_rims(surfaces, at_heights(surfaces, stack.level_m[[0, -1]], snap_m))
         stacked = make_layers(stack, surfaces, snap_m)
         if stacked is None:

@@ -282,7 +282,7 @@ def list_path(
         length: Unfolded length of the path [m].
         power: Its power gain.
         m: Number of interactions.
-        number: Tells sequences of interactions apart.
+        number: Identifies the sequence of interactions.
         p: Transmitter, interaction points, receiver [m].
     """
     rank, new, place = best.rank, np.empty(5), count

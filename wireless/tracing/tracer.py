@@ -9,7 +9,7 @@ mesh, and points above a plan's ceiling or below its floor, are traced in space 
 slower, to the same paths. All decide in double precision. Work that depends on the building only (outline, corners,
 triangulation; facets, edges, boxes) is done once, when the tracer is made.
 
-Left out: more than one diffraction on a path; scattering by rough walls unless `TracerConfig.scattering` asks for it.
+Left out: more than one diffraction on a path; scattering by rough walls unless `TracerConfig.scattering` is set.
 """
 
 import logging

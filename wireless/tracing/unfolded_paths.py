@@ -121,7 +121,7 @@ def _take_wall(
     walls: Complex[np.ndarray, "m l"],
     m: int,
 ) -> None:
-    """Take over normal and layers of a wall as those of interaction m."""
+    """Copy normal and layers of a wall to those of interaction m."""
     normal[m, 0], normal[m, 1], normal[m, 2] = -wall_along[wall, 1], wall_along[wall, 0], 0.0
     for k in range(setting_walls.shape[1]):
         walls[m, k] = setting_walls[wall, k]
