@@ -42,11 +42,11 @@ def test_paths_print_as_a_table_of_their_first_rows(paths):
         assert head in heads
     assert len(others) == 19 and rest == f"... and {len(paths) - 20} more"
     friis_db = 20 * np.log10(299_792_458 / 28e9 / (4 * np.pi * 4))
-    told = first.split()
-    assert told[:3] == ["0", "0", "direct"]
-    assert float(told[3]) == pytest.approx(friis_db, abs=0.1)
-    assert float(told[4]) == pytest.approx(4 / 0.299792458, abs=0.01)
-    assert float(told[7]) == pytest.approx(0.0, abs=0.1)
+    reported = first.split()
+    assert reported[:3] == ["0", "0", "direct"]
+    assert float(reported[3]) == pytest.approx(friis_db, abs=0.1)
+    assert float(reported[4]) == pytest.approx(4 / 0.299792458, abs=0.01)
+    assert float(reported[7]) == pytest.approx(0.0, abs=0.1)
     assert len({len(line) for line in (heads, first, *others)}) == 1
 
 
@@ -96,11 +96,11 @@ def test_paths_are_drawn_where_they_run(paths):
     link = paths.between(0, 1)
     axes = link.plot()
     (rays,) = axes.collections
-    ways = [path.vertices for path in rays.get_paths()]
-    assert len(ways) == len(link) and len(ways[-1]) == 2 + link.order[0]
+    routes = [path.vertices for path in rays.get_paths()]
+    assert len(routes) == len(link) and len(routes[-1]) == 2 + link.order[0]
     np.testing.assert_allclose(rays.get_array(), link.power_db[::-1])
-    for way in ways:
-        np.testing.assert_allclose(way[[0, -1]], [[1, 3], [5, 1]])
+    for route in routes:
+        np.testing.assert_allclose(route[[0, -1]], [[1, 3], [5, 1]])
     assert [line.get_label() for line in axes.lines] == ["transmitter", "receiver"]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("x [m]", "y [m]")
     assert paths.plot(axes) is axes

@@ -89,7 +89,7 @@ def test_parquet_gives_back_every_bit(traced, tmp_path):
     assert np.array_equal(back.link_state(-90.0), traced.link_state(-90.0))
 
 
-def test_columns_and_metadata_are_told_in_text(traced, tmp_path):
+def test_columns_and_metadata_are_shown_in_text(traced, tmp_path):
     """Each column has a unit and a meaning, and all metadata are UTF-8, which polars needs to open the file."""
     traced.write_parquet(tmp_path / "paths.parquet")
     schema = pq.read_schema(tmp_path / "paths.parquet")
@@ -114,7 +114,7 @@ def test_others_open_the_file(traced, tmp_path, reader):
     np.testing.assert_array_equal(power, traced.power)
 
 
-def test_other_parquet_is_refused(tmp_path):
+def test_other_parquet_is_rejected(tmp_path):
     """A table of something else is named as such, with its columns."""
     pq.write_table(pa.table({"x": [1]}), tmp_path / "x.parquet")
     with pytest.raises(ValueError, match=r"no radio paths.*\['x'\]"):

@@ -62,7 +62,7 @@ def test_patch_reaches_the_zenith_but_not_the_sides():
 
 
 def test_sector_element_meets_its_table():
-    """TR 38.901 table 7.3-1: -3 dB at 32.5 degrees either way, -30 dB at most, sums of both in between."""
+    """TR 38.901 table 7.3-1: -3 dB at 32.5 degrees to either side, -30 dB at most, sums of both in between."""
     az, el = np.deg2rad([[0.0, 32.5, 0.0, 32.5, 180.0, 60.0], [0.0, 0.0, 32.5, 32.5, 0.0, 60.0]])
     got = 20 * np.log10(SectorElement().amplitude(unit_vector(az, el)))
     both = 2 * 12 * (60 / 65) ** 2

@@ -98,15 +98,15 @@ def test_three_arrays_cover_all_azimuths(name, low, high):
     np.testing.assert_allclose(best[:481], best[240:], atol=1e-9)
 
 
-def test_platform_faces_where_it_is_told():
-    """The signature towards a face is that of the array straight ahead; the opposite array hears nothing."""
+def test_platform_faces_where_it_is_set():
+    """The signature towards a face is that of the array straight ahead; the opposite array receives nothing."""
     platform = Platform(array=uniform_array(8), face_rad=(0.3, 0.3 + np.pi))
     signature = platform.signature(np.array([0.3]))[0]
     np.testing.assert_allclose(signature[0], platform.array.signature(np.array([[1.0, 0, 0]]))[0], atol=1e-12)
     np.testing.assert_allclose(signature[1], 0, atol=1e-12)
 
 
-def test_bad_arrays_are_refused():
+def test_bad_arrays_are_rejected():
     """Ports at one place, no ports, no spacing: each says what is wrong."""
     twice = Array(element=IsotropicElement(), position_wl=np.zeros((2, 3)))
     with pytest.raises(ValueError, match="2 ports cannot be distinguished"):

@@ -123,15 +123,15 @@ def errors(truth: Diffracted, coefficient: np.ndarray) -> Errors:
 
 
 def traced(truth: Diffracted, eps: complex, *, bisector: bool) -> np.ndarray:
-    """What the tracer takes for D: vertical fields at an upright edge, level rays, wavelength 1."""
+    """What the tracer uses as D: vertical fields at an upright edge, level rays, wavelength 1."""
     wedge, faces = np.eye(3)[[2, 0, 1]], np.tile(np.array([eps, 0j]), (2, 1))
     found = np.empty(len(truth.phi), complex)
     for i, phi in enumerate(truth.phi):
-        way = -np.array([np.cos(truth.phi_source), np.sin(truth.phi_source), 0.0])
+        route = -np.array([np.cos(truth.phi_source), np.sin(truth.phi_source), 0.0])
         out = np.array([np.cos(phi), np.sin(phi), 0.0])
         field = np.zeros((2, 3), complex)
         field[0, 2] = field[1, 2] = 1.0
         legs_m = float(truth.before), float(truth.after[i])
-        diffract(field, way, out, Wedge(wedge, 1.5, faces, bisector), 2 * np.pi, legs_m, np.zeros((4, 3)))
+        diffract(field, route, out, Wedge(wedge, 1.5, faces, bisector), 2 * np.pi, legs_m, np.zeros((4, 3)))
         found[i] = field[0, 2]
     return found

@@ -187,13 +187,13 @@ def test_both_laws_are_one_for_a_perfect_conductor(slant_deg):
     for phi_source in (0.3, 1.9):
         for phi in np.linspace(0.1, 1.5 * np.pi - 0.1, 23):
             level = np.sin(np.radians(slant_deg))
-            way = np.array([-level * np.cos(phi_source), -level * np.sin(phi_source), up])
+            route = np.array([-level * np.cos(phi_source), -level * np.sin(phi_source), up])
             out = np.array([level * np.cos(phi), level * np.sin(phi), up])
             both = []
             for bisector in (True, False):
                 field = np.zeros((2, 3), complex)
-                field[0] = np.cross(way, [0.3, 0.5, 0.8])
-                field[1] = np.cross(way, field[0])
-                diffract(field, way, out, Wedge(wedge, 1.5, faces, bisector), K, (3.0, 2.0), work)
+                field[0] = np.cross(route, [0.3, 0.5, 0.8])
+                field[1] = np.cross(route, field[0])
+                diffract(field, route, out, Wedge(wedge, 1.5, faces, bisector), K, (3.0, 2.0), work)
                 both.append(field)
             assert np.abs(both[0] - both[1]).max() < 1e-8 * np.abs(both[1]).max()

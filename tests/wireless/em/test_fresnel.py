@@ -154,7 +154,7 @@ def test_walls_come_in_batches():
     assert np.array_equal(r_te[:, 1], one[0]) and np.array_equal(r_tm[:, 1], one[1])
 
 
-def test_impossible_walls_are_refused():
+def test_impossible_walls_are_rejected():
     """Gain, angles behind the wall, no thickness, a negative gap: the message names the value."""
     with pytest.raises(ValueError, match=r"Im\(eps\) is 0.1"):
         reflection(COSINES, 2 + 0.1j)

@@ -83,7 +83,7 @@ def test_grazing_reflects_all():
     ids=["one layer", "two boards with air between"],
 )
 def test_what_a_setting_says_layers_say_too(layers, config):
-    """Paths to the last bit as with the same wall by name and thickness."""
+    """Bit-identical paths as with the same wall by name and thickness."""
     mesh = trimesh.creation.box((6.0, 4.0, 2.5))
     tx, rx = np.array([[-2.0, 0.5, 0.2]]), np.array([[1.5, -1.0, 0.1], [9.0, 0.0, 0.3]])
     by_name = Tracer(mesh, materials=("plasterboard",), config=config).trace(tx, rx)
@@ -93,7 +93,7 @@ def test_what_a_setting_says_layers_say_too(layers, config):
 
 
 def test_a_wall_of_three_layers_is_passed_as_its_matrices_say():
-    """A path straight through: its gain over that in the open is T, both ways of tracing, to 1e-9 dB."""
+    """A path straight through: its gain over that in the open is T, both methods of tracing, to 1e-9 dB."""
     wall = trimesh.Trimesh(
         [[0, -20, -20], [0, 20, -20], [0, 20, 20], [0, -20, 20]], [[0, 1, 2], [0, 2, 3]], process=False
     )
@@ -119,7 +119,7 @@ def test_a_wall_of_three_layers_is_passed_as_its_matrices_say():
         (lambda: Layer(thickness_m=0.1, relative_permittivity=0.5), "relative_permittivity is 0.5"),
     ],
 )
-def test_walls_that_cannot_be_are_refused(make, words):
+def test_walls_that_cannot_be_are_rejected(make, words):
     with pytest.raises(ValueError, match=words):
         make()
 

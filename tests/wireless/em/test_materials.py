@@ -43,7 +43,7 @@ def test_every_fit_is_passive_at_both_ends_of_its_range(name):
             assert eps.real >= 1 and eps.imag <= 0
 
 
-def test_frequencies_outside_of_the_table_are_refused():
+def test_frequencies_outside_of_the_table_are_rejected():
     """Floorboard was measured from 50 GHz on: no guess at 28 GHz; range and alternatives are named."""
     with pytest.raises(ValueError, match=r"28 GHz.*50 to 100.*wood"):
         permittivity("floorboard", CARRIER_HZ)

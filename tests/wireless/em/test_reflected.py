@@ -28,7 +28,7 @@ def walls(frequency_hz):
 
 @pytest.mark.parametrize("frequency_hz", [3.5e9, 28e9, 60e9])
 def test_mirrors_are_never_stronger(frequency_hz):
-    """5,000 angles a wall; in the median at most 10 % above, where they are not taken for mirrors (measured 5 %)."""
+    """5,000 angles a wall; in the median at most 10 % above, where they do not count as mirrors (measured 5 %)."""
     wavenumber, rng = 2 * np.pi * frequency_hz / 299792458.0, np.random.default_rng(1)
     every = walls(frequency_hz)
     most = most_reflected(every, wavenumber)
@@ -49,7 +49,7 @@ def test_mirrors_are_never_stronger(frequency_hz):
 
 @pytest.mark.parametrize("bisector", [False, True])
 def test_faces_are_never_stronger(bisector):
-    """5,000 ways over an edge a wall: the largest singular value of what its face does (beyond near grazing)."""
+    """5,000 paths over an edge per wall: the largest singular value of what its face does (beyond near grazing)."""
     wavenumber, rng = 2 * np.pi * 28e9 / 299792458.0, np.random.default_rng(2)
     every = walls(28e9)
     most = most_reflected(every, wavenumber)

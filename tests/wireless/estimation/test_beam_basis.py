@@ -1,4 +1,4 @@
-"""The dimensions that an estimator works in: what beams can tell apart, the same bits on any machine."""
+"""The dimensions that an estimator works in: what beams can distinguish, the same bits on any machine."""
 
 import os
 import subprocess
@@ -36,16 +36,16 @@ def test_it_spans_what_level_waves_excite():
 
 
 def test_its_bits_do_not_depend_on_the_number_of_cores():
-    """A library that splits sums over threads ends in other last bits, and an episode later in another way."""
-    told = set()
+    """A library that splits sums over threads ends in other last bits, and an episode later differs."""
+    reported = set()
     for threads in ("1", "2", "4"):
         done = subprocess.run(
             [sys.executable, "-c", CODE],
             env={**os.environ, "OPENBLAS_NUM_THREADS": threads, "OMP_NUM_THREADS": threads},
             capture_output=True, text=True, check=True,
         )  # fmt: skip
-        told.add(done.stdout)
-    assert len(told) == 1
+        reported.add(done.stdout)
+    assert len(reported) == 1
 
 
 @pytest.mark.parametrize(("faces", "n_beams"), [((0.0, 1.0, 2.5, 4.4), 21), ((0.1, 1.7, 4.0), 50)])

@@ -140,7 +140,7 @@ def test_every_estimate_is_a_number(sounder, sage, name, snr_db):
 
     Coherent paths of equal power a beam apart, alike in delay and departure: up to 35 % of links get one more
     (measured 20 % at 80 dB), where their phases cancel. The reference's estimator has no threshold: it
-    returns as many paths as asked for.
+    returns the requested number of paths.
     """
     rng = np.random.default_rng(2)
     estimator = sage if name == "sage" else estimator_named(name, sounder)
@@ -224,8 +224,8 @@ def test_named_estimators_take_the_rate_asked_for(sounder, sage):
         estimator_named("pca", sounder, false_alarm_rate=0.3)
 
 
-def test_paths_beyond_those_asked_for_are_out_of_the_way(sounder):
-    """One path is asked for of six, some 20 degrees apart, at most 4 dB weaker: the strongest comes as it is.
+def test_paths_beyond_the_requested_number_do_not_disturb(sounder):
+    """One path of six is requested, some 20 degrees apart, at most 4 dB weaker: the strongest comes as it is.
 
     The root mean square error of its azimuth stays below 0.05 degrees (measured 0.011). Where only one path is
     looked for, its neighbours pull it by 3.2 degrees.

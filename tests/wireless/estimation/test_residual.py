@@ -1,4 +1,4 @@
-"""The estimator's passes over a residual, held against plain sums in double precision."""
+"""The estimator's passes over a residual, compared with plain sums in double precision."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from wireless.estimation.residual import (
     without_late,
 )
 
-#: Ports and arrays that differ in all four numbers, so that none can be taken for another.
+#: Ports and arrays that differ in all four numbers, so that none can be mistaken for another.
 LAYOUT = Layout(rx_ports=4, tx_ports=3, rx_arrays=2, tx_arrays=5)
 WINDOW = 7
 #: Single precision, over sums of a hundred numbers.

@@ -18,11 +18,11 @@ def joined(*parts):
 
 
 def test_a_body_splits_space_in_two():
-    """Of 3,000 points those within a ball's facets, by their planes, are on one side and all others on another."""
-    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
+    """Of 3,000 points those within a sphere's facets, by their planes, are on one side and all others on another."""
+    sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.8)
     points = RNG.uniform(-1, 1, (3000, 3))
-    depth = np.einsum("fi,nfi->nf", ball.face_normals, points[:, None] - ball.triangles[:, 0]).max(axis=1)
-    sides = Sides(ball)
+    depth = np.einsum("fi,nfi->nf", sphere.face_normals, points[:, None] - sphere.triangles[:, 0]).max(axis=1)
+    sides = Sides(sphere)
     inside, outside = points[depth < -1e-6], points[depth > 1e-6]
     assert len(inside) > 500 and len(outside) > 500
     assert sides.alike(inside) and sides.alike(outside)
@@ -30,7 +30,7 @@ def test_a_body_splits_space_in_two():
         assert not sides.alike(np.vstack([one, outside[:1]]))
 
 
-def test_two_bodies_are_told_apart():
+def test_two_bodies_are_distinguished():
     """In one box, in the other, in both and in none: four sides, where a parity over both would know two."""
     sides = Sides(joined(box((0, 0, 0), (2, 2, 2)), box((1, 1, 1), (3, 3, 3))))
     places = np.array([(0.5, 0.5, 0.5), (2.5, 2.5, 2.5), (1.5, 1.5, 1.5), (2.5, 0.5, 0.5)])
@@ -57,7 +57,7 @@ def test_blocks_that_meet_in_an_edge_are_closed():
 
 @pytest.mark.parametrize("at", [(1.0, 0.4, 0.3), (1.0, 1.0, 0.3), (1.0, 1.0, 1.0), (0.2, 0.3, 0.0)])
 def test_a_point_on_a_surface_is_on_no_side(at):
-    """On a face, a side or a corner: from there ways lead off on both sides."""
+    """On a face, a side or a corner: from there lines lead off on both sides."""
     sides = Sides(box((0, 0, 0), (1, 1, 1)))
     assert not sides.alike(np.array([at]))
     assert sides.alike(np.array([at]) + 0.5 * np.sign(np.array(at) - 0.5 + 1e-3))
@@ -90,7 +90,7 @@ def test_a_face_that_stands_twice_is_met_once():
             assert sides.closed.all() and not sides.alike(places)
 
 
-def test_a_point_is_told_inside_one_of_two_bodies():
+def test_a_point_is_found_inside_one_of_two_bodies():
     """Boxes that overlap: in each alone, in both, in none, and on the side of one."""
     both = joined(box((0, 0, 0), (2, 2, 2)), box((1, 1, 1), (3, 3, 3)))
     sides = Sides(both)

@@ -14,7 +14,7 @@ def space_of(mesh):
     return make_space(surfaces, every, ~every)
 
 
-def test_sides_of_a_box_are_beside_all_but_the_opposite_one():
+def test_sides_of_a_box_are_neighbours_of_all_but_the_opposite_one():
     """Five of six, each itself among them, and five of its twelve edges, by a corner; a second box has none of them."""
     far = trimesh.creation.box(bounds=np.array([(5.0, 5.0, 5.0), (6.0, 6.0, 6.0)]))
     space = space_of(trimesh.util.concatenate([trimesh.creation.box(), far]))
@@ -38,7 +38,7 @@ def test_rows_of_neighbours_are_those_of_each_thing():
     assert other.tolist() == [1, 2, 0, 1, 2]
 
 
-def test_pairs_beside_pairs_are_asked_and_kept():
+def test_pairs_next_to_pairs_are_tried_and_stored():
     """On a line of ten: a neighbour of the second first, then of the first of what can be; nothing is tried twice."""
     line = Neighbours(
         np.cumsum([0, 2, *[3] * 8, 2]),

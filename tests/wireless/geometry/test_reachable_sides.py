@@ -11,13 +11,13 @@ RNG = np.random.default_rng(0)
 ROOM = trimesh.creation.box(bounds=[(0, 0, 0), (7, 5, 3)])
 
 
-def moved(mesh, *where):
+def shifted(mesh, *where):
     mesh.apply_translation(where)
     return mesh
 
 
-def ball(*where):
-    return moved(trimesh.creation.icosphere(subdivisions=2, radius=0.6), *where)
+def sphere(*where):
+    return shifted(trimesh.creation.icosphere(subdivisions=2, radius=0.6), *where)
 
 
 def seen(mesh, point):
@@ -32,8 +32,8 @@ def in_front(space, point_of_space):
 
 
 def test_of_convex_bodies_the_side_is_seen_that_the_point_is_on_or_none():
-    """From outside a ball its outer sides, from inside its inner ones; of the room always the inner ones."""
-    mesh = trimesh.util.concatenate([ROOM.copy(), ball(3, 2, 1.2)])
+    """From outside a sphere its outer sides, from inside its inner ones; of the room always the inner ones."""
+    mesh = trimesh.util.concatenate([ROOM.copy(), sphere(3, 2, 1.2)])
     for point in ((6, 4, 2), (3, 2, 1.2)):
         space, side = seen(mesh, point)
         centre = (space.panes.low + space.panes.high) / 2
@@ -47,8 +47,8 @@ def test_of_convex_bodies_the_side_is_seen_that_the_point_is_on_or_none():
 
 
 def test_open_and_crossing_surfaces_are_seen_from_both_sides():
-    """A ball with a hole; where two halves of one surface cross; one that a point lies on."""
-    bowl = ball(3, 2, 1.2)
+    """A sphere with a hole; where two halves of one surface cross; one that a point lies on."""
+    bowl = sphere(3, 2, 1.2)
     bowl.update_faces(np.arange(len(bowl.faces)) > 0)
     space, side = seen(trimesh.util.concatenate([ROOM.copy(), bowl]), (6, 4, 2))
     assert (side != 0).sum() == 6
@@ -66,13 +66,13 @@ def test_open_and_crossing_surfaces_are_seen_from_both_sides():
     upright = np.abs(space.panes.plane[:, 2]) < 0.5
     small = np.linalg.norm(space.panes.high - space.panes.low, axis=1) < 2.5
     assert (upright & small).sum() == 5 and (side[upright & small] == 0).all()
-    space, side = seen(trimesh.util.concatenate([ROOM.copy(), ball(3, 2, 1.2)]), (3, 0, 1.2))
+    space, side = seen(trimesh.util.concatenate([ROOM.copy(), sphere(3, 2, 1.2)]), (3, 0, 1.2))
     assert (side == 0).sum() == 6
 
 
 def test_bodies_that_let_paths_through_are_seen_from_both_sides():
-    """Only the ball of metal hides what is in it."""
-    mesh = trimesh.util.concatenate([ball(3, 2, 1.2), ball(5, 2, 1.2)])
+    """Only the sphere of metal hides what is in it."""
+    mesh = trimesh.util.concatenate([sphere(3, 2, 1.2), sphere(5, 2, 1.2)])
     made_of = {"materials": ("partition", "metal"), "face_material": np.repeat([0, 1], 320)}
     tracer = Tracer(mesh, config=TracerConfig(scene="space", max_transmissions=1), **made_of)
     space = tracer.scene.space
@@ -84,13 +84,13 @@ def test_bodies_that_let_paths_through_are_seen_from_both_sides():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_no_path_is_lost(seed):
-    """Rooms of dented balls that cross each other and of a bowl: rays find what exhaustive search finds."""
+    """Rooms of dented spheres that cross each other and of a bowl: rays find what exhaustive search finds."""
     rng = np.random.default_rng(seed)
     parts = [ROOM.copy()]
     for _ in range(3):
         one = trimesh.creation.icosphere(subdivisions=1, radius=rng.uniform(0.4, 0.8))
         one.vertices *= 1 + 0.35 * np.sin(5 * one.vertices[:, :1]) * np.cos(4 * one.vertices[:, 1:2])
-        parts.append(moved(one, *rng.uniform((1.5, 1.5, 0.9), (5, 3.5, 1.5))))
+        parts.append(shifted(one, *rng.uniform((1.5, 1.5, 0.9), (5, 3.5, 1.5))))
     parts[-1].update_faces(np.arange(len(parts[-1].faces)) % 20 > 0)
     mesh = trimesh.util.concatenate(parts)
     places = rng.uniform((0.2, 0.2, 2.3), (6.8, 4.8, 2.9), (9, 3))

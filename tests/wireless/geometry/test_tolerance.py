@@ -61,7 +61,7 @@ def test_meshes_rounded_to_32_bits_far_from_zero_are_rejected(unit_m):
 
 
 def test_exact_planes_stay_exact_and_deviations_are_known():
-    """Level facets keep their normals to the last bit; rounded ones know how far their corners are off."""
+    """Level facets keep bit-identical normals; rounded ones know how far their corners are off."""
     exact = subdivided(box((4, 3, 2.5), (1.1, 0.7, 1.3)), 2)
     fits = fit_planes(np.array(exact.triangles), 1e-6)
     assert len(fits.axis) == 6 and np.sort(np.abs(fits.axis), axis=1).tolist() == 6 * [[0, 0, 1]]
@@ -95,11 +95,11 @@ def test_seams_of_bent_walls_let_nothing_through(rise_m):
     rng, placed = np.random.default_rng(0), Placed(TURN, (1, 2, 3))
     surfaces = surfaces_of(in_32_bits(placed.mesh(bent_wall(rise_m))))
     at = np.column_stack([np.zeros(2000), rng.uniform(0.01, 2.99, 2000), np.zeros(2000)])
-    way = rng.uniform((-1, -1, 0.3), (1, 1, 2), (2000, 3))
-    assert hides(surfaces, placed.points(at - way), placed.points(at + way)).all()
+    route = rng.uniform((-1, -1, 0.3), (1, 1, 2), (2000, 3))
+    assert hides(surfaces, placed.points(at - route), placed.points(at + route)).all()
     aside = np.tile((0.0, 3.001, 0.0), (2000, 1))
-    way[:, 1] = 0
-    assert not hides(surfaces, placed.points(aside - way), placed.points(aside + way)).any()
+    route[:, 1] = 0
+    assert not hides(surfaces, placed.points(aside - route), placed.points(aside + route)).any()
 
 
 def test_slivers_are_no_holes():
@@ -112,8 +112,8 @@ def test_slivers_are_no_holes():
     surfaces = surfaces_of(in_32_bits(placed.mesh(wall)))
     assert len(surfaces.facet_face) == 1
     at = np.column_stack([rng.uniform(0, 1.2e-4, 2000), rng.uniform(0, 0.01, 2000), np.zeros(2000)])
-    way = rng.uniform((-1, -1, 0.3), (1, 1, 1), (2000, 3))
-    assert hides(surfaces, placed.points(at - way), placed.points(at + way)).all()
+    route = rng.uniform((-1, -1, 0.3), (1, 1, 1), (2000, 3))
+    assert hides(surfaces, placed.points(at - route), placed.points(at + route)).all()
 
 
 def test_of_sheets_on_each_other_the_first_material_is_met():

@@ -20,7 +20,7 @@ FINE = PositioningConfig(sigma_length_m=1e-3, sigma_known_rad=1e-4, sigma_own_ra
 
 
 def in_room(pose, offset_m=0.0, straight=True, noise=None, wild=0, rng=None) -> MeasuredPaths:
-    """Line of sight and the four first reflections by mirror images, and paths from nowhere beside them."""
+    """Line of sight and the four first reflections by mirror images, and paths from nowhere next to them."""
     rng, rows = rng or np.random.default_rng(0), []
     images = [KNOWN] if straight else []
     for axis, at in WALLS:
@@ -81,7 +81,7 @@ def test_the_covariance_is_that_of_the_errors():
 
 
 def test_places_share_a_clock():
-    """Three places with noise: one offset, and places nearer than each place's clock alone would tell."""
+    """Three places with noise: one offset, and places nearer than each place's clock alone would give."""
     config, rng = PositioningConfig(heading_step_rad=0.2), np.random.default_rng(5)
     poses = np.array([[6.5, 3.5, 1.0], [4.0, 4.8, -2.0], [7.5, 1.2, 0.1]])
     places = [in_room(pose, 1.1, noise=config, rng=rng) for pose in poses]
@@ -95,7 +95,7 @@ def test_places_share_a_clock():
     assert np.linalg.norm(off[0]) < min(np.linalg.norm(off[1]), 0.6)
 
 
-def test_too_few_paths_are_refused():
+def test_too_few_paths_are_rejected():
     paths = in_room(np.array([6.0, 3.0, 0.0]))
     with pytest.raises(ValueError, match="2 paths, expected 3 at least"):
         locate(paths.chosen(slice(2)))

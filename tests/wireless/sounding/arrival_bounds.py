@@ -7,7 +7,7 @@ that out too leaves them uncoupled. With E the energy of the path, a the respons
 
     var(theta) >= 1 / 2 E [ sum_i(|a_i'|^2 - Im(a_i^H a_i')^2 / |a_i|^2) / |a|^2 - Re(a^H a')^2 / |a|^4 ].
 
-The first term is what phases within arrays and sizes across them tell, the second what size takes back.
+The first term is what phases within arrays and sizes across them give, the second what size takes back.
 Left out: elevation (known to be level), other paths.
 Reference: S. M. Kay, Fundamentals of Statistical Signal Processing, vol. 1 (1993), chapters 3 and 15.
 """
@@ -34,7 +34,7 @@ def arrival_bound_rad(
         snr_db: Energy of the path in the measurement's window over that of noise in one of its entries.
 
     Returns:
-        Standard deviations; inf where azimuth cannot be told at all.
+        Standard deviations; inf where azimuth cannot be estimated at all.
     """
     owner = np.repeat(np.arange(len(sounder.rx.platform.face_rad)), len(sounder.rx_basis))
     return _bound_rad(sounder.rx_response, owner, azimuth_rad, snr_db)
@@ -68,7 +68,7 @@ def _bound_rad(
     size, along = np.abs(a) ** 2 @ mine, (a.conj() * slope) @ mine
     turning = along.imag**2 / np.maximum(size, 1e-30)
     total = np.maximum(size.sum(axis=-1), 1e-30)
-    told = (np.sum(np.abs(slope) ** 2, axis=-1) - turning.sum(axis=-1)) / total
-    told -= (along.real.sum(axis=-1) / total) ** 2
+    reported = (np.sum(np.abs(slope) ** 2, axis=-1) - turning.sum(axis=-1)) / total
+    reported -= (along.real.sum(axis=-1) / total) ** 2
     with np.errstate(divide="ignore"):
-        return 1 / np.sqrt(2 * 10 ** (np.asarray(snr_db) / 10) * np.maximum(told, 0.0))
+        return 1 / np.sqrt(2 * 10 ** (np.asarray(snr_db) / 10) * np.maximum(reported, 0.0))

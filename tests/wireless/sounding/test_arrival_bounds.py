@@ -43,7 +43,7 @@ def fisher_bound_rad(sounder, snr_db, aoa, aod, late):
 def test_closed_form_is_the_inverse_of_the_fisher_information(names, late):
     """Both azimuths at random, on a face, between faces: equal within 1e-4, wherever the delay is.
 
-    The other way inverts the information of all unknowns, 13 of them, from differences of mean tensors. Without
+    The other method inverts the information of all unknowns, 13 of them, from differences of mean tensors. Without
     free phases or free size the bound comes out too low; with a face's share left out too high.
     """
     sounder = Sounder(*map(terminal_named, names))

@@ -138,15 +138,15 @@ def test_estimates_of_draw_and_waveform_are_alike(small):
 
 
 def test_arrays_have_phases_of_their_own():
-    """Phase between what two receive arrays hear of one path is uniform over links, and so between beams."""
+    """Phase between what two receive arrays receive of one path is uniform over links, and so between beams."""
     sounder = Sounder(terminal_named("gnb"), terminal_named("ue"))
     links = rays(400, sounder, 40.0, (0.0,), ((np.pi / 3, np.pi / 3),))
     tensor = sounder.measure(links, np.random.default_rng(1))[:, 5]
     a, b = sounder.rx_response(links.aoa_az[0])[0], sounder.tx_response(links.aod_az[0])[0]
-    kept = len(sounder.rx_basis)
-    heard = tensor * (a[:, None] * b).conj()
-    by_rx = heard.reshape(400, 3, kept, -1).sum(axis=(2, 3))
-    by_tx = np.stack([heard[..., sounder.tx.beam_array == i].sum(axis=(1, 2)) for i in range(2)], axis=1)
+    stored = len(sounder.rx_basis)
+    received = tensor * (a[:, None] * b).conj()
+    by_rx = received.reshape(400, 3, stored, -1).sum(axis=(2, 3))
+    by_tx = np.stack([received[..., sounder.tx.beam_array == i].sum(axis=(1, 2)) for i in range(2)], axis=1)
     for parts in (by_rx, by_tx):
         turn = np.angle(parts[:, 0] / parts[:, 1])
         assert stats.kstest(turn, stats.uniform(-np.pi, 2 * np.pi).cdf).pvalue > RARE

@@ -19,7 +19,7 @@ def random_waveform(n_samples: int, rng: np.random.Generator) -> Complex[np.ndar
 
 def measure_waveform(
     sounder: Sounder, rays: Rays, rng: np.random.Generator, *, clocks: Clocks | None = None
-) -> Complex[np.ndarray, "links window kept beams"]:
+) -> Complex[np.ndarray, "links window n_basis beams"]:
     """Correlation tensors of links around their strongest delay, in units of the noise.
 
     Args:
@@ -35,7 +35,7 @@ def measure_waveform(
 
 def _measure_link(
     sounder: Sounder, rays: Rays, clocks: Clocks, rng: np.random.Generator
-) -> Complex[np.ndarray, "window kept beams"]:
+) -> Complex[np.ndarray, "window n_basis beams"]:
     """The tensor of one link."""
     c, tx, rx = sounder.config, sounder.tx, sounder.rx
     n = c.n_samples

@@ -13,8 +13,8 @@ def box(size, centre, degrees=0.0, axis=(0, 0, 1)):
     return found
 
 
-def furnished_room(n_boxes=24, n_balls=3, seed=0):
-    """A room of 8 x 6 x 2.7 m with turned boxes that stand apart from each other, and balls under the ceiling."""
+def furnished_room(n_boxes=24, n_spheres=3, seed=0):
+    """A room of 8 x 6 x 2.7 m with turned boxes that stand apart from each other, and spheres under the ceiling."""
     rng = np.random.default_rng(seed)
     parts, places = [box((8, 6, 2.7), (4, 3, 1.35))], []
     while len(places) < n_boxes:
@@ -23,16 +23,16 @@ def furnished_room(n_boxes=24, n_balls=3, seed=0):
             places.append(place)
             size = np.append(rng.uniform(0.2, 0.7, 2), rng.uniform(0.3, 1.6))
             parts.append(box(size, (*place, size[2] / 2 + 0.01), rng.uniform(0, 180)))
-    for _ in range(n_balls):
-        ball = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
-        ball.apply_translation((*rng.uniform((0.7, 0.7), (7.3, 5.3)), 2.3))
-        parts.append(ball)
+    for _ in range(n_spheres):
+        sphere = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
+        sphere.apply_translation((*rng.uniform((0.7, 0.7), (7.3, 5.3)), 2.3))
+        parts.append(sphere)
     whole = trimesh.util.concatenate(parts)
     return trimesh.Trimesh(whole.vertices, whole.faces, process=False)
 
 
 def places_above(rng, n, high=2.05):
-    """Points above the boxes of that room and below its balls."""
+    """Points above the boxes of that room and below its spheres."""
     return rng.uniform((0.2, 0.2, 1.65), (7.8, 5.8, high), (n, 3))
 
 
@@ -72,8 +72,8 @@ class Placed:
     def mesh(self, mesh):
         return trimesh.Trimesh(self.points(mesh.vertices), mesh.faces, process=False)
 
-    def back(self, ways):
-        return np.asarray(ways) @ self.turn
+    def back(self, routes):
+        return np.asarray(routes) @ self.turn
 
 
 def first_order(triangle, tx, rx, margin=1e-5):
@@ -110,7 +110,7 @@ def depths(triangle, normal, point):
 
 
 def past(triangle, normal, p, q, own):
-    """By how much a way passes all triangles but those in the plane of its own [m]; negative if it meets one."""
+    """By how much a line passes all triangles but those in the plane of its own [m]; negative if it meets one."""
     h, g = (((e - triangle[:, 0]) * normal).sum(axis=1) for e in (p, q))
     across = (h * g < 0) & (np.abs(h) > 1e-7) & (np.abs(g) > 1e-7)
     level = normal[own] @ triangle[own, 0]

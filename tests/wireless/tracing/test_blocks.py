@@ -25,7 +25,7 @@ def test_paths_do_not_depend_on_blocks_or_workers(extruded, ring, monkeypatch, s
     """
 
     def trace(workers):
-        """By a tracer of its own, which has kept nothing."""
+        """By a tracer of its own, which has stored nothing."""
         return Tracer(extruded(ring(*BEND)), config=TracerConfig(scene=scene)).trace(tx, rx, workers=workers)
 
     tx, rx = points(5, 1), points(23, 2)

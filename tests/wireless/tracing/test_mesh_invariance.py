@@ -15,7 +15,7 @@ CUTS = ("plain", "subdivided", "cut anywhere", "doubled")
 
 
 def room(size, cut, rng):
-    """A closed room around zero, its walls cut into triangles in some way; corners are not shared."""
+    """A closed room around zero, its walls cut into triangles somehow; corners are not shared."""
     mesh = trimesh.creation.box(size)
     triangles = mesh.triangles
     if cut == "subdivided":
@@ -49,10 +49,10 @@ def images(size, tx, rx):
 @given(
     seed=st.integers(0, 2**32 - 1),
     cut=st.sampled_from(CUTS),
-    moved=st.sampled_from(["not", "80 m", "to UTM and back"]),
+    shifted=st.sampled_from(["not", "80 m", "to UTM and back"]),
     bits=st.sampled_from([32, 64]),
 )
-def test_each_first_order_path_of_a_room_is_found_once(seed, cut, moved, bits):
+def test_each_first_order_path_of_a_room_is_found_once(seed, cut, shifted, bits):
     """Rooms of random size and attitude; all 16 links of each have 7 paths, of the lengths of images, within 0.1 mm.
 
     Of 10,080 paths in 1,440 links none was lost and none was false; 1,875 were lost when coplanar triangles in 32 bits
@@ -61,9 +61,9 @@ def test_each_first_order_path_of_a_room_is_found_once(seed, cut, moved, bits):
     rng = np.random.default_rng(seed)
     size = rng.uniform([3, 3, 2.4], [12, 9, 4])
     turn = trimesh.transformations.random_rotation_matrix(rng.random(3))
-    turn[:3, 3] = rng.uniform(-80, 80, 3) if moved == "80 m" else 0.0
+    turn[:3, 3] = rng.uniform(-80, 80, 3) if shifted == "80 m" else 0.0
     corners = trimesh.transform_points(room(size, cut, rng).reshape(-1, 3), turn)
-    if moved == "to UTM and back":
+    if shifted == "to UTM and back":
         offset = np.array([453210.5, 5412345.25, 310.0])
         corners = (corners + offset) - offset
     if bits == 32:
@@ -84,7 +84,7 @@ def test_each_first_order_path_of_a_room_is_found_once(seed, cut, moved, bits):
 
 
 def furnished():
-    """A room of 8 x 6 x 3 m3 with 12 turned boxes and two balls in it: 460 triangles."""
+    """A room of 8 x 6 x 3 m3 with 12 turned boxes and two spheres in it: 460 triangles."""
     rng = np.random.default_rng(5)
     parts = [trimesh.creation.box((8, 6, 3))]
     for place in rng.uniform([-3.4, -2.4, -1.2], [3.4, 2.4, 1.2], (12, 3)):

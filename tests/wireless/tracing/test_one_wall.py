@@ -153,7 +153,7 @@ def test_both_directions_are_alike_and_no_power_is_gained(scene, extruded, ring)
     assert (there.power <= free * (1 + 1e-12)).all()
 
 
-def test_below_10_ghz_walls_are_passed_unless_told_otherwise(apart, caplog):
+def test_below_10_ghz_walls_are_passed_by_default(apart, caplog):
     """Reported once; from 10 GHz on walls are passed only if configured."""
     link = np.array([[1.0, 2.0, 1.2]]), np.array([[7.0, 2.0, 1.2]])
 

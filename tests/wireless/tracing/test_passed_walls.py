@@ -89,24 +89,24 @@ def test_half_spaces_let_nothing_through(with_a_screen):
 def test_what_was_traced_before_changes_no_path(two_rooms):
     """One tracer, links in either room and between them in turn: bit-identical to a new tracer for each."""
     config = TracerConfig(max_paths=50)
-    kept = Tracer(two_rooms, materials=("partition",), config=config)
+    stored = Tracer(two_rooms, materials=("partition",), config=config)
     for tx in (TX, RX[1:2]):
         for rx in (RX[:1], RX[1:2], RX[2:], RX[1:2]):
-            one = kept.trace(tx, rx)
+            one = stored.trace(tx, rx)
             other = Tracer(two_rooms, materials=("partition",), config=config).trace(tx, rx)
             assert one.link.tolist() == other.link.tolist()
             np.testing.assert_array_equal(one.gain, other.gain)
 
 
-@pytest.mark.parametrize("kept, most", [(1, 1000), (32, 1000), (0, 5)])
-def test_what_a_transmitter_sees_is_stored_for_the_same_walls_alone(two_rooms, monkeypatch, kept, most):
+@pytest.mark.parametrize("stored, most", [(1, 1000), (32, 1000), (0, 5)])
+def test_what_a_transmitter_sees_is_stored_for_the_same_walls_alone(two_rooms, monkeypatch, stored, most):
     """Receivers in its room and in the next by turns, another transmitter between: as if each link were the first.
 
     To receivers in its own room no path passes the wall, to one in the next room paths do. Transmitters that see too
     much are not stored.
     """
     monkeypatch.setattr(scenes, "MOST_VISITS", most)
-    monkeypatch.setattr(scenes, "STORED_SIGHTS", kept)
+    monkeypatch.setattr(scenes, "STORED_SIGHTS", stored)
     config = TracerConfig(max_transmissions=1, wall_passage="face")
     tracer = Tracer(two_rooms, materials=("partition",), config=config)
     for tx in (TX, RX[:1], TX):
@@ -115,4 +115,4 @@ def test_what_a_transmitter_sees_is_stored_for_the_same_walls_alone(two_rooms, m
             paths = tracer.trace(tx, rx)
             for field in fields(paths):
                 np.testing.assert_array_equal(getattr(paths, field.name), getattr(first, field.name))
-    assert len(tracer.scene._sights) == min(kept, 4)
+    assert len(tracer.scene._sights) == min(stored, 4)

@@ -23,7 +23,7 @@ BOUNDS = np.array([(0.0, 0.0, 0.0), (7.0, 5.0, 3.0)])
 
 
 def config(search, rays=100_000, **options):
-    """Two reflections, or an edge and one; all paths are kept."""
+    """Two reflections, or an edge and one; all paths are returned."""
     usual = {"max_reflections": 2, "floor_ceiling": True, "max_paths": 5000}
     return TracerConfig(scene="space", search=search, rays=rays, **usual | options)
 
@@ -114,10 +114,12 @@ def test_bounds_spare_none_of_the_strongest(name, law):
     tx, rx = places(1, 21), places(20, 22)
     every = Tracer(SCENES[name], config=config("rays", diffraction_law=law)).trace(tx, rx)
     for keep in (5, 12, 25):
-        kept = Tracer(SCENES[name], config=config("rays", diffraction_law=law, max_paths=keep)).trace(tx, rx)
+        stored = Tracer(SCENES[name], config=config("rays", diffraction_law=law, max_paths=keep)).trace(
+            tx, rx
+        )
         for link in range(len(rx)):
             want = np.sort(every.power[every.link == link])[::-1][:keep]
-            np.testing.assert_allclose(kept.power[kept.link == link], want, rtol=1e-12)
+            np.testing.assert_allclose(stored.power[stored.link == link], want, rtol=1e-12)
 
 
 def test_more_rays_find_the_same_paths_and_more():
@@ -134,7 +136,7 @@ def test_more_rays_find_the_same_paths_and_more():
     assert counts[0] < counts[1] < counts[-1]
 
 
-def test_what_lies_beside_pairs_that_rays_find_is_found(monkeypatch):
+def test_what_lies_next_to_pairs_that_rays_find_is_found(monkeypatch):
     """Among many patches, of which few rays find few: next to them at least half of the paths that they miss.
 
     Measured, 2,000 rays: of 1,289 paths 86 are missed without neighbours, 20 with them.
@@ -153,11 +155,11 @@ def test_what_lies_beside_pairs_that_rays_find_is_found(monkeypatch):
 
 def test_directions_fill_the_sphere_evenly():
     """Caps of any direction get their share of 10,000 directions within 0.3 %, a fifth of what chance gives."""
-    ways = directions(10_000)
-    np.testing.assert_allclose(np.linalg.norm(ways, axis=1), 1, atol=1e-12)
+    routes = directions(10_000)
+    np.testing.assert_allclose(np.linalg.norm(routes, axis=1), 1, atol=1e-12)
     axes = np.random.default_rng(0).normal(size=(200, 3))
     axes /= np.linalg.norm(axes, axis=1)[:, None]
-    share = (ways @ axes.T > 0.6).mean(axis=0)
+    share = (routes @ axes.T > 0.6).mean(axis=0)
     assert np.abs(share - 0.2).max() < 0.003
 
 
@@ -174,7 +176,7 @@ def test_paths_do_not_depend_on_workers_or_on_other_links(monkeypatch):
 
 
 def test_a_transmitter_is_remembered_and_forgotten_without_a_trace(monkeypatch):
-    """Traced before or not, or forgotten since for want of memory: the same bits, and no more is kept than may be."""
+    """Traced before or not, or forgotten since for want of memory: the same bits, and no more is stored than may be."""
     tx, rx = places(3, 10), places(4, 11)
     tracer = Tracer(SCENES["drum"], config=config("rays", max_paths=30))
     first = tracer.trace(tx, rx)
@@ -229,16 +231,16 @@ def test_two_reflections_about_an_edge_are_found_on_either_side(judged):
     assert (found(every.select(strong(every)), rays) >= 0).mean() > 0.95
 
 
-def test_a_room_with_a_finely_divided_ball_has_its_own_images():
+def test_a_room_with_a_finely_divided_sphere_has_its_own_images():
     """20,480 triangles hang in a box: line of sight and all single and double images of the box, by hand.
 
-    Exhaustive search would take minutes. An image's way is free if it stays out of the ball; ways that come nearer to
-    its faces than these to the ball (1 mm) are left out.
+    Exhaustive search would take minutes. An image's path is free if it stays out of the sphere; paths that come nearer
+    to its faces than these to the sphere (1 mm) are left out.
     """
     centre, radius = np.array([3.0, 2.5, 1.4]), 0.6
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius)
-    ball.apply_translation(centre)
-    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=BOUNDS), ball])
+    sphere = trimesh.creation.icosphere(subdivisions=5, radius=radius)
+    sphere.apply_translation(centre)
+    mesh = trimesh.util.concatenate([trimesh.creation.box(bounds=BOUNDS), sphere])
     tx, rx = places(1, 8), np.random.default_rng(9).uniform((0.2, 3.3, 0.2), (6.8, 4.8, 2.8), (20, 3))
     tracer = Tracer(mesh, config=config("auto", diffraction=False, max_paths=200))
     paths = tracer.trace(tx, rx)
@@ -265,7 +267,7 @@ def box_chains():
 
 
 def box_path(tx, rx, walls):
-    """Points of the way over walls of a box that are at right angles to each other; their order does not matter."""
+    """Points of the path over walls of a box that are at right angles to each other; their order does not matter."""
     image = np.array(tx)
     for axis, side in walls:
         image[axis] = 2 * BOUNDS[side, axis] - image[axis]
@@ -281,7 +283,7 @@ def box_path(tx, rx, walls):
 
 
 def distance(p, q, centre):
-    """Least distance of a way from a point."""
+    """Least distance of a path from a point."""
     share = np.clip((centre - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
     return np.linalg.norm(p + share * (q - p) - centre)
 
@@ -300,7 +302,7 @@ def test_rays_name_the_walls_that_they_bounce_off():
     ("options", "word"),
     [({"rays": 5}, "rays"), ({"rays": 10**8}, "rays")],
 )
-def test_a_search_that_there_is_not_is_refused(options, word):
+def test_a_search_that_there_is_not_is_rejected(options, word):
     """The message names the option and what is expected."""
     with pytest.raises(ValueError, match=f"^{word} is .*expected"):
         TracerConfig(**options)

@@ -37,12 +37,12 @@ def traced(mesh, tx, rx, **options):
 
 def rows(paths, placed):
     """Receiver, interactions, length, directions turned back, and power of each path."""
-    ways = [
+    routes = [
         placed.back(np.column_stack([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)]))
         for az, el in ((paths.aod_az, paths.aod_el), (paths.aoa_az, paths.aoa_el))
     ]
     kind = paths.interaction @ (10.0 ** np.arange(paths.interaction.shape[1]))
-    return np.column_stack([100 * paths.rx, 100 * kind, paths.delay_s * speed_of_light, *ways]), paths.power
+    return np.column_stack([100 * paths.rx, 100 * kind, paths.delay_s * speed_of_light, *routes]), paths.power
 
 
 def assert_same(one, other, atol):
@@ -63,7 +63,7 @@ def test_turning_moving_cutting_rounding_and_renumbering_keep_all_paths():
     """Any rigid motion, once or twice subdivided, at UTM coordinates and back, in 32 bits: the same path set.
 
     Reflections of second order and edges, by both searches; counts exact, lengths and directions to 1e-6, or to 1e-3
-    where rounding turns the triangles of the ball.
+    where rounding turns the triangles of the sphere.
     """
     options = {"max_reflections": 2, "floor_ceiling": True}
     still = rows(traced(ROOM, POINTS[:1], POINTS[1:], **options), Placed())
@@ -89,17 +89,17 @@ def test_turning_moving_cutting_rounding_and_renumbering_keep_all_paths():
         mesh = renumbered(there.mesh(mesh), np.random.default_rng(order.randrange(1 << 30)))
         tx, rx = (there.points(placed.points(p)) for p in (POINTS[:1], POINTS[1:]))
         level = {"floor_ceiling": True}  # floor and ceiling reflect as walls do, however they are turned
-        moved = rows(traced(mesh, tx, rx, search=search, max_reflections=2, **level), placed)
-        assert_same(still, moved, 1e-3 if bits == 32 else 1e-6)
+        shifted = rows(traced(mesh, tx, rx, search=search, max_reflections=2, **level), placed)
+        assert_same(still, shifted, 1e-3 if bits == 32 else 1e-6)
 
     check()
 
 
-def test_no_reflection_is_lost_or_invented_in_rounded_meshes():
+def test_no_reflection_is_lost_or_generated_in_rounded_meshes():
     """First order, in turned, subdivided and rounded furnished rooms, against images in the exact triangles.
 
     The judge shares no code and no tree, and keeps to double precision. The sample here is of 547 paths; of 10,929
-    paths to 2,000 receivers 0 were lost and 0 invented, where 4,336 were lost when rounded triangles had planes of
+    paths to 2,000 receivers 0 were lost and 0 generated, where 4,336 were lost when rounded triangles had planes of
     their own.
     """
     room, found = furnished_room(), 0

@@ -56,20 +56,20 @@ def test_a_wall_scatters_as_rays_that_are_shot_at_it(extruded, alpha):
     rng = np.random.default_rng(0)
     n = 2_000_000
     z, az = rng.uniform(-1, 1, n), rng.uniform(0, 2 * np.pi, n)
-    way = np.column_stack([np.sqrt(1 - z**2) * np.cos(az), np.sqrt(1 - z**2) * np.sin(az), z])
-    down = way[:, 1] < 0
-    at = np.where(down, -TX[0, 1] / np.where(down, way[:, 1], -1), 0)[:, None] * way + TX[0]
+    route = np.column_stack([np.sqrt(1 - z**2) * np.cos(az), np.sqrt(1 - z**2) * np.sin(az), z])
+    down = route[:, 1] < 0
+    at = np.where(down, -TX[0, 1] / np.where(down, route[:, 1], -1), 0)[:, None] * route + TX[0]
     hit = down & (np.abs(at[:, 0]) < 3) & (at[:, 2] > 0) & (at[:, 2] < 2.5)
-    way, at = way[hit], at[hit]
+    route, at = route[hit], at[hit]
     out = RX[0] - at
     r_s = np.linalg.norm(out, axis=1)
     out /= r_s[:, None]
-    cos_i, cos_s = -way[:, 1], out[:, 1]
-    cos_psi = (way * (1, -1, 1) * out).sum(axis=1)
+    cos_i, cos_s = -route[:, 1], out[:, 1]
+    cos_psi = (route * (1, -1, 1) * out).sum(axis=1)
     te, tm = (np.abs(r) ** 2 for r in reflection(cos_i, permittivity("concrete", CARRIER_HZ)))
-    across = np.cross(way, [0.0, 1.0, 0.0])
+    across = np.cross(route, [0.0, 1.0, 0.0])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    theta = np.cross(np.cross([0.0, 0.0, 1.0], way), way)
+    theta = np.cross(np.cross([0.0, 0.0, 1.0], route), route)
     theta /= np.linalg.norm(theta, axis=1, keepdims=True)
     share = (across * theta).sum(axis=1) ** 2
     each = (
@@ -165,7 +165,7 @@ def test_a_material_says_how_rough_it_is(extruded):
     assert sums[0.8] == pytest.approx(4 * sums[None], rel=1e-9)
 
 
-def test_scattering_in_space_is_refused(extruded):
+def test_scattering_in_space_is_rejected(extruded):
     mesh = extruded(WALL, high=2.5)
     with pytest.raises(ValueError, match="floor plans only"):
         TracerConfig(scattering=0.3, scene="space")

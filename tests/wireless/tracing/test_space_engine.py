@@ -1,4 +1,4 @@
-"""Tracing in space: the same as floor plans where both hold, whichever way the scene is turned."""
+"""Tracing in space: the same as floor plans where both hold, however the scene is rotated."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def walls(ring):
 @pytest.mark.parametrize("floor_ceiling", [False, True])
 @pytest.mark.parametrize("edge_reflections", [0, 2])
 def test_floor_plan_and_space_find_the_same_paths(extruded, walls, floor_ceiling, edge_reflections):
-    """Two ways that share no geometry: views through triangles, and chains of images with a box tree.
+    """Two methods that share no geometry: views through triangles, and chains of images with a box tree.
 
     Every path of up to three reflections, or an edge and two, agrees in length, angles and four gains to
     1e-8.
@@ -59,12 +59,13 @@ def test_tilted_scene_keeps_lengths_and_powers(extruded, walls):
     tilted = trimesh.Trimesh(mesh.vertices @ turn.T + shift, mesh.faces, process=False)
     config = {"floor_ceiling": True, "max_paths": 2000, "polarisation": "both"}
     still = Tracer(mesh, config=TracerConfig(**config)).trace(TX, RX)
-    moved = Tracer(tilted, config=TracerConfig(scene="auto", **config)).trace(
+    shifted = Tracer(tilted, config=TracerConfig(scene="auto", **config)).trace(
         TX @ turn.T + shift, RX @ turn.T + shift
     )
-    assert len(still) == len(moved) > 300
+    assert len(still) == len(shifted) > 300
     one, other = (
-        np.column_stack([p.link, p.delay_s * speed_of_light, 1e3 * np.sqrt(p.power)]) for p in (still, moved)
+        np.column_stack([p.link, p.delay_s * speed_of_light, 1e3 * np.sqrt(p.power)])
+        for p in (still, shifted)
     )
     np.testing.assert_allclose(
         one[np.lexsort(np.round(one, 7).T)], other[np.lexsort(np.round(other, 7).T)], rtol=0, atol=1e-7
@@ -74,7 +75,7 @@ def test_tilted_scene_keeps_lengths_and_powers(extruded, walls):
 def test_furniture_is_seen_over_and_bent_around_at_its_top(extruded, ring):
     """A table-high block in a room: no floor plan. Above it there is sight, behind it rims diffract.
 
-    Over the near and the far top rim the ways are those unfolded over these edges, by hand.
+    Over the near and the far top rim the paths are those unfolded over these edges, by hand.
     """
     box = trimesh.creation.box(bounds=[(2, -40, 0), (3, 40, 1)])
     room = extruded(ring((-3, -50), (8, -50), (8, 50), (-3, 50)), floor=True)
@@ -152,11 +153,11 @@ OUTLINES = {
 @pytest.mark.parametrize("slab", ["rectangle", "outline"])
 @pytest.mark.parametrize("shape", OUTLINES)
 def test_walls_are_passed_alike_in_floor_plan_and_space(extruded, ring, shape, slab):
-    """Partitions and a pillar that let through two walls a path: both ways find the same paths, to 1e-8.
+    """Partitions and a pillar that transmit, two walls per path: both methods find the same paths, to 1e-8.
 
     Each reflected and each diffracted path may pass walls on any leg; the layers' ratios depend on the angle and
     the polarisation there. Through the walls of a bent building the rims of its floor and ceiling are seen
-    from outside, be they at the foot of the wall or farther out: neither way bends rays around them, for
+    from outside, be they at the foot of the wall or farther out: neither method bends rays around them, for
     floors and ceilings are taken to go on. (Outside they reflect in floor plans, so not where they end.)
     """
     outer, inner = OUTLINES[shape]
@@ -195,12 +196,12 @@ def test_lids_keep_their_rims_and_ceilings_do_not(extruded, ring):
     room = extruded(np.concatenate([ring(*BEND), ring(*PILLAR)]), floor=True, ceiling=True)
     for mesh, expected in ((trimesh.util.concatenate([plane, box]), 4), (room, 0)):
         surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
-        kept = without_rims(surfaces, floor_and_ceiling(surfaces))
+        stored = without_rims(surfaces, floor_and_ceiling(surfaces))
         rims, before = (
-            (np.abs(s.edge[..., 2] - mesh.bounds[1, 2]) < 1e-9).all(axis=1).sum() for s in (kept, surfaces)
+            (np.abs(s.edge[..., 2] - mesh.bounds[1, 2]) < 1e-9).all(axis=1).sum() for s in (stored, surfaces)
         )
         assert rims == expected and before >= 4
-        upright = [(np.abs(s.edge_wedge[:, 0, 2]) > 1 - 1e-9).sum() for s in (kept, surfaces)]
+        upright = [(np.abs(s.edge_wedge[:, 0, 2]) > 1 - 1e-9).sum() for s in (stored, surfaces)]
         assert upright[0] == upright[1] >= 8
 
 
@@ -222,8 +223,8 @@ def furnished_room(extruded, ring):
 def test_all_paths_among_furniture_are_those_of_brute_force(extruded, ring):
     """Chains of up to two facets, and each edge with up to one: every one tried, all legs past all triangles.
 
-    Judge: images, the shortest way over an edge by ternary search, signed volumes; no cones, no bounds, no
-    tree. Numbers of interactions and lengths agree to 1e-6 m. Whoever leaves out a chain too many shows here,
+    Judge: images, the shortest path over an edge by ternary search, signed volumes; no cones, no bounds, no
+    tree. Numbers of interactions and lengths agree to 1e-6 m. A method that leaves out a chain too many fails here,
     where boxes are turned and hide each other in part.
     """
     mesh = furnished_room(extruded, ring)
@@ -235,7 +236,7 @@ def test_all_paths_among_furniture_are_those_of_brute_force(extruded, ring):
     got = np.column_stack([paths.rx, paths.order, bent, paths.delay_s * speed_of_light])
     surfaces = find_surfaces(mesh, np.zeros(len(mesh.faces), int), 1e-6)
     expected = np.array(
-        [(i, *way) for i, rx in enumerate(places[1:]) for way in brute_force(surfaces, places[0], rx)]
+        [(i, *route) for i, rx in enumerate(places[1:]) for route in brute_force(surfaces, places[0], rx)]
     )
     assert len(expected) > 150 and 30 < bent.sum() < len(got) - 30
     assert len(got) == len(expected)
@@ -250,7 +251,7 @@ def brute_force(surfaces, tx, rx):
     for chain in chains:
         points = reflections(surfaces, tx, chain, rx)
         if points is not None and in_sight(surfaces.triangle, [tx, *points, rx]):
-            yield len(chain), 0, way_length([tx, *points, rx])
+            yield len(chain), 0, route_length([tx, *points, rx])
     middle = surfaces.edge.mean(axis=1)
     ends = surfaces.triangle.min(axis=(0, 1)), surfaces.triangle.max(axis=(0, 1))
     outer = (np.abs(middle - ends[0]) < 1e-9).sum(axis=1) + (np.abs(middle - ends[1]) < 1e-9).sum(axis=1)
@@ -264,10 +265,10 @@ def brute_force(surfaces, tx, rx):
                 continue
             points = [tx, *one, bend, *other[::-1], rx]
             if in_sight(surfaces.triangle, points):
-                yield len(points) - 2, 1, way_length(points)
+                yield len(points) - 2, 1, route_length(points)
 
 
-def way_length(points):
+def route_length(points):
     return np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
 
 
@@ -298,7 +299,7 @@ def reflections(surfaces, source, chain, target):
 
 
 def shortest_over(edges, start, stop):
-    """Where the way over each edge is shortest, by ternary search, and whether that is not at its ends."""
+    """Where the path over each edge is shortest, by ternary search, and whether that is not at its ends."""
     low, high = np.zeros(len(edges)), np.ones(len(edges))
 
     def at(share):
@@ -319,8 +320,8 @@ def in_sight(triangle, points):
     p, q = np.array(points[:-1]), np.array(points[1:])
     if np.linalg.norm(q - p, axis=1).min() < 1e-6:  # an edge lies in its own faces
         return False
-    way = (q - p) / np.linalg.norm(q - p, axis=1)[:, None] * 1e-6
-    return not crossed(triangle, p + way, q - way).any()
+    route = (q - p) / np.linalg.norm(q - p, axis=1)[:, None] * 1e-6
+    return not crossed(triangle, p + route, q - route).any()
 
 
 def test_a_wall_passed_where_its_triangles_meet_is_one_wall(extruded):

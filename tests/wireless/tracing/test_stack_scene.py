@@ -134,7 +134,7 @@ def two_rooms():
 def test_slab_hides_and_its_rim_bends_rays(two_rooms):
     """By hand: straight through the opening, nothing straight through the slab, Keller's point on a rim between.
 
-    From (3, 2, 1.5) to (3.2, 2, 4.3) the way crosses the slab within the opening. To (0.4, 2, 3.1) it does not, and
+    From (3, 2, 1.5) to (3.2, 2, 4.3) the path crosses the slab within the opening. To (0.4, 2, 3.1) it does not, and
     the upper rim at x = 2, z = 2.8 is in the plane of both: the path over it is as long as both straight parts.
     """
     tx, rx = np.array([[3.0, 2.0, 1.5]]), np.array([[3.2, 2.0, 4.3], [0.4, 2.0, 3.1]])
@@ -161,7 +161,7 @@ def test_auto_takes_plan_storeys_or_space(two_rooms, extruded, ring):
         Tracer(room, config=TracerConfig(scene="storeys"))
 
 
-def test_what_storeys_refuse_is_traced_in_space_without_an_error(two_rooms):
+def test_what_storeys_reject_is_traced_in_space_without_an_error(two_rooms):
     """Floors that reflect, points outside or on an upper floor, walls that may be passed into another room."""
     tx, inside = np.array([[3.0, 2.0, 1.5]]), np.array([[3.2, 2.0, 4.3]])
     for rx in ([[9.0, 2.0, 1.5]], [[1.0, 1.0, 2.8]], [[1.0, 1.0, 9.0]], [[1.0, 1.0, 2.65]]):

@@ -39,33 +39,33 @@ def images_in_a_box(tx, rx, size, max_order, axes):
             [c * s + (x if c % 2 == 0 else s - x) for c, s, x in zip(cell, size, rx, strict=True)]
         )
         length = np.linalg.norm(image - tx)
-        way = (image - tx) / length
+        route = (image - tx) / length
         crossings = []
         for axis, c in enumerate(cell):
             planes = size[axis] * (np.arange(1, c + 1) if c > 0 else np.arange(c + 1, 1))
-            crossings += [((plane - tx[axis]) / way[axis], axis) for plane in planes]
-        total, out = np.eye(3, dtype=complex), way.copy()
+            crossings += [((plane - tx[axis]) / route[axis], axis) for plane in planes]
+        total, out = np.eye(3, dtype=complex), route.copy()
         for _, axis in sorted(crossings):
             total, out = mirror_matrix(out, axis) @ total, np.where(np.arange(3) == axis, -out, out)
-        at_tx, at_rx = polarisations(way), polarisations(-out)
+        at_tx, at_rx = polarisations(route), polarisations(-out)
         gain = at_rx @ total @ at_tx.T * np.exp(-1j * k * length) / (2 * k * length)
-        found.append((order, length / speed_of_light, way, -out, gain))
+        found.append((order, length / speed_of_light, route, -out, gain))
     return found
 
 
-def mirror_matrix(way, axis):
-    """What a wall normal to an axis does to fields travelling along way."""
+def mirror_matrix(route, axis):
+    """What a wall normal to an axis does to fields travelling along it."""
     normal = np.eye(3)[axis]
-    r_te, r_tm = (r[0] for r in reflection(np.array([abs(way[axis])]), EPS))
-    te = np.cross(way, normal)
+    r_te, r_tm = (r[0] for r in reflection(np.array([abs(route[axis])]), EPS))
+    te = np.cross(route, normal)
     te /= np.linalg.norm(te)
-    out = way - 2 * way[axis] * normal
-    return r_te * np.outer(te, te) + r_tm * np.outer(np.cross(te, out), np.cross(te, way))
+    out = route - 2 * route[axis] * normal
+    return r_te * np.outer(te, te) + r_tm * np.outer(np.cross(te, out), np.cross(te, route))
 
 
-def polarisations(way):
+def polarisations(route):
     """Unit vectors theta and phi of a direction."""
-    theta, phi = np.arccos(way[2]), np.arctan2(way[1], way[0])
+    theta, phi = np.arccos(route[2]), np.arctan2(route[1], route[0])
     return np.array(
         [
             [np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)],
@@ -97,17 +97,17 @@ def test_room_has_the_paths_of_the_image_lattice(extruded, ring, floor, max_orde
         expected = images_in_a_box(tx[i], rx[j], ROOM_SIZE, max_order, (0, 1, 2) if floor else (0, 1))
         counts = [4 * k * k + 2 if floor else 4 * k for k in range(1, max_order + 1)]
         assert np.bincount(link.order).tolist() == [1, *counts]
-        for order, delay_s, way_tx, way_rx, gain in expected:
-            near = np.linalg.norm(direction(link.aod_az, link.aod_el) - way_tx, axis=1)
+        for order, delay_s, along_tx, along_rx, gain in expected:
+            near = np.linalg.norm(direction(link.aod_az, link.aod_el) - along_tx, axis=1)
             best = np.argmin(near + np.abs(link.delay_s - delay_s) * 1e9)
             assert link.order[best] == order and near[best] < 1e-4
             assert abs(link.delay_s[best] - delay_s) < PS
-            assert np.linalg.norm(direction(link.aoa_az, link.aoa_el)[best] - way_rx) < 1e-4
+            assert np.linalg.norm(direction(link.aoa_az, link.aoa_el)[best] - along_rx) < 1e-4
             size = np.abs(gain).max()
             assert np.abs(link.gain[best] - gain).max() < size * (10 ** (DB / 20) - 1)
 
 
-def test_nothing_in_the_way_is_friis(extruded):
+def test_an_open_path_is_friis(extruded):
     """(lambda / 4 pi d)^2 at the delay d / c, seen from both ends; the wall behind is out of reach."""
     mesh = extruded([[(-100, -5), (-100, 5)]], low=-50, high=50)
     config = TracerConfig(max_reflections=0, diffraction=False)
@@ -143,8 +143,8 @@ def test_two_rays_over_ground(extruded, distance_m):
     direct, ground = np.hypot(distance_m, high - low), np.hypot(distance_m, high + low)
     _, r_tm = reflection(np.array([(high + low) / ground]), permittivity("concrete", 2e9))
     expected = np.exp(-1j * k * direct) / direct + r_tm[0] * np.exp(-1j * k * ground) / ground
-    ways = paths.select(paths.interaction[:, 0] != Interaction.DIFFRACTION)
-    near = ways.select(ways.delay_s < 2 * direct / speed_of_light)
+    routes = paths.select(paths.interaction[:, 0] != Interaction.DIFFRACTION)
+    near = routes.select(routes.delay_s < 2 * direct / speed_of_light)
     assert len(near) == 2
     assert abs(abs(near.gain[:, 0, 0].sum()) * 2 * k - abs(expected)) < 1e-6 * abs(expected) + 1e-9
 
@@ -193,10 +193,10 @@ def test_unusable_input_is_named(extruded):
 @pytest.mark.parametrize(("thickness", "gap"), [(0.08, 0.0), (0.013, 0.089)])
 @pytest.mark.parametrize("angle_deg", [0.0, 35.0, 80.0])
 def test_walls_let_through_what_layers_do(extruded, angle_deg, thickness, gap):
-    """Two parallel walls: the straight way has t of each; off by default, and then nothing arrives.
+    """Two parallel walls: the straight path has t of each; off by default, and then nothing arrives.
 
     Vertical fields are TE and horizontal ones TM. Judge: the layers of `wireless.em.fresnel`, less the phase of
-    the way through the wall, which a ray drawn straight on has already. To 1e-8.
+    the path through the wall, which a ray drawn straight on has already. To 1e-8.
     """
     walls = [[(-90, 0), (90, 0)], [(-90, 1), (90, 1)]]
     across = np.array([np.tan(np.radians(angle_deg)), 1.0, 0.0]) * 3
@@ -240,7 +240,7 @@ def test_cavity_walls_reflect_as_their_layers_do(extruded, angle_deg):
 def test_reflections_and_passed_walls_combine(extruded, ring):
     """A box cut by a partition, from one room to the other: every path passes the partition just once.
 
-    All of the box's images whose way crosses the partition (or a mirrored one) once are there, among those
+    All of the box's images whose path crosses the partition (or a mirrored one) once are there, among those
     that the partition reflects as well; and ends can be swapped.
     """
     mesh = extruded(np.concatenate([ring(*ROOM), [[(2.5, 0), (2.5, 4)]]]))
@@ -255,8 +255,8 @@ def test_reflections_and_passed_walls_combine(extruded, ring):
     delays = np.sort(paths.delay_s)
     once = [
         delay
-        for order, delay, way, _, _ in images_in_a_box(tx[0], rx[0], ROOM_SIZE, 3, (0, 1))
-        if partition_crossings(tx[0, 0], way[0] * delay * speed_of_light) == 1
+        for order, delay, route, _, _ in images_in_a_box(tx[0], rx[0], ROOM_SIZE, 3, (0, 1))
+        if partition_crossings(tx[0, 0], route[0] * delay * speed_of_light) == 1
     ]
     assert len(once) > 8
     assert np.abs(delays[:, None] - np.array(once)).min(axis=0).max() < 1e-15
@@ -264,7 +264,7 @@ def test_reflections_and_passed_walls_combine(extruded, ring):
 
 
 def partition_crossings(start, run):
-    """How often a way that runs so far along the box's long side meets the partition or its mirror images."""
+    """How often a path that runs so far along the box's long side meets the partition or its mirror images."""
     cells = np.arange(-10, 10)
     planes = np.concatenate([12.0 * cells + 2.5, 12.0 * cells - 2.5])
     return int(((planes - start) * (planes - start - run) < 0).sum())

@@ -120,7 +120,7 @@ def test_receiver_in_a_corner_of_the_room(extruded, ring):
     assert np.isfinite(paths.gain).all()
 
 
-def test_receiver_at_the_transmitter_hears_echoes_only(extruded, ring):
+def test_receiver_at_the_transmitter_receives_echoes_only(extruded, ring):
     """No path without length, and one echo from each of the four walls, at twice its distance."""
     here = np.array([[2.0, 1.5, 1.5]])
     paths = trace(extruded(ring(*ROOM)), here, here, **only_reflections(max_reflections=1))
@@ -150,7 +150,7 @@ def test_grazing_rays_cancel(extruded):
 
 
 def test_cut_doubled_and_turned_walls_are_one(extruded, bend):
-    """A wall in pieces, twice, and facing either way is the same wall: same paths, none doubled or lost."""
+    """A wall in pieces, twice, and facing either side is the same wall: same paths, none doubled or lost."""
     pieces = np.concatenate(
         [np.stack([np.linspace(a, b, 8)[:-1], np.linspace(a, b, 8)[1:]], 1) for a, b in bend]
     )
@@ -197,7 +197,7 @@ def test_walls_a_millimetre_apart_are_two(extruded):
     np.testing.assert_allclose(np.sort(echo), np.hypot(2e-3, [1e-3, 1e-3]), rtol=1e-9)
 
 
-def test_millimetre_legs_are_kept(extruded):
+def test_millimetre_legs_are_found(extruded):
     """A receiver half a millimetre off the wall gets its reflection, a twentieth of a wave away."""
     paths = trace(
         extruded([[(-5, 0), (5, 0)]]),
@@ -209,7 +209,7 @@ def test_millimetre_legs_are_kept(extruded):
     np.testing.assert_allclose(paths.point[paths.order == 1][0, 0, 1], 0, atol=1e-12)
 
 
-def test_way_through_a_corner_of_the_room_counts_once(extruded, ring):
+def test_path_through_a_corner_of_the_room_counts_once(extruded, ring):
     """Where an image's ray meets two walls in one point, either order is one path: 4 k of order k still."""
     tx, rx = np.array([[5.2, 0.7, 1.5]]), np.array([[0.4, 0.4, 1.5]])
     paths = trace(extruded(ring(*ROOM)), tx, rx, **only_reflections(max_reflections=5))
@@ -253,17 +253,17 @@ def test_rotating_the_scene_turns_angles_only(extruded, bend):
     turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     shift = np.array([3.0, -11.0, 0.0])
     still = trace(extruded(bend), floor_ceiling=True)
-    moved = trace(
+    shifted = trace(
         extruded(bend @ turn[:2, :2].T + shift[:2]),
         TX @ turn.T + shift,
         RX @ turn.T + shift,
         floor_ceiling=True,
     )
-    assert len(still) == len(moved)
-    np.testing.assert_allclose(np.sort(moved.delay_s), np.sort(still.delay_s), rtol=0, atol=1e-15)
-    np.testing.assert_allclose(np.sort(moved.power), np.sort(still.power), rtol=1e-6)
+    assert len(still) == len(shifted)
+    np.testing.assert_allclose(np.sort(shifted.delay_s), np.sort(still.delay_s), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(np.sort(shifted.power), np.sort(still.power), rtol=1e-6)
     for name in ("aoa_az", "aod_az"):
-        got, old = getattr(moved, name), getattr(still, name) + 1.0
+        got, old = getattr(shifted, name), getattr(still, name) + 1.0
         np.testing.assert_allclose(np.sort(np.sin(got)), np.sort(np.sin(old)), atol=1e-6)
         np.testing.assert_allclose(np.sort(np.cos(got)), np.sort(np.cos(old)), atol=1e-6)
 
@@ -280,7 +280,7 @@ def test_depth_never_removes_lower_orders(extruded, bend, diffraction):
         last = paths
 
 
-def test_weaker_paths_than_kept_are_the_only_ones_dropped(extruded, bend):
+def test_weaker_paths_than_the_returned_ones_are_the_only_ones_dropped(extruded, bend):
     """The best 25 are the first 25 of all, whichever bounds have spared the computing of the rest."""
     options = {"diffraction_reflections": 2, "floor_ceiling": True}
     mesh = extruded(bend, floor=True, ceiling=True)
