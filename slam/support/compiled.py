@@ -53,10 +53,10 @@ _build_lock = threading.RLock()
 
 def compiled(function: F) -> F:
     """The same function, compiled to machine code at its first call. Annotations are not used."""
-    return cast(F, _Loop(inspect.unwrap(function)))  # type checkers of tests wrap functions
+    return cast(F, Loop(inspect.unwrap(function)))  # type checkers of tests wrap functions
 
 
-class _Loop:
+class Loop:
     """A function that numba compiles when it is called, or when another loop that calls it is compiled."""
 
     def __init__(self, function: Callable[..., object]) -> None:
@@ -88,7 +88,7 @@ class _Loop:
         import numba
         from numba.extending import typeof_impl
 
-        typeof_impl.register(_Loop, lambda loop, context: typeof_impl(loop.dispatcher, context))
+        typeof_impl.register(Loop, lambda loop, context: typeof_impl(loop.dispatcher, context))
         config: Any = numba.config
         self._folder = _folder_of(self.py_func)
         before = config.CACHE_DIR
