@@ -1,9 +1,11 @@
 """Compile all loops of an episode in advance, in two processes on machines with two cores.
 
-Loops are compiled when they are first called, and cached on disk (`slam.support.compiled`). While one process compiles a
-loop, others wait for it. Therefore the two processes call the loops of a short episode in different orders. Most time
-goes into `views_of` and `trace_links`, where one calls the other's result: the second process gets that by
-interpretation.
+Loops are compiled at their first call and cached on disk (`slam.support.compiled`). While one process compiles a loop,
+others wait for it. Therefore the two processes call the loops of a short episode in different orders. `views_of` and
+`trace_links` take most time, and the second needs the result of the first. One process compiles the first; the other
+interprets it, which is fast for two rooms, and compiles the second.
+
+Left out: engines of the radio other than `live`.
 """
 
 import gc
@@ -11,31 +13,26 @@ import logging
 import os
 from collections.abc import Callable
 from concurrent.futures import FIRST_EXCEPTION, wait
-from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from unittest.mock import patch
 
 import numpy as np
 
-from robosim.building.building import Building, make_building
-from robosim.building.reach import reach
-from robosim.episode import EpisodeConfig, run_episode
 from robosim.plans.floorplan import FREE, OCCUPIED, FloorPlan
 from robosim.support.processes import Processes
-from robosim.task.tasks import make_task
 from wireless.support.compiled import Loop, cache_folders, writable_folder
-from wireless.tracing.plan_engine import trace_links
-from wireless.tracing.tracer import Tracer
+
+if TYPE_CHECKING:
+    from robosim.building.building import Building
 
 #: Interval between reports of progress [s].
 _REPORT_S = 0.5
 
 
-def warm_up(config: EpisodeConfig, report: Callable[[int], None] = lambda count: None) -> int:
+def warm_up(report: Callable[[int], None] = lambda count: None) -> int:
     """Compile and cache the loops of an episode.
 
     Args:
-        config: The episode.
         report: Called twice a second with the number of functions compiled so far.
 
     Returns:
@@ -48,7 +45,7 @@ def warm_up(config: EpisodeConfig, report: Callable[[int], None] = lambda count:
     n_processes = min(2, len(os.sched_getaffinity(0)))
     pool = Processes(n_processes)
     try:
-        pending = {pool.submit(call_loops, config, part) for part in range(n_processes)}
+        pending = {pool.submit(call_loops, part) for part in range(n_processes)}
         while pending:
             done, pending = wait(pending, _REPORT_S, FIRST_EXCEPTION)
             for future in done:
@@ -62,43 +59,45 @@ def warm_up(config: EpisodeConfig, report: Callable[[int], None] = lambda count:
     return _count_cached() - before
 
 
-def call_loops(config: EpisodeConfig, part: int = 0) -> None:
+def call_loops(part: int = 0) -> None:
     """Call every loop of an episode in this process.
 
     Args:
-        config: The episode.
         part: Which loops come first: 0 for buildings and what a transmitter sees, 1 for links and their estimation.
     """
     logging.disable(logging.WARNING)
     gc.disable()  # searches for garbage take a sixth of the time in which numba compiles
+    # Here, so that both processes import the simulator at the same time.
+    from robosim.building.building import make_building
+    from robosim.building.reach import reach
+    from robosim.episode import EpisodeConfig, run_episode
+    from robosim.task.tasks import make_task
+
     if part == 1:
         with patch.object(Loop, "__call__", _interpret), np.errstate(all="ignore"):
-            _trace(make_building(_two_rooms(), config=config.building), config)
-    building = make_building(_two_rooms(), config=config.building)
+            _trace(make_building(_two_rooms()))
+    building = make_building(_two_rooms())
     if part == 0:
-        _trace(building, config)
-    places = reach(building, config.simulator.robot.radius_m, config.simulator.robot.height_m)
+        _trace(building)
+    robot = EpisodeConfig().simulator.robot
+    places = reach(building, robot.radius_m, robot.height_m)
     task = make_task(places, np.random.default_rng(0))
-    for goal in ("explore", config.goal):
-        run_episode(building, places, task, replace(config, max_steps=3, goal=goal))
+    for goal in ("explore", "fused"):
+        run_episode(building, places, task, EpisodeConfig(max_steps=3, goal=goal))
 
 
 def _interpret(loop: Loop, *args: Any) -> Any:
-    """Run a loop as plain Python, which is fast in two rooms, except the one that traces links."""
-    function = loop.dispatcher if loop is trace_links else loop.py_func
+    """Run a loop as plain Python, except the one that traces links."""
+    function = loop.dispatcher if loop.__name__ == "trace_links" else loop.py_func
     return function(*args)
 
 
-def _count_cached() -> int:
-    folder = writable_folder(cache_folders())
-    if folder is None:
-        raise ValueError("no cache folder is writable. Set NUMBA_CACHE_DIR to a folder that you may write.")
-    return sum(1 for _ in folder.rglob("*.nbc"))
-
-
-def _trace(building: Building, config: EpisodeConfig) -> None:
+def _trace(building: "Building") -> None:
     """Trace one link, from the middle of one room to that of the other."""
-    radio = config.simulator.radio
+    from robosim.radio.link import RadioLinkConfig
+    from wireless.tracing.tracer import Tracer
+
+    radio = RadioLinkConfig()
     tx, rx = [[4.5, 1.5, radio.height_m]], [[1.5, 1.5, radio.height_m]]
     tracer = Tracer(building, frequency_hz=radio.frequency_hz, config=radio.tracer)
     tracer.trace(np.array(tx), np.array(rx), workers=1)
@@ -110,3 +109,10 @@ def _two_rooms() -> FloorPlan:
     occupancy[1:-1, 1:-1] = FREE
     occupancy[1:40, 60:63] = OCCUPIED
     return FloorPlan(occupancy=occupancy, resolution_m=0.05, name="two rooms")
+
+
+def _count_cached() -> int:
+    folder = writable_folder(cache_folders())
+    if folder is None:
+        raise ValueError("no cache folder is writable. Set NUMBA_CACHE_DIR to a writable folder.")
+    return sum(1 for _ in folder.rglob("*.nbc"))
