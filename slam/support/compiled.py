@@ -46,7 +46,7 @@ _OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 _IMPORT = re.compile(
     r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|.*)|import[ \t]+(.*))", re.MULTILINE
 )
-#: Whether a process compiles loops without caching them, or has reported that it compiles, for all copies of this file.
+#: Disabled after the first message, in all copies of this file.
 _notice = logging.getLogger("robosim.compiled_loops")
 _build_lock = threading.RLock()
 
@@ -57,7 +57,11 @@ def compiled(function: F) -> F:
 
 
 class Loop:
-    """A function that numba compiles when it is called, or when another loop that calls it is compiled."""
+    """A function that numba compiles when it is called, or when another loop that calls it is compiled.
+
+    Left out: records (named tuples) whose class is in a module that the loop's module does not import, directly or not.
+    Their fields are not part of the digest.
+    """
 
     def __init__(self, function: Callable[..., object]) -> None:
         update_wrapper(self, function)
@@ -74,12 +78,12 @@ class Loop:
             return self._dispatcher
 
     def __call__(self, *args: Any, **kwargs: Any) -> Any:
-        call = self._dispatcher or self.dispatcher
+        """Call the machine code."""
         # Python handles signals in the main thread only.
         if _signals.are_delayed or threading.current_thread() is not threading.main_thread():
-            return call(*args, **kwargs)
+            return (self._dispatcher or self.dispatcher)(*args, **kwargs)
         with _signals:
-            return call(*args, **kwargs)
+            return (self._dispatcher or self.dispatcher)(*args, **kwargs)
 
     def __reduce__(self) -> str:
         return self.py_func.__qualname__
@@ -112,7 +116,10 @@ class Loop:
             return self._compile(signature)
         with _lock(self._folder):
             if not _is_intact(self._folder):
-                _report_compilation()
+                _notify(
+                    "Compiling inner loops, which takes up to a minute once. "
+                    "`robosim warm-up` compiles all loops of an episode in advance."
+                )
             misses = _count_misses(self._dispatcher)
             try:
                 made = self._compile(signature)
@@ -129,12 +136,10 @@ def _count_misses(dispatcher: Any) -> int:
     return sum(dispatcher.stats.cache_misses.values())
 
 
-def _report_compilation() -> None:
+def _notify(text: str, *values: object) -> None:
+    """Report once in a process that it compiles."""
     if not _notice.disabled:
-        _notice.warning(
-            "Compiling inner loops, which takes up to a minute once. "
-            "`robosim warm-up` compiles all loops of an episode in advance."
-        )
+        _notice.warning(text, *values)
         _notice.disabled = True
 
 
@@ -164,13 +169,11 @@ def writable_folder(folders: tuple[Path, ...]) -> Path | None:
             reasons.append(f"{folder} ({error.strerror})")
         else:
             return folder
-    if not _notice.disabled:
-        _notice.warning(
-            "Each run compiles its inner loops, up to a minute, since no cache folder is writable: %s. "
-            "Set NUMBA_CACHE_DIR to a writable folder.",
-            ", ".join(reasons),
-        )
-        _notice.disabled = True
+    _notify(
+        "Each run compiles its inner loops, up to a minute, since no cache folder is writable: %s. "
+        "Set NUMBA_CACHE_DIR to a writable folder.",
+        ", ".join(reasons),
+    )
     return None
 
 

@@ -69,7 +69,6 @@ NOT_YET = (
     "docs/formats/evaluation.md",
     "robosim/__init__.py",
     "robosim/camera",
-    "robosim/compiling.py",
     "robosim/drawing/video.py",
     "robosim/live",
     "robosim/navigation.py",
